@@ -78,13 +78,14 @@ def check_surface(surface: Surface, name: str) -> None:
     vertices, faces = surface.vertices, surface.faces
     if len(vertices) == 0 or len(faces) == 0:
         raise InputError(
-            f"{name}: the surface is empty ({len(vertices)} vertices, {len(faces)} triangles); give a closed surface"
+            f"{name}: the surface is empty ({len(vertices)} vertices, {len(faces)} triangles); "
+            "give a closed surface"
         )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise InputError(
-            f"{name}: {bad.size} vertices are not finite, the first is number {bad[0]} {vertices[bad[0]].tolist()}; "
-            "repair the surface"
+            f"{name}: {bad.size} vertices are not finite, the first is number {bad[0]}, "
+            f"{vertices[bad[0]].tolist()}; repair the surface"
         )
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(
