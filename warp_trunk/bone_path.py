@@ -1,0 +1,87 @@
+"""Where the bones are at a load factor between 0 (before surgery) and 1 (after)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .errors import InputError
+from .spline import fit_spline
+
+if TYPE_CHECKING:
+    from .landmarks import Landmarks
+
+
+@dataclass(frozen=True)
+class BonePath:
+    """The motion that carries all nodes, and at which the nodes on bone are held."""
+
+    displacement: np.ndarray
+    """Motion from rest at load factor 1 [mm], shape (nodes, 3), float64."""
+
+    def at(self, load_factor: float) -> np.ndarray:
+        """Motion from rest at a load factor in [0, 1] [mm], shape (nodes, 3)."""
+        return load_factor * self.displacement
+
+
+def spline_path(nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks) -> BonePath:
+    """phi_t of eq. 4.5 of [2] for landmarks that move straight: node X goes to X + t (F(X) - X).
+
+    A spline is linear in its targets. With landmarks at L(t) = L0 + t (L1 - L0), the one fitted on the trunk
+    before surgery, from L0 to L(t), is therefore the identity plus t times the displacement of F, which is
+    fitted from L0 to L1. So the bones arrive at the same place whatever the number of increments. Theorem 2
+    of [2] assumes just that of its sequence of maps; a composition of splines, each fitted at the landmarks
+    of its own increment, does not give it (`composed_path`).
+
+    Args:
+        nodes: rest positions, shape (nodes, 3) [mm].
+        landmarks_before: landmarks at load factor 0.
+        landmarks_after: the same landmarks at load factor 1.
+
+    Raises:
+        InputError: names that differ, or landmarks on which no spline can be fitted (see `fit_spline`).
+    """
+    _check_names(landmarks_before, landmarks_after)
+    spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
+    return BonePath(spline.displacement(nodes))
+
+
+def composed_path(
+    nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks, increments: int
+) -> BonePath:
+    """The other reading of eq. 4.5 of [2]: increment k fits a spline from L(t_k) to L(t_k+1) and applies it
+    to the nodes where the last one left them.
+
+    Away from the landmarks its end depends on the number of increments. It is here to measure by how much:
+    the record it gives holds the end only, so that `at` is right at load factors 0 and 1 alone.
+
+    Args:
+        nodes: rest positions, shape (nodes, 3) [mm].
+        landmarks_before: landmarks at load factor 0.
+        landmarks_after: the same landmarks at load factor 1.
+        increments: number of splines composed, at least 1.
+
+    Raises:
+        InputError: as `spline_path`, or fewer than one increment.
+    """
+    _check_names(landmarks_before, landmarks_after)
+    if increments < 1:
+        raise InputError(f"composed_path: 'increments' must be at least 1, not {increments}")
+    before, after = landmarks_before.points, landmarks_after.points
+    positions = nodes
+    for k in range(increments):
+        here = before + (k / increments) * (after - before)
+        there = before + ((k + 1) / increments) * (after - before)
+        positions = fit_spline(here, there, names=landmarks_before.names)(positions)
+    return BonePath(positions - nodes)
+
+
+def _check_names(before: Landmarks, after: Landmarks) -> None:
+    if before.names != after.names:
+        differ = sorted(set(before.names) ^ set(after.names)) or ["their order"]
+        raise InputError(
+            "bone path: landmarks before and after must have the same names in the same order; "
+            f"{', '.join(differ[:6])} differ"
+        )
