@@ -1,0 +1,107 @@
+"""The vector steps of the projected loop: a step along a direction, and what the host reads of a point.
+
+Free nodes come first in every array, so projection onto the prescribed bones is the length of the launch.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)
+"""Columns of the products."""
+
+
+@cache
+def loop_kernels(scalar: type) -> SimpleNamespace:
+    """The kernels `step`, `products`, `longest` and `steer` in one precision."""
+    vec3 = wp.types.vector(3, scalar)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def step_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        length: wp.array(dtype=wp.float64),
+        displacement: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        trial: wp.array(dtype=vec3),
+    ):
+        """trial = displacement + length * direction, free nodes only."""
+        i = first + wp.tid()
+        if i < end:
+            trial[i] = displacement[i] + scalar(length[0]) * direction[i]
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def products_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        slabs: int,
+        direction: wp.array(dtype=vec3),
+        previous: wp.array(dtype=vec3, ndim=2),
+        gradient: wp.array(dtype=vec3, ndim=2),
+        products: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """Gathers the gradient into its first slab, and its products with the direction and the last gradient."""
+        i = first + wp.tid()
+        slope = wp.float64(0.0)
+        g2 = wp.float64(0.0)
+        d2 = wp.float64(0.0)
+        change = wp.float64(0.0)
+        before = wp.float64(0.0)
+        old2 = wp.float64(0.0)
+        if i < end:
+            g = gradient[0, i]
+            for other in range(1, slabs):
+                g += gradient[other, i]
+                gradient[other, i] = vec3()
+            gradient[0, i] = g
+            d = direction[i]
+            old = previous[0, i]
+            slope = wp.float64(wp.dot(g, d))
+            g2 = wp.float64(wp.dot(g, g))
+            d2 = wp.float64(wp.dot(d, d))
+            change = wp.float64(wp.dot(g, g - old))
+            before = wp.float64(wp.dot(old, d))
+            old2 = wp.float64(wp.dot(old, old))
+        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(slope)), offset=(SLOPE,))
+        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(g2)), offset=(GRADIENT_SQUARED,))
+        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(d2)), offset=(DIRECTION_SQUARED,))
+        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(change)), offset=(GRADIENT_CHANGE,))
+        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(before)), offset=(PREVIOUS_SLOPE,))
+        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(old2)), offset=(PREVIOUS_SQUARED,))
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def longest_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        vectors: wp.array(dtype=vec3),
+        longest: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """Largest squared length of a vector and the sum of them; the sum shows what a maximum hides, NaN."""
+        i = first + wp.tid()
+        squared = wp.float64(0.0)
+        if i < end:
+            squared = wp.float64(wp.length_sq(vectors[i]))
+        wp.tile_atomic_add(longest[slab], wp.tile_sum(wp.tile(squared)), offset=(1,))
+        wp.atomic_max(longest, slab, 0, squared)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def steer_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        gradient: wp.array(dtype=vec3, ndim=2),
+        keep: wp.array(dtype=wp.float64),
+        direction: wp.array(dtype=vec3),
+    ):
+        """direction = -gradient + keep * direction (the one minus sign of the gradient methods)."""
+        i = first + wp.tid()
+        if i < end:
+            direction[i] = scalar(keep[0]) * direction[i] - gradient[0, i]
+
+    return SimpleNamespace(
+        step=step_kernel, products=products_kernel, longest=longest_kernel, steer=steer_kernel
+    )

@@ -1,0 +1,65 @@
+"""The sparse matrix of 3x3 blocks over the free nodes, and its product with a vector."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+
+@cache
+def sparse_kernels(scalar: type) -> SimpleNamespace:
+    """The kernels `multiply`, `add_slabs` and `invert_diagonal` in one precision."""
+    vec3 = wp.types.vector(3, scalar)
+    mat33 = wp.types.matrix((3, 3), scalar)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def multiply_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        row_start: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33, ndim=2),
+        iteration: wp.array(dtype=wp.int32),
+        p: wp.array(dtype=vec3),
+        q: wp.array(dtype=vec3),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """q = A p, and the part of p . q that this range holds, kept by iteration."""
+        i = first + wp.tid()
+        product = wp.float64(0.0)
+        if i < end:
+            total = vec3()
+            for k in range(row_start[i], row_start[i + 1]):
+                total += blocks[0, k] * p[columns[k]]
+            q[i] = total
+            product = wp.float64(wp.dot(p[i], total))
+        wp.tile_atomic_add(p_dot_q[iteration[0]], wp.tile_sum(wp.tile(product)), offset=(8 * slab,))
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def add_slabs_kernel(first: int, end: int, slab: int, slabs: int, blocks: wp.array(dtype=mat33, ndim=2)):
+        """Gathers what every range of tetrahedra added into the first slab."""
+        k = first + wp.tid()
+        if k < end:
+            total = blocks[0, k]
+            for other in range(1, slabs):
+                total += blocks[other, k]
+            blocks[0, k] = total
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def invert_diagonal_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        diagonal: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33, ndim=2),
+        inverse: wp.array(dtype=mat33),
+    ):
+        """Inverts the diagonal blocks, each shifted by a millionth of its trace so that a flat one has an inverse."""
+        i = first + wp.tid()
+        if i < end:
+            block = blocks[0, diagonal[i]]
+            shift = scalar(1.0e-6) * wp.trace(block) + scalar(1.0e-30)
+            inverse[i] = wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
+
+    return SimpleNamespace(multiply=multiply_kernel, add_slabs=add_slabs_kernel, invert_diagonal=invert_diagonal_kernel)

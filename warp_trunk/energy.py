@@ -1,0 +1,127 @@
+"""Energy and gradient of a configuration (eq. 4.6 to 4.15 of [2])."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.elements import (
+    AREA,
+    COLUMNS,
+    DISTANCE,
+    GRAVITY,
+    INVERTED,
+    NEWLY_INVERTED,
+    VOLUME,
+    element_kernels,
+)
+
+from .model import Model
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The terms of eq. 4.6, each with its factor; dimensionless, in units of k_D / 2."""
+
+    distance: float
+    """Edges, eq. 4.8."""
+    area: float
+    """Faces, epsilon times eq. 4.9."""
+    volume: float
+    """Tetrahedra, theta times eq. 4.10."""
+    gravity: float
+    """alpha times eq. 4.7, with the sign of physics: +m g z."""
+
+    @property
+    def total(self) -> float:
+        """Their sum, which the relaxation makes least."""
+        return self.distance + self.area + self.volume + self.gravity
+
+
+class State:
+    """A configuration on the device and what was evaluated there. Changes in place.
+
+    Two states made by `pair` share their tetrahedra's signs, so that a trial can tell which
+    tetrahedra it would newly invert.
+    """
+
+    displacement: wp.array
+    """Displacement from rest in model order [mm], shape (nodes,), vec3."""
+    gradient: wp.array
+    """+dE/dx by range of tetrahedra [1/mm], shape (ranges, nodes); the first slab holds the sum
+    over the free nodes once the loop has gathered it."""
+    inverted: wp.array
+    """1 where a tetrahedron has no positive volume, shape (tets,), int8."""
+    sums: wp.array
+    """Energies by term and counts, shape (ranges, 8), columns as in kernels/elements.py."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        nodes, tets = len(model.order), len(model.corners)
+        self.displacement = model.array(None, model.vec3, (nodes,))
+        self.gradient = model.array(None, model.vec3, (model.parallel.ranges, nodes))
+        self.inverted = model.array(None, wp.int8, (tets,))
+        self.sums = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
+
+    @classmethod
+    def pair(cls, model: Model) -> tuple[State, State]:
+        """Two states, each with an evaluation that compares its tetrahedra with the other's."""
+        a, b = cls(model), cls(model)
+        a.compare_with(b)
+        b.compare_with(a)
+        return a, b
+
+    def compare_with(self, other: State) -> None:
+        """Records the launch of the evaluation."""
+        m = self.model
+        self._evaluate = m.parallel.record(
+            element_kernels(m.scalar, *m.terms).gradient,
+            len(m.corners),
+            [
+                m.tets,
+                m.rest_edge,
+                m.rest_length,
+                m.rest_area,
+                m.rest_volume,
+                m.edge_weight,
+                m.face_weight,
+                m.scalar(m.tissue.theta),
+                m.scalar(m.gravity_per_volume),
+                other.inverted,
+                self.displacement,
+            ],
+            [self.gradient, self.inverted, self.sums],
+        )
+
+    def evaluate(self) -> None:
+        """Computes gradient, energies and inverted tetrahedra of the displacement, on the device."""
+        self.gradient.zero_()
+        self.sums.zero_()
+        self._evaluate()
+
+    def energy(self) -> Energy:
+        """The energies of the last evaluation; reads the device."""
+        return self.read()[0]
+
+    def read(self) -> tuple[Energy, int, int]:
+        """Energies, inverted and newly inverted tetrahedra of the last evaluation; reads the device once."""
+        sums = self.sums.numpy().sum(axis=0)
+        energy = Energy(
+            distance=float(sums[DISTANCE]),
+            area=float(sums[AREA]),
+            volume=float(sums[VOLUME]),
+            gravity=float(sums[GRAVITY]) + self.model.gravity_at_rest,
+        )
+        return energy, int(sums[INVERTED]), int(sums[NEWLY_INVERTED])
+
+    def host_displacement(self) -> np.ndarray:
+        """Displacement in the mesh's own order [mm], shape (nodes, 3), float64."""
+        result = np.empty((len(self.model.order), 3))
+        result[self.model.order] = self.displacement.numpy()
+        return result
+
+    def place(self, displacement: np.ndarray) -> None:
+        """Sets the displacement from the mesh's own order [mm], shape (nodes, 3)."""
+        self.displacement.assign(displacement[self.model.order].astype(wp.dtype_to_numpy(self.model.scalar)))

@@ -1,0 +1,37 @@
+"""One order of the nodes that serves locality, aggregates and ranges: recursive bisection in space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def bisect(points: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Splits points into compact parts of equal size, halving along the longest axis again and again.
+
+    Args:
+        points: positions, shape (points, 3).
+        parts: number of parts, at least 1 and at most the number of points.
+
+    Returns:
+        order: point indices, part after part, neighbours near each other, shape (points,).
+        bounds: where each part begins and ends in that order, shape (parts + 1,).
+    """
+    order = np.arange(len(points))
+    bounds = np.array([0, len(points)])
+    pieces = np.array([max(parts, 1)])
+    while (pieces > 1).any():
+        group = np.repeat(np.arange(len(pieces)), np.diff(bounds))
+        here = points[order]
+        low = np.minimum.reduceat(here, bounds[:-1])
+        high = np.maximum.reduceat(here, bounds[:-1])
+        axis = np.where(pieces > 1, np.argmax(high - low, axis=1), -1)
+        along = np.where(axis[group] >= 0, here[np.arange(len(here)), np.maximum(axis[group], 0)], 0.0)
+        order = order[np.lexsort((along, group))]
+        left = pieces // 2
+        sizes = np.diff(bounds)
+        middle = bounds[:-1] + sizes * left // np.maximum(pieces, 1)
+        keep = pieces > 1
+        bounds = np.unique(np.concatenate([bounds, middle[keep]]))
+        pieces = np.column_stack([np.where(keep, left, pieces), np.where(keep, pieces - left, 0)]).ravel()
+        pieces = pieces[pieces > 0]
+    return order, bounds

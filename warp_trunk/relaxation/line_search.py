@@ -1,0 +1,95 @@
+"""How far to go along a direction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..energy import Energy
+from .products import Products
+
+DECREASE = 1e-4
+"""Armijo: the part of the decrease that the slope promises which a step must give."""
+ROUNDING = 1e-9
+"""Relative resolution of the summed energy; below it the slopes decide."""
+MOST_TRIALS = 40
+"""Halvings from a first length to one that moves nothing in float32."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A point along the direction, evaluated."""
+
+    length: float
+    """Fraction of the direction."""
+    energy: Energy
+    """Energy there."""
+    inverted: int
+    """Tetrahedra without positive volume there."""
+    newly_inverted: int
+    """Those of them that had one at the start of the search."""
+    products: Products
+    """Products of the gradient there with the direction and the gradient at the start."""
+
+    @property
+    def allowed(self) -> bool:
+        """Finite, and no tetrahedron inverted that was not inverted before."""
+        return self.newly_inverted == 0 and math.isfinite(self.energy.total + self.products.slope)
+
+
+def search(
+    attempt: Callable[[float], Trial], length: float, reference: float, slope: float, slope_ratio: float | None
+) -> Trial | None:
+    """A length along a descent direction that lowers the energy and inverts nothing, or None.
+
+    Args:
+        attempt: evaluates the point at a length.
+        length: the first length to try.
+        reference: the energy to come below: the last, or the largest of the last few.
+        slope: derivative of the energy along the direction at its start, negative.
+        slope_ratio: go on until the slope has fallen to this part of the first; None takes the first decrease.
+    """
+    low, high = 0.0, math.inf
+    low_slope = slope
+    best: Trial | None = None
+    for _ in range(MOST_TRIALS):
+        trial = attempt(length)
+        if trial.allowed and falls(trial, reference, slope):
+            best = trial if best is None or trial.energy.total <= best.energy.total else best
+            if slope_ratio is None or abs(trial.products.slope) <= slope_ratio * abs(slope):
+                return trial
+            if trial.products.slope < 0.0:
+                low, low_slope = length, trial.products.slope
+            else:
+                high = length
+        elif best is not None:
+            return best
+        else:
+            high = length
+        length = next_length(trial, low, high, low_slope)
+        if high - low <= 1e-6 * high:
+            break
+    return best
+
+
+def falls(trial: Trial, reference: float, slope: float) -> bool:
+    """Whether the energy falls enough; where its change is lost in rounding, whether the slope is flatter."""
+    change = trial.energy.total - reference
+    if change <= DECREASE * trial.length * slope:
+        return True
+    return change <= ROUNDING * abs(reference) and abs(trial.products.slope) <= (1.0 - 2.0 * DECREASE) * abs(slope)
+
+
+def next_length(trial: Trial, low: float, high: float, low_slope: float) -> float:
+    """The zero of the slope by the secant through `low` and the trial, kept well inside the bracket."""
+    length, slope = trial.length, trial.products.slope
+    if math.isinf(high):
+        bend = slope - low_slope
+        wanted = low - low_slope * (length - low) / bend if bend > 0.0 and length > low else math.inf
+        return min(max(wanted, 1.5 * length), 10.0 * length)
+    if not trial.allowed:
+        return low + 0.5 * (high - low)
+    bend = slope - low_slope
+    wanted = low - low_slope * (length - low) / bend if bend > 0.0 and length != low else 0.5 * (low + high)
+    return min(max(wanted, low + 0.1 * (high - low)), low + 0.9 * (high - low))
