@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .errors import InputError
+
 
 @dataclass(frozen=True)
 class TrunkMesh:
@@ -30,3 +32,54 @@ class TrunkMesh:
     def prescribed(self) -> np.ndarray:
         """True for nodes on bone, which surgery moves and relaxation holds; shape (nodes,)."""
         return self.bone >= 0
+
+
+def check_trunk(trunk: TrunkMesh, name: str) -> None:
+    """Check that the parts of a mesh fit together and that every tetrahedron has a positive volume.
+
+    Raises InputError whose text starts with `name`.
+    """
+    count = len(trunk.nodes)
+    shapes = (
+        ("nodes", trunk.nodes, (count, 3)),
+        ("tets", trunk.tets, (len(trunk.tets), 4)),
+        ("skin_nodes", trunk.skin_nodes, (len(trunk.skin_nodes),)),
+        ("skin_faces", trunk.skin_faces, (len(trunk.skin_faces), 3)),
+        ("bone", trunk.bone, (count,)),
+        ("bone_faces", trunk.bone_faces, (len(trunk.bone_faces), 3)),
+    )
+    for field, array, shape in shapes:
+        if array.shape != shape:
+            raise InputError(
+                f"{name}: '{field}' must have shape {shape}, not {array.shape}; make the mesh anew"
+            )
+    if not np.isfinite(trunk.nodes).all():
+        raise InputError(f"{name}: every node must have a finite position; make the mesh anew")
+    ranges = (
+        ("tets", trunk.tets, 0, count),
+        ("skin_nodes", trunk.skin_nodes, 0, count),
+        ("skin_faces", trunk.skin_faces, 0, len(trunk.skin_nodes)),
+        ("bone", trunk.bone, -1, len(trunk.bone_names)),
+        ("bone_faces", trunk.bone_faces, 0, count),
+    )
+    for field, array, least, end in ranges:
+        if array.size and (array.min() < least or array.max() >= end):
+            raise InputError(
+                f"{name}: '{field}' must lie from {least} to {end - 1}, but has {array.min()} to {array.max()}; "
+                "make the mesh anew"
+            )
+    if len(trunk.tets) == 0:
+        raise InputError(f"{name}: there are no tetrahedra; make the mesh anew")
+    if len(np.unique(trunk.skin_nodes)) < len(trunk.skin_nodes) or (trunk.bone[trunk.skin_nodes] >= 0).any():
+        raise InputError(
+            f"{name}: each skin vertex needs a node of its own that is not on bone; make the mesh anew"
+        )
+    least = tet_volumes(trunk.nodes, trunk.tets).min()
+    if not least > 0.0:
+        raise InputError(f"{name}: every tetrahedron must have a positive volume, but one has {least:g} mm3")
+
+
+def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Signed volumes [mm^3] of tetrahedra, 1/6 P_ji . (P_ki x P_li), shape (tets,)."""
+    i, j, k, l = np.moveaxis(nodes[tets], 1, 0)
+    return np.einsum("ti,ti->t", j - i, np.cross(k - i, l - i)) / 6.0

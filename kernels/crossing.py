@@ -1,0 +1,75 @@
+"""Where triangles of a surface pass through each other."""
+
+from __future__ import annotations
+
+import warp as wp
+
+
+@wp.func
+def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, slack: wp.float64) -> wp.bool:
+    """Whether the segment p q meets the triangle a b c; slack is relative, and lets near misses count.
+
+    A segment in the plane of the triangle meets none: then one of its neighbours does.
+    """
+    one = wp.float64(1.0)
+    ab = b - a
+    ac = c - a
+    pq = q - p
+    normal = wp.cross(ab, ac)
+    slope = wp.dot(normal, pq)
+    if wp.abs(slope) <= wp.float64(1.0e-12) * wp.length(normal) * wp.length(pq):
+        return False
+    t = wp.dot(normal, a - p) / slope
+    if t < -slack or t > one + slack:
+        return False
+    hit = p + t * pq - a
+    square = wp.dot(normal, normal)
+    u = wp.dot(wp.cross(hit, ac), normal) / square
+    v = wp.dot(wp.cross(ab, hit), normal) / square
+    return u >= -slack and v >= -slack and u + v <= one + slack
+
+
+@wp.kernel(enable_backward=False)
+def crossing_faces(
+    mesh: wp.uint64,
+    vertices: wp.array(dtype=wp.vec3d),
+    faces: wp.array(dtype=wp.int32),
+    slack: wp.float64,
+    crossed: wp.array(dtype=wp.int32),
+):
+    """For each face, a face that one of its edges passes through and has no corner of, or -1.
+
+    Two triangles that cross without a common corner have an edge of one in the other; two with one common
+    corner have the opposite edge of one in the other. So testing edges against faces apart finds both.
+    """
+    f = wp.tid()
+    crossed[f] = -1
+    i = faces[3 * f]
+    j = faces[3 * f + 1]
+    k = faces[3 * f + 2]
+    a = vertices[i]
+    b = vertices[j]
+    c = vertices[k]
+    lower = wp.vec3(wp.min(wp.min(a, b), c)) - wp.vec3(1.0e-3)
+    upper = wp.vec3(wp.max(wp.max(a, b), c)) + wp.vec3(1.0e-3)
+    query = wp.mesh_query_aabb(mesh, lower, upper)
+    g = wp.int32(0)
+    while wp.mesh_query_aabb_next(query, g):
+        l = faces[3 * g]
+        m = faces[3 * g + 1]
+        n = faces[3 * g + 2]
+        has_i = i == l or i == m or i == n
+        has_j = j == l or j == m or j == n
+        has_k = k == l or k == m or k == n
+        d = vertices[l]
+        e = vertices[m]
+        h = vertices[n]
+        hit = False
+        if not has_i and not has_j:
+            hit = hit or pierces(a, b, d, e, h, slack)
+        if not has_j and not has_k:
+            hit = hit or pierces(b, c, d, e, h, slack)
+        if not has_k and not has_i:
+            hit = hit or pierces(c, a, d, e, h, slack)
+        if hit:
+            crossed[f] = g

@@ -1,0 +1,37 @@
+"""Signed distance from points to a triangle mesh, the sign by winding number."""
+
+from __future__ import annotations
+
+import warp as wp
+
+
+@wp.kernel(enable_backward=False)
+def signed_distance(
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    reach: wp.float32,
+    distance: wp.array(dtype=wp.float32),
+):
+    """Distance [mm], negative inside; NaN where the mesh is farther away than `reach`.
+
+    The winding number gives the right sign inside overlapping and self-intersecting parts too.
+    """
+    i = wp.tid()
+    query = wp.mesh_query_point_sign_winding_number(mesh, points[i], reach)
+    if query.result:
+        nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+        distance[i] = query.sign * wp.length(points[i] - nearest)
+    else:
+        distance[i] = wp.nan
+
+
+@wp.kernel(enable_backward=False)
+def nearest_point(
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    nearest: wp.array(dtype=wp.vec3),
+):
+    """The point of the mesh nearest to each point [mm]."""
+    i = wp.tid()
+    query = wp.mesh_query_point_no_sign(mesh, points[i], 1.0e10)
+    nearest[i] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
