@@ -13,11 +13,11 @@ from .surface import Surface
 from .surface_checks import components, enclosed_volume
 from .trunk_mesh import tet_volumes
 
-_RUNS = 4
+_RUNS = 6
 """How often TetGen is run at most to meet the number asked for; one or two runs are usual."""
 _WITHIN = 0.15
 """How far from the number asked for the number of tetrahedra may be."""
-_AIM = 0.07
+_AIM = 0.12
 """A run nearer than this is not followed by another."""
 
 
@@ -61,34 +61,24 @@ def tetrahedralize(
     vertices = np.concatenate([skin.vertices, bones.vertices])
     faces = np.concatenate([skin.faces, bones.faces + len(skin.vertices)]).astype(np.int32)
     holes = cavity_points(bones)
-    volume = enclosed_volume(skin) - enclosed_volume(bones)
-    fixed = _fixed_count(len(faces), radius_edge_ratio)
+    search = _BoundSearch(tets, len(faces), enclosed_volume(skin) - enclosed_volume(bones), radius_edge_ratio)
     best: Tetrahedra | None = None
-    bound = _bound(tets, fixed, volume)
     for run in range(1, _RUNS + 1):
+        bound = search.next_bound()
         nodes, corners = _tetgen(vertices, faces, holes, bound, radius_edge_ratio, smallest_dihedral)
-        made = Tetrahedra(nodes, corners, run, bound)
         count = len(corners)
         if best is None or abs(count - tets) < abs(len(best.tets) - tets):
-            best = made
+            best = Tetrahedra(nodes, corners, run, bound)
         if abs(count - tets) < _AIM * tets or (count > tets and np.isinf(bound)):
             break
-        if np.isinf(bound):
-            fixed = count
-            bound = _bound(tets, fixed, volume)
-            continue
-        # the part of the count that the bound governs grows about as 1 / bound
-        fixed = min(fixed, 0.95 * count, 0.95 * tets)
-        bound *= (count - fixed) / (tets - fixed)
-        if count > tets and bound > 0.2 * volume:
-            bound = np.inf
+        search.saw(bound, count)
     assert best is not None
     count = len(best.tets)
     if count > (1.0 + _WITHIN) * tets:
         raise InputError(
             f"tets: {tets} were asked for, but the skin ({len(skin.faces)} triangles) and the bone surface "
-            f"({len(bones.faces)}) need at least {count} by themselves; ask for more tets, give a coarser skin, "
-            "or a longer bone_edge_length"
+            f"({len(bones.faces)}) need at least {count} by themselves; ask for more tets, or give a coarser "
+            "skin or a longer bone_edge_length"
         )
     if count < (1.0 - _WITHIN) * tets:
         raise InputError(
@@ -126,15 +116,45 @@ def cavity_points(bones: Surface) -> np.ndarray:
     return np.array(points).reshape(-1, 3)
 
 
-def _fixed_count(faces: int, radius_edge_ratio: float) -> float:
-    """About how many tetrahedra TetGen makes of so many surface triangles without a bound on volume."""
-    return faces * (1.5 + 2.2 / max(radius_edge_ratio, 1.0))
+class _BoundSearch:
+    """Finds the bound on the volume of a tetrahedron that gives the number asked for.
 
+    Without a bound the surfaces decide the number N0; with a bound v on a volume V it is about
+    N0 (1 + 1.2 (V / (v N0))^1.4), as seen on a trunk and on spheres. Each run corrects the factor, and
+    narrows the interval that the bound must lie in.
+    """
 
-def _bound(tets: int, fixed: float, volume: float) -> float:
-    """The bound on volume that should give so many tetrahedra, from what was seen on trunks and spheres."""
-    wanted = max(tets - fixed, 0.02 * tets)
-    return 1.15 * volume / wanted
+    def __init__(self, tets: int, faces: int, volume: float, radius_edge_ratio: float) -> None:
+        self._tets, self._volume = tets, volume
+        self._fixed = faces * (1.5 + 2.2 / radius_edge_ratio)
+        self._factor = 1.2
+        self._too_few = np.inf
+        self._too_many = 0.0
+
+    def next_bound(self) -> float:
+        """The bound to try next [mm^3]; infinite where the surfaces should give enough by themselves."""
+        surplus = self._tets / self._fixed - 1.0
+        bound = np.inf
+        if surplus > 0.05:
+            bound = self._volume / (self._fixed * (surplus / self._factor) ** (1.0 / 1.4))
+        if self._too_many < bound < self._too_few:
+            return float(bound)
+        if np.isinf(self._too_few):
+            return 3.0 * self._too_many if 0.0 < self._too_many < 0.01 * self._volume else np.inf
+        return float(np.sqrt(max(self._too_many, 0.1 * self._too_few) * self._too_few))
+
+    def saw(self, bound: float, count: int) -> None:
+        """Learn from a run."""
+        if count > self._tets:
+            self._too_many = max(self._too_many, bound)
+        else:
+            self._too_few = min(self._too_few, bound)
+        if np.isinf(bound):
+            self._fixed = float(count)
+            return
+        self._fixed = min(self._fixed, 0.97 * count)
+        load = self._volume / (bound * self._fixed)
+        self._factor = max((count / self._fixed - 1.0) / load**1.4, 1e-3)
 
 
 def _tetgen(

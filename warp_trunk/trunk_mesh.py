@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -50,11 +51,9 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
     )
     for field, array, shape in shapes:
         if array.shape != shape:
-            raise InputError(
-                f"{name}: '{field}' must have shape {shape}, not {array.shape}; make the mesh anew"
-            )
+            raise InputError(f"{name}: '{field}' must have shape {shape}, not {array.shape}; mesh again")
     if not np.isfinite(trunk.nodes).all():
-        raise InputError(f"{name}: every node must have a finite position; make the mesh anew")
+        raise InputError(f"{name}: every node must have a finite position; mesh again")
     ranges = (
         ("tets", trunk.tets, 0, count),
         ("skin_nodes", trunk.skin_nodes, 0, count),
@@ -65,21 +64,111 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
     for field, array, least, end in ranges:
         if array.size and (array.min() < least or array.max() >= end):
             raise InputError(
-                f"{name}: '{field}' must lie from {least} to {end - 1}, but has {array.min()} to {array.max()}; "
-                "make the mesh anew"
+                f"{name}: '{field}' must lie from {least} to {end - 1}, but has {array.min()} to "
+                f"{array.max()}; mesh again"
             )
     if len(trunk.tets) == 0:
-        raise InputError(f"{name}: there are no tetrahedra; make the mesh anew")
+        raise InputError(f"{name}: there are no tetrahedra; mesh again")
     if len(np.unique(trunk.skin_nodes)) < len(trunk.skin_nodes) or (trunk.bone[trunk.skin_nodes] >= 0).any():
-        raise InputError(
-            f"{name}: each skin vertex needs a node of its own that is not on bone; make the mesh anew"
-        )
+        raise InputError(f"{name}: each skin vertex needs a node of its own that is not on bone; mesh again")
     least = tet_volumes(trunk.nodes, trunk.tets).min()
     if not least > 0.0:
-        raise InputError(f"{name}: every tetrahedron must have a positive volume, but one has {least:g} mm3")
+        raise InputError(
+            f"{name}: every tetrahedron must have a positive volume, but one has {least:g} mm3; mesh again"
+        )
 
 
 def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Signed volumes [mm^3] of tetrahedra, 1/6 P_ji . (P_ki x P_li), shape (tets,)."""
-    i, j, k, l = np.moveaxis(nodes[tets], 1, 0)
-    return np.einsum("ti,ti->t", j - i, np.cross(k - i, l - i)) / 6.0
+    corners = nodes[tets]
+    ji, ki, li = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
+    return np.einsum("ti,ti->t", ji, np.cross(ki, li)) / 6.0
+
+
+def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | None = None) -> None:
+    """Write a mesh as VTU, which ParaView opens and meshio reads.
+
+    Points at rest [mm]; point data `displacement` [mm] (nodes, 3), `node_kind` (0 free, 1 skin, 2 bone),
+    `bone` (index into the names, or -1) and `skin_vertex` (number of the skin vertex, or -1). Cells are the
+    tetrahedra, then the triangles of skin and bone surface, told apart by the cell data `part` (0 tissue,
+    1 skin, 2 bone). The names of the bones are field data, UTF-8 codes with one name a line.
+
+    Raises InputError when the displacement does not have one row for each node.
+    """
+    import meshio  # heavy
+
+    count = len(trunk.nodes)
+    if displacement is None:
+        displacement = np.zeros((count, 3))
+    if displacement.shape != (count, 3):
+        raise InputError(
+            f"{path}: the displacement must have shape ({count}, 3), one row a node, not {displacement.shape}"
+        )
+    skin_vertex = np.full(count, -1, dtype=np.int32)
+    skin_vertex[trunk.skin_nodes] = np.arange(len(trunk.skin_nodes), dtype=np.int32)
+    kind = np.where(trunk.bone >= 0, 2, 0).astype(np.int32)
+    kind[trunk.skin_nodes] = 1
+    triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
+    part = np.repeat(np.array([1, 2], dtype=np.int32), [len(trunk.skin_faces), len(trunk.bone_faces)])
+    mesh = meshio.Mesh(
+        trunk.nodes,
+        [("tetra", trunk.tets), ("triangle", triangles)],
+        point_data={
+            "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
+            "node_kind": kind,
+            "bone": trunk.bone,
+            "skin_vertex": skin_vertex,
+        },
+        cell_data={"part": [np.zeros(len(trunk.tets), dtype=np.int32), part]},
+    )
+    path = Path(path)
+    meshio.write(path, mesh, file_format="vtu")
+    # meshio reads field data of a VTU but does not write it
+    codes = "\n".join(trunk.bone_names).encode()
+    field = (
+        f'<FieldData><DataArray type="UInt8" Name="bone_names" NumberOfTuples="{len(codes)}" format="ascii">'
+        f"{' '.join(map(str, codes))}</DataArray></FieldData>"
+    ).encode()
+    text = path.read_bytes()
+    path.write_bytes(text.replace(b"<UnstructuredGrid>", b"<UnstructuredGrid>" + field, 1))
+
+
+def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
+    """Read a mesh and its displacement [mm], shape (nodes, 3), from a VTU that write_trunk wrote.
+
+    Raises InputError when the file is missing, is no such VTU, or its parts do not fit together.
+    """
+    import meshio  # heavy
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file; a trunk mesh (.vtu) was expected")
+    try:
+        mesh = meshio.read(path, file_format="vtu")
+        part = np.concatenate(mesh.cell_data["part"])
+        kinds = np.repeat([block.type for block in mesh.cells], [len(block.data) for block in mesh.cells])
+        triangles = mesh.cells_dict["triangle"].astype(np.int32)
+        skin = part[kinds == "triangle"] == 1
+        skin_vertex = mesh.point_data["skin_vertex"]
+        bone = mesh.point_data["bone"].astype(np.int32)
+        displacement = np.array(mesh.point_data["displacement"], dtype=np.float64)
+        tets = mesh.cells_dict["tetra"].astype(np.int32)
+        names = bytes(mesh.field_data["bone_names"].astype(np.uint8).tolist()).decode()
+    except Exception as error:  # meshio fails in many ways on a damaged file
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"{path}: cannot be read as a trunk mesh ({reason}); write it again") from error
+    skin_nodes = np.flatnonzero(skin_vertex >= 0).astype(np.int32)
+    skin_nodes = skin_nodes[np.argsort(skin_vertex[skin_nodes], kind="stable")]
+    if not np.array_equal(skin_vertex[skin_nodes], np.arange(len(skin_nodes))):
+        raise InputError(f"{path}: 'skin_vertex' must number the skin vertices from 0; write the file again")
+    trunk = TrunkMesh(
+        nodes=np.array(mesh.points, dtype=np.float64),
+        tets=tets,
+        skin_nodes=skin_nodes,
+        skin_faces=skin_vertex[triangles[skin]].astype(np.int32),
+        bone=bone,
+        bone_names=tuple(names.split("\n")) if names else (),
+        bone_faces=triangles[~skin],
+    )
+    check_trunk(trunk, str(path))
+    return trunk, displacement
