@@ -126,7 +126,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         for path in found.values():
             if path not in surfaces:
                 raise InputError(
-                    f"{path}: stands where case '{case.name}' goes and would be read as part of it; "
+                    f"{path}: stands where case {case.name!r} goes and would be read as part of it; "
                     "remove it or write to another folder"
                 )
     (folder / "bones").mkdir(parents=True, exist_ok=True)
