@@ -1,0 +1,108 @@
+"""A box of tissue around a column of bone, small enough to see through: for tests that need a whole case."""
+
+import itertools
+
+import numpy as np
+
+from warp_trunk.case import Case
+from warp_trunk.energy import Energy
+from warp_trunk.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.relaxation import Relaxation, RelaxStatus
+from warp_trunk.simulation import Increment
+from warp_trunk.surface import Surface
+from warp_trunk.trunk_mesh import TrunkMesh
+
+SHAPE = (5, 5, 7)
+SIZE = np.array([300.0, 200.0, 420.0])
+LEVELS = ("T4", "T8", "T12", "L3")
+
+
+def box_mesh():
+    """Nodes, tetrahedra (six for each brick, all of one orientation) and boundary triangles of a box."""
+    grid = np.meshgrid(*[np.linspace(0, 1, n) for n in SHAPE], indexing="ij")
+    nodes = (np.stack(grid, axis=-1).reshape(-1, 3) - [0.5, 0.5, 0.0]) * SIZE
+    number = np.arange(len(nodes)).reshape(SHAPE)
+    tets = []
+    for cell in np.ndindex(*(n - 1 for n in SHAPE)):
+        for order in itertools.permutations(range(3)):
+            at, corners = np.array(cell), [number[cell]]
+            for axis in order:
+                at[axis] += 1
+                corners.append(number[tuple(at)])
+            tets.append(corners)
+    tets = np.array(tets)
+    p = nodes[tets]
+    flipped = np.linalg.det(p[:, 1:] - p[:, :1]) < 0.0
+    tets[flipped] = tets[flipped][:, [0, 1, 3, 2]]
+    faces = np.concatenate([tets[:, k] for k in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1])])
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return nodes, tets.astype(np.int32), faces[first[count == 1]]
+
+
+def small_trunk():
+    """The mesh, and its skin with vertices in an order of their own."""
+    nodes, tets, boundary = box_mesh()
+    skin_nodes, faces = np.unique(boundary, return_inverse=True)
+    order = np.random.default_rng(3).permutation(len(skin_nodes))
+    skin_nodes, faces = skin_nodes[order], np.argsort(order)[faces.reshape(-1, 3)]
+    inside = (np.abs(nodes[:, 0]) < 1.0) & (np.abs(nodes[:, 1]) < 60.0)
+    bone = np.where(inside & (nodes[:, 2] > 1.0) & (nodes[:, 2] < 419.0), 0, -1).astype(np.int32)
+    triangles = np.concatenate([tets[:, k] for k in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1])])
+    trunk = TrunkMesh(
+        nodes=nodes,
+        tets=tets,
+        skin_nodes=skin_nodes.astype(np.int32),
+        skin_faces=faces.astype(np.int32),
+        bone=bone,
+        bone_names=("spine",),
+        bone_faces=triangles[(bone[triangles] == 0).all(axis=1)].astype(np.int32),
+    )
+    return trunk, Surface(nodes[skin_nodes], trunk.skin_faces)
+
+
+def small_landmarks():
+    """Six landmarks on each of four vertebrae, and the iliac spines."""
+    offsets = [(0, -10, 11), (0, -10, -11), (13, 9, 5), (13, 9, -5), (-13, 9, 5), (-13, 9, -5)]
+    names, points = ["asis_left", "asis_right"], [(120.0, -60.0, 40.0), (-120.0, -60.0, 40.0)]
+    for level, height in zip(LEVELS, (360.0, 280.0, 200.0, 120.0), strict=True):
+        for name, (x, y, z) in zip(VERTEBRA_POINTS, offsets, strict=True):
+            names.append(f"{level}_{name}")
+            points.append((float(x), 20.0 + y, height + z))
+    return Landmarks(tuple(names), np.array(points))
+
+
+def small_case():
+    """A case and its mesh; surgery moves T8 by 12 mm to the left."""
+    trunk, skin = small_trunk()
+    before = small_landmarks()
+    moved = before.points.copy()
+    moved[[name.startswith("T8") for name in before.names], 0] += 12.0
+    bones = {"spine": Surface(skin.vertices * [0.05, 0.05, 0.8] + [0.0, 20.0, 40.0], skin.faces)}
+    return Case("small", skin, bones, before, Landmarks(before.names, moved)), trunk
+
+
+def turned(trunk, degrees_at_top):
+    """Displacement that turns each height about z, more towards the top: angles known at every level."""
+    angle = np.radians(degrees_at_top) * trunk.nodes[:, 2] / SIZE[2]
+    x, y = trunk.nodes[:, 0], trunk.nodes[:, 1]
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * x - s * y - x, s * x + c * y - y, np.zeros_like(x)])
+
+
+def made_up_increments(trunk, count=3, status=None):
+    """Increments as `simulate` would yield them, with displacements and energies that are known."""
+    increments = []
+    for number in range(1, count + 1):
+        relaxation = Relaxation(
+            status=status or RelaxStatus.CONVERGED,
+            energy=Energy(distance=1.0 * number, area=2.0 * number, volume=3.0 * number, gravity=0.0),
+            steps=4,
+            linear_iterations=50 * number,
+            evaluations=6,
+            estimated_error=0.004,
+            inverted_tets=0,
+        )
+        load_factor = number / count
+        displacement = turned(trunk, -14.0 * load_factor)
+        increments.append(Increment(number, load_factor, displacement, relaxation, 0.25))
+    return increments

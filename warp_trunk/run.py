@@ -1,0 +1,167 @@
+"""One whole run: from a case to a result folder. The command line and scripts use the same one."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from .bone_path import BonePath, spline_path
+from .measures import TrunkMeasures, measure
+from .meshing import MeshOptions, make_trunk
+from .model import build_model
+from .progress import Progress
+from .recording import Recording
+from .results import RECORDING, partial, prepare_folder, skin_after, write_result
+from .simulation import Increment, SimulationOptions, simulate
+from .summary_text import markdown
+
+if TYPE_CHECKING:
+    from .case import Case
+    from .model import Model
+    from .relaxation import RelaxStatus
+    from .trunk_mesh import TrunkMesh
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """How a case is simulated."""
+
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+    """How the trunk is meshed."""
+    simulation: SimulationOptions = field(default_factory=SimulationOptions)
+    """How the correction is applied."""
+    device: str = "auto"
+    """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
+    precision: Literal["float32", "float64"] = "float32"
+    """Precision of the simulation."""
+    threads: int = 0
+    """CPU threads; 0 is one for each core."""
+    gravity: float = 0.0
+    """Gravity [m/s^2], pulling down; 0 is off."""
+    bones: Literal["spline"] = "spline"
+    """How bones are carried: spline, the thin-plate spline through the landmarks."""
+    record: bool = True
+    """Write recording.rrd, which the viewer steps through."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """How a run ended."""
+
+    status: RelaxStatus
+    """Why the last relaxation ended."""
+    before: TrunkMeasures
+    """Measures of the skin before surgery."""
+    after: TrunkMeasures
+    """Measures of the predicted skin."""
+    summary: dict[str, Any]
+    """The contents of summary.json."""
+    folder: Path
+    """Where the result is."""
+
+
+def run_case(
+    case: Case, folder: str | Path, options: RunOptions | None = None, progress: Progress | None = None
+) -> RunResult:
+    """Mesh, simulate, measure and write a case, with a recording that grows by each increment.
+
+    Args:
+        case: what to simulate, with its tissue.
+        folder: where the result goes; checked before any long work.
+        options: how; the defaults when left out.
+        progress: what to tell it to; a log on standard error when left out.
+
+    Raises:
+        InputError: a folder that cannot be written, or a case or options that a stage refuses.
+    """
+    options = options or RunOptions()
+    progress = progress or Progress()
+    folder = prepare_folder(folder)
+    start = time.perf_counter()
+    with progress.stage("build", "meshing the soft tissue"):
+        build = make_trunk(case.skin, case.bones, options.mesh)
+    progress.add("surface", build.surface_seconds)
+    progress.add("mesh", build.mesh_seconds)
+    trunk = build.trunk
+    with progress.stage("path", "fitting the spline of the landmarks"):
+        bone_path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+    with progress.stage("compile", "preparing the model"):
+        model = build_model(
+            trunk,
+            case.tissue,
+            gravity=options.gravity,
+            device=options.device,
+            precision=options.precision,
+            threads=options.threads,
+        )
+    before = measure(case.skin, case.landmarks_before)
+    recording = None
+    if options.record:
+        with progress.stage("record", "opening the recording"):
+            change = np.linalg.norm(bone_path.displacement[trunk.skin_nodes], axis=1).max()
+            recording = Recording(partial(folder / RECORDING), case, trunk, before, float(change))
+    try:
+        increments, after = _simulate(case, trunk, model, bone_path, options, recording, progress)
+        if recording is not None:
+            recording.finish(markdown(case, increments[-1], before, after))
+    finally:
+        if recording is not None:
+            recording.close()
+    summary = write_result(
+        folder,
+        case,
+        trunk,
+        model,
+        increments,
+        parameters=_parameters(options),
+        seconds={**progress.seconds, "total": progress.seconds.get("load", 0.0) + time.perf_counter() - start},
+        recording=None if recording is None else recording.path,
+    )
+    return RunResult(increments[-1].relaxation.status, before, after, summary, folder)
+
+
+def _simulate(
+    case: Case,
+    trunk: TrunkMesh,
+    model: Model,
+    bone_path: BonePath,
+    options: RunOptions,
+    recording: Recording | None,
+    progress: Progress,
+) -> tuple[list[Increment], TrunkMeasures]:
+    increments: list[Increment] = []
+    measures: list[TrunkMeasures] = []
+    began = time.perf_counter()
+    for increment in simulate(model, bone_path, options.simulation):
+        if not increments:  # what came before the first increment's own time compiled and loaded the kernels
+            progress.add("compile", time.perf_counter() - began - increment.seconds)
+        increments.append(increment)
+        progress.add("relax", increment.seconds)
+        progress.increment(increment, options.simulation.increments)
+        start = time.perf_counter()
+        skin = skin_after(case, trunk, increment.displacement)
+        measures.append(measure(skin, case.landmarks_after, case.skin))
+        if recording is not None:
+            recording.increment(increment, skin, measures[-1])
+        progress.add("record", time.perf_counter() - start)
+    return increments, measures[-1]
+
+
+def _parameters(options: RunOptions) -> dict[str, Any]:
+    """Every option by its own name, as on the command line."""
+    flat: dict[str, Any] = {}
+
+    def add(values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            if isinstance(value, dict):
+                add(value)
+            else:
+                flat[name] = value
+
+    add(dataclasses.asdict(options))
+    return flat
