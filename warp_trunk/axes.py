@@ -50,9 +50,7 @@ class Axes:
 
     def points_to_lps(self, points: np.ndarray, units: str = "mm") -> np.ndarray:
         """Points of a file as LPS [mm], shape (n, 3) -> (n, 3); LPS in mm comes back to the last bit."""
-        order = [
-            next(c for c, letter in enumerate(self.code) if _DIRECTIONS[letter][0] == r) for r in range(3)
-        ]
+        order = [next(c for c, letter in enumerate(self.code) if _DIRECTIONS[letter][0] == r) for r in range(3)]
         signs = np.array([_DIRECTIONS[self.code[c]][1] for c in order], dtype=np.float64)
         return points[:, order] * (signs * MILLIMETRES[units])
 

@@ -114,9 +114,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         surfaces[folder / "skin_after.ply"] = case.skin_after
     for name, surface in case.bones.items():
         if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
-            raise InputError(
-                f"write_case: '{name}' names a bone and must serve as a file name; rename the bone"
-            )
+            raise InputError(f"write_case: '{name}' names a bone and must serve as a file name; rename the bone")
         surfaces[folder / "bones" / f"{name}.ply"] = surface
     for found in (
         _surface_files(folder, "skin"),

@@ -84,9 +84,7 @@ def check_case(case: Case, options: CheckOptions | None = None, source: CaseSour
     check_solid(case.skin, source.name("skin"))
     pieces = int(components(case.skin).max()) + 1
     if pieces > 1:
-        raise InputError(
-            f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one"
-        )
+        raise InputError(f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one")
     _check_orientation(case.landmarks_before, source)
     _check_bones(case, options, source)
     _check_landmark_places(case, options, source)
@@ -110,8 +108,7 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
         raise InputError(
-            f"{where}: coordinates must be finite, '{names[bad[0]]}' has {points[bad[0]].tolist()}; "
-            "correct them"
+            f"{where}: coordinates must be finite, '{names[bad[0]]}' has {points[bad[0]].tolist()}; correct them"
         )
     if len(names) < 4:
         raise InputError(f"{where}: at least 4 landmarks are needed, there are {len(names)}; add landmarks")
@@ -137,9 +134,7 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
             )
     for name in ASIS:
         if name not in names:
-            raise InputError(
-                f"{where}: '{name}' is missing; rotations are measured against the ASIS, so add it"
-            )
+            raise InputError(f"{where}: '{name}' is missing; rotations are measured against the ASIS, so add it")
     vertebrae = landmarks.vertebrae()
     if len(vertebrae) < 2:
         raise InputError(

@@ -118,15 +118,10 @@ def read_landmarks(path: str | Path) -> Landmarks:
             )
         first_line[name] = line
         points.append(
-            [
-                _coordinate(text, f"{where}: {axis} of '{name}'")
-                for axis, text in zip("xyz", row[1:], strict=True)
-            ]
+            [_coordinate(text, f"{where}: {axis} of '{name}'") for axis, text in zip("xyz", row[1:], strict=True)]
         )
     if not points:
-        raise InputError(
-            f"{path}: there is no landmark in it; a case needs six for each vertebra and the ASIS"
-        )
+        raise InputError(f"{path}: there is no landmark in it; a case needs six for each vertebra and the ASIS")
     return Landmarks(tuple(first_line), np.array(points, dtype=np.float64))
 
 

@@ -66,9 +66,7 @@ def straight_trunk(size: TrunkSize | None = None) -> tuple[Surface, dict[str, Su
     )
 
 
-def phantom_case(
-    size: TrunkSize | None = None, curve: SpineCurve | None = None, correction: float = 0.7
-) -> Case:
+def phantom_case(size: TrunkSize | None = None, curve: SpineCurve | None = None, correction: float = 0.7) -> Case:
     """The phantom with a scoliosis, and the correction of a fraction of it.
 
     Args:
@@ -100,9 +98,7 @@ def _check(skin: Surface, bones: dict[str, Surface], what: str) -> None:
     distance = SurfaceDistance(skin)
     for name, surface in [("the skin", skin), *bones.items()]:
         if len(crossings(surface)):
-            raise InputError(
-                f"phantom: {what} makes {name} cross itself at this size; ask for a smaller curve"
-            )
+            raise InputError(f"phantom: {what} makes {name} cross itself at this size; ask for a smaller curve")
     for name, bone in bones.items():
         margin = -float(distance.at(bone.vertices).max())
         if margin < _MARGIN:

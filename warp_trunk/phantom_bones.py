@@ -10,13 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .bone_landmarks import VERTEBRAE
 from .landmarks import VERTEBRA_POINTS, Landmarks
 from .phantom_shapes import rod, tube
 from .phantom_skin import section_at
 from .surface import Surface
-
-VERTEBRAE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
-"""Names of the phantom's vertebrae, top to bottom."""
 
 _TOP, _BOTTOM = 414.0, 104.0  # z of the middle of T1 and of L5 [mm]
 _UNDER_SKIN = 11.0  # from the tip of a spinous process to the skin [mm]
@@ -226,6 +224,4 @@ def _hip() -> Surface:
     z = np.array([72.0, 74.0, 74.0, 73.0, 73.0, 75.0, 77.0])
     thickness = np.array([7.0, 8.0, 8.5, 9.5, 9.0, 7.0, 6.0])
     height = np.array([26.0, 38.0, 46.0, 46.0, 38.0, 26.0, 14.0])
-    return rod(
-        np.stack([x, y, z], axis=1), thickness, height, np.array([0.2, 0.0, 1.0]), spacing=8.0, around=16
-    )
+    return rod(np.stack([x, y, z], axis=1), thickness, height, np.array([0.2, 0.0, 1.0]), spacing=8.0, around=16)

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from warp_trunk.phantom_shapes import along, rod, spaced, stack, tube
+from warp_trunk.surface_checks import check_solid, enclosed_volume
+
+
+def test_a_tube_of_circles_is_a_cylinder_with_cones():
+    z = np.array([0.0, 3.0, 13.0, 16.0])
+    ones = np.ones((4, 1))
+    surface = tube(
+        z[:, None] * [0.0, 0.0, 1.0], ones * [1.0, 0.0, 0.0], ones * [0.0, 1.0, 0.0], *np.full((2, 4), 5.0), 200
+    )
+    check_solid(surface, "tube")
+    # a cylinder of height 10 and two cones of height 3, all of radius 5
+    assert enclosed_volume(surface) == pytest.approx(np.pi * 25.0 * (10.0 + 2.0), rel=1e-3)
+
+
+def test_rings_go_from_side_to_up():
+    z = np.array([0.0, 1.0, 2.0])
+    ones = np.ones((3, 1))
+    centres, side, up = z[:, None] * [0.0, 0.0, 1.0], ones * [1.0, 0.0, 0.0], ones * [0.0, 1.0, 0.0]
+    surface = tube(centres, side, up, np.full(3, 4.0), np.full(3, 2.0), around=8, exponent=4.0)
+    np.testing.assert_allclose(
+        surface.vertices[1 + np.array([0, 2, 4, 6])][:, :2], [[4, 0], [0, 2], [-4, 0], [0, -2]]
+    )
+    corner = surface.vertices[1 + 1] / [4.0, 2.0, 1.0]
+    assert corner[0] ** 4 + corner[1] ** 4 == pytest.approx(1.0)  # the superellipse of exponent 4
+
+
+def test_frames_are_square_and_right_handed():
+    t = np.linspace(0.0, 2.0, 40)
+    curve = np.stack([30.0 * np.cos(t), 30.0 * np.sin(t), 5.0 * t], axis=1)
+    side, up = along(curve, np.array([0.0, 0.0, 1.0]))
+    forward = np.gradient(curve, axis=0)
+    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
+    np.testing.assert_allclose(np.cross(side, up), forward, atol=1e-12)
+    assert (up[:, 2] > 0.9).all()
+
+
+def test_a_straight_rod_is_a_capsule():
+    guide = np.array([[0.0, 0.0, 0.0], [0.0, 30.0, 0.0], [0.0, 60.0, 0.0]])
+    surface = rod(guide, np.full(3, 5.0), np.full(3, 5.0), np.array([0.0, 0.0, 1.0]), spacing=4.0, around=100)
+    check_solid(surface, "rod")
+    assert np.ptp(surface.vertices[:, 1]) == pytest.approx(60.0)
+    capsule = np.pi * 25.0 * 50.0 + 4.0 / 3.0 * np.pi * 125.0
+    assert enclosed_volume(surface) == pytest.approx(capsule, rel=0.02)  # a cap has three rings
+
+
+def test_a_stack_of_half_discs_is_a_frustum():
+    def half_loop(radius: float, z: float, count: int) -> np.ndarray:
+        angle = np.linspace(0.5 * np.pi, -0.5 * np.pi, count)
+        x = radius * np.cos(angle)
+        x[[0, -1]] = 0.0
+        return np.stack([x, radius * np.sin(angle), np.full(count, z)], axis=1)
+
+    ends = np.array([[[0.0, 0.0, 30.0]], [[0.0, 0.0, 0.0]]])
+    surface = stack([ends[0], half_loop(10.0, 30.0, 150), half_loop(20.0, 0.0, 211), ends[1]])
+    check_solid(surface, "stack")
+    frustum = np.pi * 30.0 / 3.0 * (10.0**2 + 10.0 * 20.0 + 20.0**2)
+    assert enclosed_volume(surface) == pytest.approx(frustum, rel=1e-3)
+
+
+def test_spaced_points_are_at_equal_lengths():
+    curve = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 3.0, 1.0]])
+    np.testing.assert_allclose(
+        spaced(curve, 5), [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 2, 1], [0, 3, 1]], atol=1e-12
+    )
