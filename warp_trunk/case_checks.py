@@ -116,14 +116,14 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
     if flat < _FLAT:
         raise InputError(
             f"{where}: landmarks may not all lie in one plane, these are {flat:.2g} mm from one "
-            f"(root mean square, at least {_FLAT:g} mm needed); add landmarks off it"
+            f"(root mean square, at least {_FLAT:g} mm needed); add landmarks off it, or check their units"
         )
     gap = np.linalg.norm(points[:, None] - points[None], axis=2) + np.diag(np.full(len(points), np.inf))
     i, j = np.unravel_index(np.argmin(gap), gap.shape)
     if gap[i, j] < _COINCIDENT:
         raise InputError(
             f"{where}: '{names[i]}' and '{names[j]}' are {gap[i, j]:.2g} mm apart; "
-            f"landmarks must be at least {_COINCIDENT:g} mm apart, so correct or remove one"
+            f"landmarks must be at least {_COINCIDENT:g} mm apart, so correct or remove one, or check their units"
         )
     for name in names:
         if bone_of(name, bones) is None:
