@@ -9,6 +9,11 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .reduction import adder, keep_largest
+
+CHANGE, LONGEST, SUM = range(3)
+"""Columns of the extent of a solution."""
+
 
 @wp.func
 def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int):
@@ -20,11 +25,10 @@ def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int):
 
 
 @cache
-def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels of the loop, in one precision; `coarse` is for CUDA, where no BLAS is at hand."""
+def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+    """The kernels of the loop, in its order, in one precision."""
+    add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
-    vec4 = wp.types.vector(4, scalar)
-    mat33 = wp.types.matrix((3, 3), scalar)
 
     @wp.kernel(module="unique", enable_backward=False)
     def start_kernel(
@@ -32,24 +36,18 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         end: int,
         slab: int,
         gradient: wp.array(dtype=vec3, ndim=2),
-        aggregate: wp.array(dtype=wp.int32),
-        mode: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec3),
         residual: wp.array(dtype=vec3),
         search: wp.array(dtype=vec3),
-        coarse_residual: wp.array(dtype=vec3, ndim=2),
+        earlier: wp.array(dtype=vec3),
     ):
-        """Starts from zero: residual = -gradient (the one minus sign), restricted to the aggregates."""
+        """Starts from zero: residual = -gradient (the one minus sign of Newton's method)."""
         i = first + wp.tid()
         if i < end:
-            r = -gradient[0, i]
+            residual[i] = -gradient[0, i]
             solution[i] = vec3()
             search[i] = vec3()
-            residual[i] = r
-            a = 4 * aggregate[i]
-            m = mode[i]
-            for k in range(4):
-                wp.atomic_add(coarse_residual, slab, a + k, m[k] * r)
+            earlier[i] = vec3()
 
     @wp.kernel(module="unique", enable_backward=False)
     def advance_kernel(
@@ -60,15 +58,12 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         iteration: wp.array(dtype=wp.int32),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        aggregate: wp.array(dtype=wp.int32),
-        mode: wp.array(dtype=vec4),
         search: wp.array(dtype=vec3),
         product: wp.array(dtype=vec3),
         solution: wp.array(dtype=vec3),
         residual: wp.array(dtype=vec3),
-        coarse_residual: wp.array(dtype=vec3, ndim=2),
     ):
-        """Steps along the search direction and restricts the new residual to the aggregates."""
+        """Steps along the search direction."""
         i = first + wp.tid()
         j = iteration[0]
         if i < end:
@@ -77,41 +72,7 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
             if curvature > wp.float64(0.0):
                 step = scalar(total(r_dot_z, j, ranges) / curvature)
             solution[i] += step * search[i]
-            r = residual[i] - step * product[i]
-            residual[i] = r
-            a = 4 * aggregate[i]
-            m = mode[i]
-            for k in range(4):
-                wp.atomic_add(coarse_residual, slab, a + k, m[k] * r)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def precondition_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        iteration: wp.array(dtype=wp.int32),
-        ahead: int,
-        inverse_diagonal: wp.array(dtype=mat33),
-        aggregate: wp.array(dtype=wp.int32),
-        mode: wp.array(dtype=vec4),
-        coarse_solution: wp.array(dtype=vec3),
-        residual: wp.array(dtype=vec3),
-        preconditioned: wp.array(dtype=vec3),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-    ):
-        """z = D^-1 r + P (P^T H P)^-1 P^T r, the two-level preconditioner, and this range's part of r . z."""
-        i = first + wp.tid()
-        value = wp.float64(0.0)
-        if i < end:
-            r = residual[i]
-            z = inverse_diagonal[i] * r
-            a = 4 * aggregate[i]
-            m = mode[i]
-            for k in range(4):
-                z += m[k] * coarse_solution[a + k]
-            preconditioned[i] = z
-            value = wp.float64(wp.dot(r, z))
-        wp.tile_atomic_add(r_dot_z[iteration[0] + ahead], wp.tile_sum(wp.tile(value)), offset=(8 * slab,))
+            residual[i] -= step * product[i]
 
     @wp.kernel(module="unique", enable_backward=False)
     def turn_kernel(
@@ -130,59 +91,76 @@ def conjugate_gradient_kernels(scalar: type) -> SimpleNamespace:
         if i < end:
             beta = scalar(0.0)
             if j > 0:
-                beta = scalar(total(r_dot_z, j, ranges) / total(r_dot_z, j - 1, ranges))
+                last = total(r_dot_z, j - 1, ranges)
+                if last > wp.float64(0.0):
+                    beta = scalar(total(r_dot_z, j, ranges) / last)
             search[i] = preconditioned[i] + beta * search[i]
 
     @wp.kernel(module="unique", enable_backward=False)
-    def count_kernel(
-        ranges: int,
-        most: int,
-        reduction: wp.array(dtype=wp.float64),
-        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        iteration: wp.array(dtype=wp.int32),
-        go_on: wp.array(dtype=wp.int32),
-    ):
-        """Counts the iteration just done and says whether another is wanted.
-
-        It ends when r . z has fallen by the square of the asked reduction, where the matrix shows no
-        curvature, and where a number is not finite (a comparison with NaN is false).
-        """
-        done = iteration[0] + 1
-        iteration[0] = done
-        now = total(r_dot_z, done, ranges)
-        enough = reduction[0] * reduction[0] * total(r_dot_z, 0, ranges)
-        curved = total(p_dot_q, done - 1, ranges) > wp.float64(0.0)
-        go_on[0] = 0
-        if now > enough and curved and done < most:
-            go_on[0] = 1
+    def count_kernel(iteration: wp.array(dtype=wp.int32)):
+        """Counts the iteration just done."""
+        iteration[0] = iteration[0] + 1
 
     @wp.kernel(module="unique", enable_backward=False)
-    def coarse_kernel(
-        size: int,
-        chunk: int,
-        slabs: int,
-        inverse: wp.array(dtype=scalar, ndim=2),
-        coarse_residual: wp.array(dtype=scalar, ndim=2),
-        coarse_solution: wp.array(dtype=scalar),
+    def window_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        solution: wp.array(dtype=vec3),
+        earlier: wp.array(dtype=vec3),
+        extent: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """Adds one chunk of columns of the dense product (P^T H P)^-1 P^T r; neighbours read neighbours."""
-        t = wp.tid()
-        i = t % size
-        start = (t // size) * chunk
-        value = scalar(0.0)
-        for k in range(start, wp.min(start + chunk, size)):
-            r = coarse_residual[0, k]
-            for other in range(1, slabs):
-                r += coarse_residual[other, k]
-            value += inverse[k, i] * r
-        wp.atomic_add(coarse_solution, i, value)
+        """Longest vector of the solution and of its change since the last window, both squared [mm^2].
+
+        The sum beside them shows what a maximum hides: NaN.
+        """
+        i = first + wp.tid()
+        changed = wp.float64(0.0)
+        whole = wp.float64(0.0)
+        if i < end:
+            x = solution[i]
+            changed = wp.float64(wp.length_sq(x - earlier[i]))
+            whole = wp.float64(wp.length_sq(x))
+            earlier[i] = x
+        add(extent, slab, SUM, whole)
+        keep_largest(extent, slab, CHANGE, changed)
+        keep_largest(extent, slab, LONGEST, whole)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def decide_kernel(
+        ranges: int,
+        most: int,
+        limits: wp.array(dtype=wp.float64),
+        iteration: wp.array(dtype=wp.int32),
+        extent: wp.array(dtype=wp.float64, ndim=2),
+        outcome: wp.array(dtype=wp.float64),
+        go_on: wp.array(dtype=wp.int32),
+    ):
+        """Whether the solution still changes by more than the limits: in mm, or as a part of its length."""
+        changed = wp.float64(0.0)
+        longest = wp.float64(0.0)
+        finite = wp.float64(0.0)
+        for r in range(ranges):
+            changed = wp.max(changed, extent[r, CHANGE])
+            longest = wp.max(longest, extent[r, LONGEST])
+            finite += extent[r, SUM]
+            extent[r, CHANGE] = wp.float64(0.0)
+            extent[r, LONGEST] = wp.float64(0.0)
+            extent[r, SUM] = wp.float64(0.0)
+        outcome[0] = wp.sqrt(longest)
+        outcome[1] = wp.sqrt(changed)
+        if not wp.isfinite(finite):
+            outcome[0] = finite
+        go_on[0] = 0
+        limit = wp.max(limits[0], limits[1] * wp.sqrt(longest))
+        if wp.isfinite(finite) and wp.sqrt(changed) > limit and iteration[0] < most:
+            go_on[0] = 1
 
     return SimpleNamespace(
         start=start_kernel,
         advance=advance_kernel,
-        precondition=precondition_kernel,
         turn=turn_kernel,
         count=count_kernel,
-        coarse=coarse_kernel,
+        window=window_kernel,
+        decide=decide_kernel,
     )

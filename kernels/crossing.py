@@ -29,6 +29,14 @@ def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, sla
     return u >= -slack and v >= -slack and u + v <= one + slack
 
 
+@wp.func
+def one_of(i: wp.int32, p: wp.int32, q: wp.int32, r: wp.int32) -> wp.bool:
+    first = i == p
+    second = i == q
+    third = i == r
+    return first or second or third
+
+
 @wp.kernel(enable_backward=False)
 def crossing_faces(
     mesh: wp.uint64,
@@ -55,15 +63,15 @@ def crossing_faces(
     query = wp.mesh_query_aabb(mesh, lower, upper)
     g = wp.int32(0)
     while wp.mesh_query_aabb_next(query, g):
-        l = faces[3 * g]
-        m = faces[3 * g + 1]
-        n = faces[3 * g + 2]
-        has_i = i == l or i == m or i == n
-        has_j = j == l or j == m or j == n
-        has_k = k == l or k == m or k == n
-        d = vertices[l]
-        e = vertices[m]
-        h = vertices[n]
+        p = faces[3 * g]
+        q = faces[3 * g + 1]
+        r = faces[3 * g + 2]
+        has_i = one_of(i, p, q, r)
+        has_j = one_of(j, p, q, r)
+        has_k = one_of(k, p, q, r)
+        d = vertices[p]
+        e = vertices[q]
+        h = vertices[r]
         hit = False
         if not has_i and not has_j:
             hit = hit or pierces(a, b, d, e, h, slack)

@@ -23,15 +23,3 @@ def signed_distance(
         distance[i] = query.sign * wp.length(points[i] - nearest)
     else:
         distance[i] = wp.nan
-
-
-@wp.kernel(enable_backward=False)
-def nearest_point(
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    nearest: wp.array(dtype=wp.vec3),
-):
-    """The point of the mesh nearest to each point [mm]."""
-    i = wp.tid()
-    query = wp.mesh_query_point_no_sign(mesh, points[i], 1.0e10)
-    nearest[i] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)

@@ -14,6 +14,7 @@ from .area import area_curvature, area_term
 from .distance import distance_curvature, distance_term
 from .geometry import relative_volume_change
 from .gravity import gravity_term
+from .reduction import adder
 from .volume import volume_gradients, volume_term
 
 DISTANCE, AREA, VOLUME, GRAVITY, INVERTED, NEWLY_INVERTED = range(6)
@@ -33,8 +34,9 @@ def add_block(blocks: wp.array2d(dtype=Any), slab: int, block: int, value: Any):
 
 
 @cache
-def element_kernels(scalar: type, area: bool, volume: bool, gravity: bool) -> SimpleNamespace:
+def element_kernels(scalar: type, cuda: bool, area: bool, volume: bool, gravity: bool) -> SimpleNamespace:
     """The kernels `gradient` and `curvature` of the energy with the given terms, in one precision."""
+    add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
     vec4 = wp.types.vector(4, scalar)
@@ -129,15 +131,15 @@ def element_kernels(scalar: type, area: bool, volume: bool, gravity: bool) -> Si
                 if inverted_before[t] == wp.int8(0):
                     is_new = wp.int32(1)
             inverted[t] = wp.int8(is_inverted)
-        wp.tile_atomic_add(sums[slab], wp.tile_sum(wp.tile(wp.float64(e_distance))), offset=(DISTANCE,))
+        add(sums, slab, DISTANCE, wp.float64(e_distance))
         if wp.static(epsilon_term):
-            wp.tile_atomic_add(sums[slab], wp.tile_sum(wp.tile(wp.float64(e_area))), offset=(AREA,))
+            add(sums, slab, AREA, wp.float64(e_area))
         if wp.static(theta_term):
-            wp.tile_atomic_add(sums[slab], wp.tile_sum(wp.tile(wp.float64(e_volume))), offset=(VOLUME,))
+            add(sums, slab, VOLUME, wp.float64(e_volume))
         if wp.static(gravity_on):
-            wp.tile_atomic_add(sums[slab], wp.tile_sum(wp.tile(wp.float64(e_gravity))), offset=(GRAVITY,))
-        wp.tile_atomic_add(sums[slab], wp.tile_sum(wp.tile(wp.float64(is_inverted))), offset=(INVERTED,))
-        wp.tile_atomic_add(sums[slab], wp.tile_sum(wp.tile(wp.float64(is_new))), offset=(NEWLY_INVERTED,))
+            add(sums, slab, GRAVITY, wp.float64(e_gravity))
+        add(sums, slab, INVERTED, wp.float64(is_inverted))
+        add(sums, slab, NEWLY_INVERTED, wp.float64(is_new))
 
     @wp.kernel(module="unique", enable_backward=False)
     def curvature_kernel(

@@ -8,13 +8,16 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .reduction import adder
+
 SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)
 """Columns of the products."""
 
 
 @cache
-def loop_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels `step`, `products`, `longest` and `steer` in one precision."""
+def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+    """The kernels `step`, `products` and `steer` in one precision."""
+    add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -65,28 +68,12 @@ def loop_kernels(scalar: type) -> SimpleNamespace:
             change = wp.float64(wp.dot(g, g - old))
             before = wp.float64(wp.dot(old, d))
             old2 = wp.float64(wp.dot(old, old))
-        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(slope)), offset=(SLOPE,))
-        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(g2)), offset=(GRADIENT_SQUARED,))
-        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(d2)), offset=(DIRECTION_SQUARED,))
-        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(change)), offset=(GRADIENT_CHANGE,))
-        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(before)), offset=(PREVIOUS_SLOPE,))
-        wp.tile_atomic_add(products[slab], wp.tile_sum(wp.tile(old2)), offset=(PREVIOUS_SQUARED,))
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def longest_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        vectors: wp.array(dtype=vec3),
-        longest: wp.array(dtype=wp.float64, ndim=2),
-    ):
-        """Largest squared length of a vector and the sum of them; the sum shows what a maximum hides, NaN."""
-        i = first + wp.tid()
-        squared = wp.float64(0.0)
-        if i < end:
-            squared = wp.float64(wp.length_sq(vectors[i]))
-        wp.tile_atomic_add(longest[slab], wp.tile_sum(wp.tile(squared)), offset=(1,))
-        wp.atomic_max(longest, slab, 0, squared)
+        add(products, slab, SLOPE, slope)
+        add(products, slab, GRADIENT_SQUARED, g2)
+        add(products, slab, DIRECTION_SQUARED, d2)
+        add(products, slab, GRADIENT_CHANGE, change)
+        add(products, slab, PREVIOUS_SLOPE, before)
+        add(products, slab, PREVIOUS_SQUARED, old2)
 
     @wp.kernel(module="unique", enable_backward=False)
     def steer_kernel(
@@ -102,6 +89,4 @@ def loop_kernels(scalar: type) -> SimpleNamespace:
         if i < end:
             direction[i] = scalar(keep[0]) * direction[i] - gradient[0, i]
 
-    return SimpleNamespace(
-        step=step_kernel, products=products_kernel, longest=longest_kernel, steer=steer_kernel
-    )
+    return SimpleNamespace(step=step_kernel, products=products_kernel, steer=steer_kernel)

@@ -5,10 +5,13 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .reduction import adder
+
 
 @cache
-def sparse_kernels(scalar: type) -> SimpleNamespace:
+def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `multiply`, `add_slabs` and `invert_diagonal` in one precision."""
+    add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
 
@@ -34,7 +37,7 @@ def sparse_kernels(scalar: type) -> SimpleNamespace:
                 total += blocks[0, k] * p[columns[k]]
             q[i] = total
             product = wp.float64(wp.dot(p[i], total))
-        wp.tile_atomic_add(p_dot_q[iteration[0]], wp.tile_sum(wp.tile(product)), offset=(8 * slab,))
+        add(p_dot_q, iteration[0], 8 * slab, product)
 
     @wp.kernel(module="unique", enable_backward=False)
     def add_slabs_kernel(first: int, end: int, slab: int, slabs: int, blocks: wp.array(dtype=mat33, ndim=2)):
@@ -53,13 +56,16 @@ def sparse_kernels(scalar: type) -> SimpleNamespace:
         slab: int,
         diagonal: wp.array(dtype=wp.int32),
         blocks: wp.array(dtype=mat33, ndim=2),
+        factor: scalar,
         inverse: wp.array(dtype=mat33),
     ):
-        """Inverts the diagonal blocks, each shifted by a millionth of its trace so that a flat one has an inverse."""
+        """factor D^-1; each block is shifted by a millionth of its trace so that a flat one has an inverse."""
         i = first + wp.tid()
         if i < end:
             block = blocks[0, diagonal[i]]
             shift = scalar(1.0e-6) * wp.trace(block) + scalar(1.0e-30)
-            inverse[i] = wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
+            inverse[i] = factor * wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
 
-    return SimpleNamespace(multiply=multiply_kernel, add_slabs=add_slabs_kernel, invert_diagonal=invert_diagonal_kernel)
+    return SimpleNamespace(
+        multiply=multiply_kernel, add_slabs=add_slabs_kernel, invert_diagonal=invert_diagonal_kernel
+    )

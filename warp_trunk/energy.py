@@ -77,7 +77,7 @@ class State:
         """Records the launch of the evaluation."""
         m = self.model
         self._evaluate = m.parallel.record(
-            element_kernels(m.scalar, *m.terms).gradient,
+            element_kernels(*m.variant, *m.terms).gradient,
             len(m.corners),
             [
                 m.tets,

@@ -78,6 +78,11 @@ class Model:
         return wp.types.vector(3, self.scalar)
 
     @property
+    def variant(self) -> tuple[Any, bool]:
+        """Which build of the kernels it needs: precision, and whether for CUDA."""
+        return self.scalar, self.parallel.is_cuda
+
+    @property
     def terms(self) -> tuple[bool, bool, bool]:
         """Which of the area, volume and gravity terms the scene uses."""
         return self.tissue.epsilon > 0.0, self.tissue.theta > 0.0, self.gravity != 0.0

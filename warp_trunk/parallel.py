@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ class Parallel:
         """
         bounds = self.split(size) if isinstance(size, int) else size
         commands = []
-        for slab, (first, end) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        for slab, (first, end) in enumerate(pairwise(bounds)):
             count = int(end - first)
             if self.is_cuda:
                 count = -(-count // CUDA_BLOCK) * CUDA_BLOCK
@@ -88,3 +89,12 @@ class Parallel:
                 future.result()
 
         return launch
+
+    def record_whole(
+        self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]
+    ) -> Callable[[], None]:
+        """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
+        command = wp.launch(
+            kernel, dim=size, inputs=list(inputs), outputs=list(outputs), device=self.device, record_cmd=True
+        )
+        return command.launch  # pyright: ignore[reportOptionalMemberAccess]  (recorded launches are returned)

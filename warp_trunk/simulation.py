@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-
 from .errors import InputError
 from .model import Model
 from .relaxation import Relaxation, Relaxer, RelaxOptions
@@ -48,9 +47,7 @@ class Increment:
     """Time of this increment [s]."""
 
 
-def simulate(
-    model: Model, bone_path: BonePath, options: SimulationOptions | None = None
-) -> Iterator[Increment]:
+def simulate(model: Model, bone_path: BonePath, options: SimulationOptions | None = None) -> Iterator[Increment]:
     """Carries the trunk along the path of its bones and yields it after every increment.
 
     The rest state is always the mesh before surgery. All increments but the last are relaxed to ten
@@ -66,23 +63,35 @@ def simulate(
             "make the path from the nodes of this trunk"
         )
     relaxer = Relaxer(model, options.relax)
-    before = 0.0
+    now = np.zeros((len(model.order), 3))
+    last = None
     for number in range(1, options.increments + 1):
         start = time.perf_counter()
-        load_factor = number / options.increments
-        carry(relaxer, bone_path, before, load_factor)  # phi_t of eq. 4.5
-        last = number == options.increments
-        relaxation = relaxer.relax(options.relax.tolerance * (1.0 if last else 10.0))  # phi~ of eq. 4.3
-        before = load_factor
-        yield Increment(
-            number, load_factor, relaxer.state.host_displacement(), relaxation, time.perf_counter() - start
-        )
+        load_factor, before = number / options.increments, (number - 1) / options.increments
+        last, now = now, carry(now, last, bone_path, before, load_factor)  # phi_t of eq. 4.5
+        relaxer.state.place(held(now, bone_path.at(load_factor), model))
+        final = number == options.increments
+        relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0))  # phi~ of eq. 4.3
+        now = relaxer.state.host_displacement()
+        yield Increment(number, load_factor, now, relaxation, time.perf_counter() - start)
 
 
-def carry(relaxer: Relaxer, bone_path: BonePath, before: float, load_factor: float) -> None:
-    """Moves bones to their place at the load factor and tissue by the spline's step from the one before."""
-    path = bone_path.at(load_factor)
-    displacement = relaxer.state.host_displacement() + (path - bone_path.at(before))
-    prescribed = relaxer.model.order[relaxer.model.free :]
-    displacement[prescribed] = path[prescribed]
-    relaxer.state.place(displacement)
+def carry(
+    now: np.ndarray, last: np.ndarray | None, bone_path: BonePath, before: float, load_factor: float
+) -> np.ndarray:
+    """Where the tissue is expected at the load factor, from which it is relaxed.
+
+    The first increment is carried by the spline, eq. 4.5. A later one goes on by what the relaxed trunk
+    did over the increment before, which for equal increments moves the bones just as the spline does and
+    the tissue nearly to its equilibrium.
+    """
+    if last is None:
+        return now + bone_path.at(load_factor) - bone_path.at(before)
+    return now + (now - last)
+
+
+def held(displacement: np.ndarray, bones: np.ndarray, model: Model) -> np.ndarray:
+    """The displacement with every prescribed node exactly at its place, shape (nodes, 3)."""
+    prescribed = model.order[model.free :]
+    displacement[prescribed] = bones[prescribed]
+    return displacement

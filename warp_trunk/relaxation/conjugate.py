@@ -17,8 +17,6 @@ class Conjugate:
     """Energies the line search looks back on."""
     slope_ratio: float | None = 0.1
     """The line search ends where the slope has fallen to this part: conjugacy needs a near-exact length."""
-    estimates_every = 50
-    """Steps between two estimates of the distance left."""
 
     def __init__(self, model: Model) -> None:
         self.model = model

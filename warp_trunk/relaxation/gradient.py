@@ -21,8 +21,6 @@ class Gradient:
     """A spectral step may raise the energy for a while; the search compares with the last ten."""
     slope_ratio: float | None = None
     """The line search takes the first decrease."""
-    estimates_every = 50
-    """Steps between two estimates of the distance left."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -44,7 +42,7 @@ def steer(model: Model, state: State, keep: float, keep_array: wp.array, directi
     """direction = -gradient + keep * direction."""
     keep_array.fill_(keep)
     model.parallel.record(
-        loop_kernels(model.scalar).steer, model.free, [state.gradient, keep_array], [direction]
+        loop_kernels(*model.variant).steer, model.free, [state.gradient, keep_array], [direction]
     )()
 
 

@@ -40,8 +40,8 @@ class Trial:
 
 def search(
     attempt: Callable[[float], Trial], length: float, reference: float, slope: float, slope_ratio: float | None
-) -> Trial | None:
-    """A length along a descent direction that lowers the energy and inverts nothing, or None.
+) -> tuple[Trial | None, int]:
+    """A length along a descent direction that lowers the energy and inverts nothing.
 
     Args:
         attempt: evaluates the point at a length.
@@ -49,28 +49,32 @@ def search(
         reference: the energy to come below: the last, or the largest of the last few.
         slope: derivative of the energy along the direction at its start, negative.
         slope_ratio: go on until the slope has fallen to this part of the first; None takes the first decrease.
+
+    Returns:
+        The trial, the last one attempted, or None where no length helps; and the number of attempts.
     """
     low, high = 0.0, math.inf
     low_slope = slope
     best: Trial | None = None
-    for _ in range(MOST_TRIALS):
+    attempts = 0
+    while attempts < MOST_TRIALS:
+        attempts += 1
         trial = attempt(length)
-        if trial.allowed and falls(trial, reference, slope):
-            best = trial if best is None or trial.energy.total <= best.energy.total else best
-            if slope_ratio is None or abs(trial.products.slope) <= slope_ratio * abs(slope):
-                return trial
-            if trial.products.slope < 0.0:
-                low, low_slope = length, trial.products.slope
-            else:
-                high = length
+        good = trial.allowed and falls(trial, reference, slope)
+        if good and (slope_ratio is None or abs(trial.products.slope) <= slope_ratio * abs(slope)):
+            return trial, attempts
+        if good and (best is None or trial.energy.total < best.energy.total):
+            best = trial
         elif best is not None:
-            return best
+            return attempt(best.length), attempts + 1
+        if good and trial.products.slope < 0.0:
+            low, low_slope = length, trial.products.slope
         else:
             high = length
         length = next_length(trial, low, high, low_slope)
         if high - low <= 1e-6 * high:
             break
-    return best
+    return (attempt(best.length), attempts + 1) if best is not None else (None, attempts)
 
 
 def falls(trial: Trial, reference: float, slope: float) -> bool:

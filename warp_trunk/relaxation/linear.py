@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.conjugate_gradient import conjugate_gradient_kernels
@@ -13,11 +14,15 @@ from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..energy import State
 from ..model import Model
+from .multilevel import Multilevel
 from .sparsity import find_sparsity
-from .two_level import TwoLevel
 
 PADDING = 8
 """Doubles between two ranges' parts of a product: a cache line."""
+
+
+WINDOW = 8
+"""Iterations between two looks at the solution; they shrink its error to about a half."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +31,10 @@ class LinearSolution:
 
     iterations: int
     """Products with the matrix."""
-    reduction: float
-    """Residual against the start, both in the norm of the preconditioner."""
+    longest: float
+    """Length of the solution's longest vector [mm]; not finite where a vector is not."""
+    change: float
+    """By how much a vector changed at most over the last WINDOW iterations [mm]: about the error left."""
 
 
 class LinearSystem:
@@ -49,37 +56,47 @@ class LinearSystem:
         self.sparsity = find_sparsity(model)
         self.blocks = model.array(None, mat33, (ranges, self.sparsity.blocks))
         self.inverse_diagonal = model.array(None, mat33, (free,))
-        self.solution, self._residual, self._search, self._product, self._preconditioned = (
-            model.array(None, vec3, (free,)) for _ in range(5)
+        self.solution, self._earlier, self._residual, self._search, self._product, self._preconditioned = (
+            model.array(None, vec3, (free,)) for _ in range(6)
         )
-        rows = (most_iterations + 1, PADDING * ranges)
+        rows = (most_iterations + WINDOW + 1, PADDING * ranges)
         self._r_dot_z = model.array(None, wp.float64, rows)
         self._p_dot_q = model.array(None, wp.float64, rows)
         self._iteration = model.array(None, wp.int32, (1,))
         self._go_on = model.array(None, wp.int32, (1,))
-        self._reduction = model.array(None, wp.float64, (1,))
+        self._limits = model.array(None, wp.float64, (2,))
+        self._outcome = model.array(None, wp.float64, (2,))
+        extent = model.array(None, wp.float64, (ranges, PADDING))
         self._assemblies: dict[State, Callable[[], None]] = {}
         self._starts: dict[State, Callable[[], None]] = {}
         self._gather = model.parallel.record(
-            sparse_kernels(scalar).add_slabs, self.sparsity.blocks, [ranges], [self.blocks]
+            sparse_kernels(*model.variant).add_slabs, self.sparsity.blocks, [ranges], [self.blocks]
         )
         self._invert_diagonal = model.parallel.record(
-            sparse_kernels(scalar).invert_diagonal,
+            sparse_kernels(*model.variant).invert_diagonal,
             free,
-            [self.sparsity.diagonal, self.blocks],
+            [self.sparsity.diagonal, self.blocks, scalar(1.0)],
             [self.inverse_diagonal],
         )
         self.assemble(rest)
-        self.two_level = TwoLevel(model, self.sparsity, self.blocks)
-        self._record_iteration()
+        self._preconditioner = Multilevel(
+            model,
+            self.sparsity,
+            self.blocks,
+            self.inverse_diagonal,
+            self._residual,
+            self._preconditioned,
+            self._iteration,
+            self._r_dot_z,
+        )
+        self._record_iteration(extent)
 
-    def _record_iteration(self) -> None:
-        model, s, two_level = self.model, self.sparsity, self.two_level
+    def _record_iteration(self, extent: wp.array) -> None:
+        model, s = self.model, self.sparsity
         free, ranges = model.free, model.parallel.ranges
-        kernels, record = conjugate_gradient_kernels(model.scalar), model.parallel.record
-        space = [two_level.aggregate, two_level.mode]
+        kernels, record = conjugate_gradient_kernels(*model.variant), model.parallel.record
         self._multiply = record(
-            sparse_kernels(model.scalar).multiply,
+            sparse_kernels(*model.variant).multiply,
             s.row_bounds,
             [s.row_start, s.columns, self.blocks, self._iteration, self._search],
             [self._product, self._p_dot_q],
@@ -87,28 +104,19 @@ class LinearSystem:
         self._advance = record(
             kernels.advance,
             free,
-            [ranges, self._iteration, self._r_dot_z, self._p_dot_q, *space, self._search, self._product],
-            [self.solution, self._residual, two_level.residual],
+            [ranges, self._iteration, self._r_dot_z, self._p_dot_q, self._search, self._product],
+            [self.solution, self._residual],
         )
-        self._precondition_first, self._precondition = (
-            record(
-                kernels.precondition,
-                free,
-                [self._iteration, ahead, self.inverse_diagonal, *space, two_level.solution, self._residual],
-                [self._preconditioned, self._r_dot_z],
-            )
-            for ahead in (0, 1)
-        )
+        self._window = record(kernels.window, free, [self.solution], [self._earlier, extent])
         self._turn = record(
             kernels.turn, free, [ranges, self._iteration, self._r_dot_z, self._preconditioned], [self._search]
         )
-        self._count = wp.launch(
-            kernels.count,
-            dim=1,
-            inputs=[ranges, self.most_iterations, self._reduction, self._r_dot_z, self._p_dot_q],
-            outputs=[self._iteration, self._go_on],
-            device=model.device,
-            record_cmd=True,
+        self._count = model.parallel.record_whole(kernels.count, 1, [], [self._iteration])
+        self._decide = model.parallel.record_whole(
+            kernels.decide,
+            1,
+            [ranges, self.most_iterations, self._limits, self._iteration],
+            [extent, self._outcome, self._go_on],
         )
 
     def assemble(self, state: State) -> None:
@@ -116,7 +124,7 @@ class LinearSystem:
         m = self.model
         if state not in self._assemblies:
             self._assemblies[state] = m.parallel.record(
-                element_kernels(m.scalar, *m.terms).curvature,
+                element_kernels(*m.variant, *m.terms).curvature,
                 len(m.corners),
                 [
                     m.tets,
@@ -138,40 +146,38 @@ class LinearSystem:
             self._gather()
         self._invert_diagonal()
 
-    def solve(self, state: State, reduction: float) -> LinearSolution:
-        """Solves H d = -g for the gathered gradient of the state, to a relative residual `reduction`."""
+    def solve(self, state: State, absolute: float, relative: float) -> LinearSolution:
+        """Solves H d = -g for the gathered gradient of the state.
+
+        It ends when the longest vector of d changed over WINDOW iterations by less than `absolute` [mm] or
+        `relative` of its length: a residual falls long before the long waves of the solution have come.
+        """
         m = self.model
         if state not in self._starts:
             self._starts[state] = m.parallel.record(
-                conjugate_gradient_kernels(m.scalar).start,
+                conjugate_gradient_kernels(*m.variant).start,
                 m.free,
-                [state.gradient, self.two_level.aggregate, self.two_level.mode],
-                [self.solution, self._residual, self._search, self.two_level.residual],
+                [state.gradient],
+                [self.solution, self._residual, self._search, self._earlier],
             )
-        self._reduction.fill_(reduction)
         for array in (self._r_dot_z, self._p_dot_q, self._iteration):
             array.zero_()
+        self._limits.assign(np.array([absolute, relative]))
         self._starts[state]()
-        self.two_level.solve_coarse()
-        self._precondition_first()
-        first = float(self._r_dot_z.numpy()[0, ::PADDING].sum())
-        if first > 0.0:
-            self._iterate()
-        done = int(self._iteration.numpy()[0])
-        last = float(self._r_dot_z.numpy()[done, ::PADDING].sum())
-        return LinearSolution(done, (last / first) ** 0.5 if first > 0.0 and last >= 0.0 else 0.0)
-
-    def _step(self) -> None:
-        self._turn()
-        self._multiply()
-        self._advance()
-        self.two_level.solve_coarse()
-        self._precondition()
-        self._count.launch()
+        self._preconditioner.apply(ahead=0)
+        self._iterate()
+        longest, change = self._outcome.numpy()
+        return LinearSolution(int(self._iteration.numpy()[0]), float(longest), float(change))
 
     def _iterate(self) -> None:
-        go_on = self._go_on.numpy() if not self.model.parallel.is_cuda else None
-        while True:
-            self._step()
-            if not (go_on[0] if go_on is not None else self._go_on.numpy()[0]):
-                return
+        go_on = True
+        while go_on:
+            for _ in range(WINDOW):
+                self._turn()
+                self._multiply()
+                self._advance()
+                self._preconditioner.apply(ahead=1)
+                self._count()
+            self._window()
+            self._decide()
+            go_on = bool(self._go_on.numpy()[0])

@@ -12,7 +12,7 @@ import warp as wp
 
 from warp_trunk.kernels.loop import loop_kernels
 
-from ..energy import Energy, State
+from ..energy import State
 from ..model import Model
 from .conjugate import Conjugate
 from .gradient import Gradient
@@ -22,8 +22,8 @@ from .newton import Newton
 from .outcome import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .products import ProductReader, Products
 
-SAFETY = 1.5
-"""Factor on the length of a truncated Newton step, which sees a little less than the whole distance."""
+ESTIMATE_EVERY = 50
+"""Steps of a gradient method between two Newton solves that tell how far the equilibrium is."""
 PATIENCE = 8
 """Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
 
@@ -43,11 +43,10 @@ class Relaxer:
         methods = {"newton": lambda _: self._newton, "conjugate": Conjugate, "gradient": Gradient}
         self._method: Newton | Conjugate | Gradient = methods[self.options.method](model)
         self._reader = ProductReader(model, states, self._method.direction)
-        self._newton_reader = ProductReader(model, states, self._newton.direction)
         self._length = model.array(None, wp.float64, (1,))
         self._step = {
             start: model.parallel.record(
-                loop_kernels(model.scalar).step,
+                loop_kernels(*model.variant).step,
                 model.free,
                 [self._length, start.displacement, self._method.direction],
                 [end.displacement],
@@ -57,6 +56,8 @@ class Relaxer:
 
     def relax(self, tolerance: float | None = None) -> Relaxation:
         """Relaxes `state` until the estimated distance to equilibrium is below the tolerance [mm].
+
+        The estimate is that of the state before the last step, which is taken all the same.
 
         The energy falls at every accepted step (over ten for `gradient`), no tetrahedron is inverted
         that was not inverted at the start, and the number of steps is bounded.
@@ -77,48 +78,43 @@ class Relaxer:
 
         if not math.isfinite(energy.total):
             return report(RelaxStatus.NOT_FINITE)
+        newton, method = self._newton, self._method
+        newton.begin(tolerance)
         energies = [energy.total]
         products: Products | None = None
-        length, distance, waited = 0.0, math.inf, 0
+        length, least, waited = 0.0, math.inf, 0
         for step in range(self.options.max_steps):
-            length, spent = self._method.propose(self.state, products, length)
-            if self._method is self._newton:
-                last, distance = distance, self._reader.longest()
-                estimate = SAFETY * distance
-                waited = 0 if distance < 0.9 * last else waited + 1
-            elif step % self._method.estimates_every == 0:
-                spent += self._newton.propose(self.state, None, 1.0)[1]
-                estimate = SAFETY * self._newton_reader.longest()
+            length, spent = method.propose(self.state, products, length)
+            if method is not newton and step % ESTIMATE_EVERY == 0:
+                spent += newton.propose(self.state, None, 1.0)[1]
             linear_iterations += spent
-            if estimate <= tolerance:
-                return report(RelaxStatus.CONVERGED)
-            if waited >= PATIENCE and not resolved(energies):
-                return report(RelaxStatus.STALLED)
-
+            if method is newton or step % ESTIMATE_EVERY == 0:
+                estimate = newton.distance
+                waited = 0 if estimate < 0.9 * least else waited + 1
+                least = min(least, estimate)
+                if waited >= PATIENCE and not resolved(energies):
+                    return report(RelaxStatus.STALLED)
             slope = self._reader.read(self.state).slope
-            reference = max(energies[-self._method.memory :])
-            trials: list[Trial] = []
-            trial = search(lambda s: self._attempt(s, trials), length, reference, slope, self._method.slope_ratio)
-            evaluations += len(trials)
+            reference = max(energies[-method.memory :])
+            trial, attempts = search(self._attempt, length, reference, slope, method.slope_ratio)
+            evaluations += attempts
             if trial is None:
-                return report(RelaxStatus.STALLED)
-            if trial is not trials[-1]:
-                trial = self._attempt(trial.length, trials)
-                evaluations += 1
+                return report(RelaxStatus.CONVERGED if estimate <= tolerance else RelaxStatus.STALLED)
             self.state, self._other = self._other, self.state
             energy, inverted, products, length = trial.energy, trial.inverted, trial.products, trial.length
             energies.append(energy.total)
             history.append(RelaxStep(energy.total, estimate, length, spent))
+            if estimate <= tolerance:
+                return report(RelaxStatus.CONVERGED)
         return report(RelaxStatus.STEP_LIMIT)
 
-    def _attempt(self, length: float, trials: list[Trial]) -> Trial:
+    def _attempt(self, length: float) -> Trial:
         """Evaluates the other state at a length along the direction."""
         self._length.fill_(length)
         self._step[self.state]()
         self._other.evaluate()
         energy, inverted, newly_inverted = self._other.read()
-        trials.append(Trial(length, energy, inverted, newly_inverted, self._reader.read(self._other)))
-        return trials[-1]
+        return Trial(length, energy, inverted, newly_inverted, self._reader.read(self._other))
 
 
 def resolved(energies: list[float]) -> bool:

@@ -2,35 +2,53 @@
 
 from __future__ import annotations
 
+import math
+
 import warp as wp
 
 from ..energy import State
 from .linear import LinearSystem
 from .products import Products
 
-REDUCTION = 0.1
-"""Relative residual of the linear solve: a step then leaves about this part of the distance."""
+ACCURACY = 0.1
+"""A linear solve may leave this part of the distance to equilibrium, or of the tolerance."""
+CONTRACTION = 0.2
+"""A step that leaves more than this part of the distance calls for the curvature of where it led."""
 
 
 class Newton:
-    """The default method. The length of its direction is at the same time the estimate of the distance left."""
+    """The default method; it knows how far the equilibrium is.
+
+    Its direction is the vector to the equilibrium, as far as the linear solve and the curvature go, so
+    the length of its longest arrow is the distance [mm]. The curvature is that of an earlier step as long
+    as the steps shrink fast.
+    """
 
     memory = 1
     """Energies the line search looks back on: the last one, so the energy falls at every step."""
     slope_ratio: float | None = None
     """The line search takes the first decrease; a Newton step needs no finer length."""
-    estimates_every = 1
-    """Its direction is the estimate."""
 
     def __init__(self, linear: LinearSystem) -> None:
         self.linear = linear
+        self.begin(math.inf)
 
     @property
     def direction(self) -> wp.array:
         """d [mm], shape (free,), vec3."""
         return self.linear.solution
 
+    def begin(self, tolerance: float) -> None:
+        """Begins a relaxation to a tolerance [mm]."""
+        self._tolerance = tolerance
+        self._last_distance = 0.0
+        self.distance = math.inf
+
     def propose(self, state: State, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
-        self.linear.assemble(state)
-        return 1.0, self.linear.solve(state, REDUCTION).iterations
+        if not self.distance <= CONTRACTION * self._last_distance:
+            self.linear.assemble(state)
+        self._last_distance = self.distance
+        solution = self.linear.solve(state, ACCURACY * self._tolerance, ACCURACY)
+        self.distance = solution.longest + solution.change
+        return 1.0, solution.iterations

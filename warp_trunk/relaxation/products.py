@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.elements import COLUMNS
@@ -44,9 +43,8 @@ class ProductReader:
     """Computes the products of two states with one direction."""
 
     def __init__(self, model: Model, states: tuple[State, State], direction: wp.array) -> None:
-        kernels, ranges = loop_kernels(model.scalar), model.parallel.ranges
+        kernels, ranges = loop_kernels(*model.variant), model.parallel.ranges
         self._products = model.array(None, wp.float64, (ranges, COLUMNS))
-        self._longest = model.array(None, wp.float64, (ranges, COLUMNS))
         a, b = states
         self._launch = {
             state: model.parallel.record(
@@ -57,7 +55,6 @@ class ProductReader:
             )
             for state, other in ((a, b), (b, a))
         }
-        self._find_longest = model.parallel.record(kernels.longest, model.free, [direction], [self._longest])
 
     def read(self, state: State) -> Products:
         """Products of the state's gradient with the direction and the other state's gradient."""
@@ -72,12 +69,3 @@ class ProductReader:
             previous_slope=float(sums[PREVIOUS_SLOPE]),
             previous_squared=float(sums[PREVIOUS_SQUARED]),
         )
-
-    def longest(self) -> float:
-        """Length of the direction's longest vector [mm], or infinity where one is not finite."""
-        self._longest.zero_()
-        self._find_longest()
-        parts = self._longest.numpy()
-        if not np.isfinite(parts[:, 1].sum()):
-            return float("inf")
-        return float(np.sqrt(parts[:, 0].max()))
