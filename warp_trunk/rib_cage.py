@@ -15,10 +15,10 @@ _POINTS_PER_BONE = 7
 _APART = 8.0
 """Guiding points nearer than this to another or a landmark are left out [mm]: they would ask for a shear."""
 
-# What of the spine's motion reaches a rib, by its distance q from the body, 1 at the front of the cage.
-# Ribs turn in their joints and bend: a hump is smaller than the rotation of its vertebra. With these shares an
-# adult trunk gets a back surface rotation of 0.2 of the Cobb angle, about the size of the rib humps of Mattila
-# et al. 2013 (Spine): 12 degrees at 56 degrees Cobb.
+# What of the spine's motion reaches a rib, by its distance q from the body, 1 at the front of the cage. Ribs
+# turn in their joints and bend: a hump is smaller than the rotation of its vertebra. With these shares an adult
+# trunk gets a back surface rotation of 0.2 of the Cobb angle, about the size of the rib humps of Mattila et al.
+# 2013 (Spine): 12 degrees at 56 degrees Cobb.
 _LEAN_LOST = 4.0
 """The rib leans by 1 / (1 + this q) of the coronal tilt of its vertebra."""
 _SHIFT_LOST = 0.5
@@ -39,9 +39,7 @@ def guiding_points(
         poses: motion of each vertebra by name.
         landmarks: points the spline already holds, (m, 3) [mm].
     """
-    ribs = {
-        name: f"T{int(name[-2:])}" for name in bones if re.fullmatch(r"rib_(left|right)_(0\d|1[0-2])", name)
-    }
+    ribs = {name: f"T{int(name[-2:])}" for name in bones if _RIB.fullmatch(name)}
     reach = max((_reach(bones[rib].vertices, poses[v]).max() for rib, v in ribs.items()), default=1.0)
     before, after = [], []
     front: list[tuple[np.ndarray, np.ndarray]] = []
@@ -93,9 +91,9 @@ def _follow(points: np.ndarray, vertebra: Pose, poses: Mapping[str, Pose], reach
 
 def _carry_rigidly(points: np.ndarray, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Points moved by the rigid motion nearest to the pairs (Kabsch); left alone with fewer than three."""
-    if len(pairs) < 3:
+    a, b = (np.array([pair[side] for pair in pairs]) for side in (0, 1))
+    if len(pairs) < 3 or (a == b).all():  # not even a rounding where nothing moves
         return points.copy()
-    a, b = (np.array(side) for side in zip(*pairs, strict=True))
     U, _, Vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
     R = (U * [1.0, 1.0, np.sign(np.linalg.det(U @ Vt))] @ Vt).T
     return (points - a.mean(axis=0)) @ R.T + b.mean(axis=0)

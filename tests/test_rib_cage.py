@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+from warp_trunk.phantom import straight_trunk
+from warp_trunk.rib_cage import guiding_points
+from warp_trunk.spine_curve import SpineCurve, vertebra_poses
+
+SKIN, BONES, LANDMARKS = straight_trunk()
+
+
+def guides(cobb: float, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    poses = vertebra_poses(LANDMARKS, SpineCurve(cobb=cobb, apical_rotation=cobb / 3))
+    chosen = {name: BONES[name] for name in BONES if name.startswith(names)}
+    return guiding_points(chosen, poses, LANDMARKS.points)
+
+
+def test_guides_keep_apart_from_each_other_and_from_landmarks() -> None:
+    before, _ = guides(60.0, ("rib", "sternum", "hip", "sacrum"))
+    everything = np.vstack([before, LANDMARKS.points])
+    gaps = np.linalg.norm(before[:, None] - everything[None], axis=2)
+    gaps[np.arange(len(before)), np.arange(len(before))] = np.inf
+    assert gaps.min() >= 8.0
+
+
+def test_without_a_curve_nothing_moves() -> None:
+    before, after = guides(0.0, ("rib", "sternum", "hip", "sacrum"))
+    np.testing.assert_allclose(after, before, atol=1e-9)
+
+
+def test_pelvis_stays() -> None:
+    before, after = guides(60.0, ("hip", "sacrum"))
+    assert len(before) > 10
+    np.testing.assert_array_equal(after, before)
+
+
+def test_sternum_moves_as_one_rigid_body() -> None:
+    poses = vertebra_poses(LANDMARKS, SpineCurve(cobb=60.0))
+    ribs, _ = guiding_points({n: b for n, b in BONES.items() if n.startswith("rib")}, poses, np.empty((0, 3)))
+    both, after = guiding_points(
+        {n: b for n, b in BONES.items() if n.startswith(("rib", "sternum"))}, poses, np.empty((0, 3))
+    )
+    sternum = slice(len(ribs), None)
+    gaps = [np.linalg.norm(x[sternum][:, None] - x[sternum][None], axis=2) for x in (both, after)]
+    assert gaps[0].max() > 50.0
+    np.testing.assert_allclose(gaps[1], gaps[0], atol=1e-9)
+    assert np.abs(after[sternum] - both[sternum]).max() > 1.0
+
+
+def test_backs_of_ribs_go_back_on_the_convex_side_and_forward_on_the_other() -> None:
+    for side, sign in (("right", 1.0), ("left", -1.0)):
+        before, after = guides(60.0, (f"rib_{side}_08",))
+        behind = (np.abs(before[:, 0]) > 30.0) & (before[:, 1] > LANDMARKS.of_bone("T8").points[:, 1].mean())
+        assert behind.any()
+        assert (sign * (after - before)[behind, 1] > 5.0).all()
+
+
+def test_front_ends_turn_less_than_the_back() -> None:
+    before, after = guides(60.0, ("rib_right_08",))
+    pose = vertebra_poses(LANDMARKS, SpineCurve(cobb=60.0, apical_rotation=20.0))["T8"]
+    reach = np.linalg.norm((before - pose.before)[:, :2], axis=1)
+    full = pose(before)
+    missed = np.linalg.norm(after - full, axis=1)
+    assert missed[reach.argmin()] < 0.25 * missed[reach.argmax()]
+
+
+def test_bones_that_are_missing_guide_nothing() -> None:
+    before, after = guides(60.0, ("none",))
+    assert before.shape == after.shape == (0, 3)
+
+
+@pytest.mark.parametrize("name", ["rib_left_13", "rib_left_00", "rib_middle_04"])
+def test_names_that_are_no_rib_guide_nothing(name: str) -> None:
+    poses = vertebra_poses(LANDMARKS, SpineCurve(cobb=60.0))
+    before, _ = guiding_points({name: BONES["rib_left_04"]}, poses, LANDMARKS.points)
+    assert len(before) == 0

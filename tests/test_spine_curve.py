@@ -1,0 +1,152 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from warp_trunk.bone_landmarks import VERTEBRAE
+from warp_trunk.errors import InputError
+from warp_trunk.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.spine_curve import SpineCurve, vertebra_poses
+
+KINDS = ("thoracic", "thoracolumbar", "double_major")
+
+
+def straight_spine() -> Landmarks:
+    """Upright bodies of 20 mm with discs of 6 mm, swaying from front to back but not tilted."""
+    body = np.array([[0, 0, 10], [0, 0, -10], [9, 20, 6], [9, 20, -6], [-9, 20, 6], [-9, 20, -6]], dtype=float)
+    names, points = [], []
+    for i, bone in enumerate(VERTEBRAE):
+        names += [f"{bone}_{point}" for point in VERTEBRA_POINTS]
+        points.append(body + np.array([0.0, 20.0 * math.sin(0.4 * i), 900.0 - 26.0 * i]))
+    return Landmarks((*names, "asis_left"), np.vstack([*points, [[110.0, -60.0, 430.0]]]))
+
+
+def pose_landmarks(curve: SpineCurve) -> np.ndarray:
+    """Landmarks of the curved spine, shape (17, 6, 3), T1 first."""
+    straight = straight_spine()
+    poses = vertebra_poses(straight, curve)
+    return np.stack([poses[bone](straight.of_bone(bone).points) for bone in VERTEBRAE])
+
+
+def tilts(posed: np.ndarray) -> np.ndarray:
+    """Coronal tilt of each body [deg], from its endplate centres."""
+    axis = posed[:, 0] - posed[:, 1]
+    return np.degrees(np.arctan2(axis[:, 0], axis[:, 2]))
+
+
+def between(found: np.ndarray, upper: str, lower: str) -> float:
+    """Angle between the most tilted bodies from one vertebra down to another [deg]."""
+    return float(np.ptp(found[VERTEBRAE.index(upper) : VERTEBRAE.index(lower) + 1]))
+
+
+@pytest.mark.parametrize("direction", ["right", "left"])
+@pytest.mark.parametrize("cobb", [15.0, 60.0, 80.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_cobb_angle_is_the_one_asked_for(kind: Any, cobb: float, direction: Any) -> None:
+    found = tilts(pose_landmarks(SpineCurve(kind=kind, cobb=cobb, direction=direction)))
+    assert np.ptp(found) == pytest.approx(cobb, abs=1.0)
+    if kind == "double_major":
+        assert between(found, "T1", "T12") == pytest.approx(cobb, abs=1.0)
+        assert between(found, "T12", "L5") == pytest.approx(cobb, abs=1.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_correction_leaves_is_the_one_asked_for(kind: Any) -> None:
+    curve = SpineCurve(kind=kind, cobb=60.0, apical_rotation=20.0).corrected(0.7)
+    assert np.ptp(tilts(pose_landmarks(curve))) == pytest.approx(18.0, abs=1.0)
+    assert curve.rotation == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_vertebrae_move_rigidly(kind: Any) -> None:
+    before = straight_spine().points[:-1].reshape(17, 6, 3)
+    after = pose_landmarks(SpineCurve(kind=kind, cobb=70.0))
+    gaps = [np.linalg.norm(x[:, :, None] - x[:, None], axis=3) for x in (before, after)]
+    np.testing.assert_allclose(gaps[1], gaps[0], atol=1e-9)
+    handed = [np.linalg.det(x[:, [0, 2, 4]] - x[:, [1]]) for x in (before, after)]
+    np.testing.assert_allclose(handed[1], handed[0], atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_curved_spine_keeps_its_length_and_loses_height(kind: Any) -> None:
+    before = straight_spine().points[:-1].reshape(17, 6, 3)[:, :2].mean(axis=1)
+    after = pose_landmarks(SpineCurve(kind=kind, cobb=60.0))[:, :2].mean(axis=1)
+    lengths = [np.linalg.norm(np.diff(x, axis=0), axis=1) for x in (before, after)]
+    np.testing.assert_allclose(lengths[1], lengths[0], rtol=0.01)  # chords of arcs of at most 20 degrees
+    assert 10.0 < before[0, 2] - after[0, 2] < 60.0
+    assert abs(after[0, 0]) < 1.0  # T1 over the sacrum
+    np.testing.assert_allclose(after[:, 1], before[:, 1], atol=1e-9)
+
+
+def test_right_thoracic_curve_bulges_right_and_turns_the_right_side_back() -> None:
+    posed = pose_landmarks(SpineCurve(kind="thoracic", cobb=60.0, apical_rotation=20.0, direction="right"))
+    apex = posed[VERTEBRAE.index("T8")]
+    assert apex[:2, 0].mean() < -30.0
+    left, right = apex[2], apex[4]
+    # the bodies stand upright before, so that only the axial rotation moves a pedicle back
+    assert math.degrees(math.asin((right[1] - left[1]) / 18.0)) == pytest.approx(20.0, abs=1e-3)
+    body, pedicles = apex[:2].mean(axis=0), apex[2:].mean(axis=0)
+    assert body[0] < pedicles[0]  # the body turns to the convex side
+
+
+def test_left_is_the_mirror_image_of_right() -> None:
+    right, left = (
+        pose_landmarks(SpineCurve(kind="double_major", cobb=50.0, direction=side)) for side in ("right", "left")
+    )
+    np.testing.assert_allclose(left, right[:, [0, 1, 4, 5, 2, 3]] * [-1.0, 1.0, 1.0], atol=1e-9)
+
+
+def test_lumbar_apex_of_a_double_major_lies_and_turns_the_other_way() -> None:
+    posed = pose_landmarks(SpineCurve(kind="double_major", cobb=50.0))
+    thoracic, lumbar = (posed[VERTEBRAE.index(bone)] for bone in ("T8", "L2"))
+    assert thoracic[:2, 0].mean() < -10.0 < 10.0 < lumbar[:2, 0].mean()
+    assert thoracic[4, 1] > thoracic[2, 1]
+    assert lumbar[4, 1] < lumbar[2, 1]
+
+
+def test_no_curve_moves_nothing() -> None:
+    posed = pose_landmarks(SpineCurve(cobb=0.0))
+    np.testing.assert_array_equal(posed.reshape(-1, 3), straight_spine().points[:-1])
+
+
+def test_rotation_by_default_is_that_of_the_cited_cohort() -> None:
+    assert SpineCurve(cobb=68.0).rotation == pytest.approx(22.0, abs=0.5)
+    assert SpineCurve(cobb=68.0, apical_rotation=5.0).rotation == 5.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("kind", "lumbar"),
+        ("direction", "up"),
+        ("cobb", -1.0),
+        ("cobb", 121.0),
+        ("cobb", float("nan")),
+        ("apical_rotation", 61.0),
+        ("apical_rotation", float("nan")),
+    ],
+)
+def test_bad_numbers_are_refused(field: str, value: Any) -> None:
+    with pytest.raises(InputError, match=f"'{field}'.*not"):
+        SpineCurve(**{field: value})
+
+
+@pytest.mark.parametrize("fraction", [-0.1, 1.1, float("nan")])
+def test_correction_is_a_fraction(fraction: float) -> None:
+    with pytest.raises(InputError, match="fraction"):
+        SpineCurve().corrected(fraction)
+
+
+def test_missing_endplate_is_named() -> None:
+    straight = straight_spine()
+    keep = [i for i, name in enumerate(straight.names) if name != "T9_inferior_endplate"]
+    fewer = Landmarks(tuple(straight.names[i] for i in keep), straight.points[keep])
+    with pytest.raises(InputError, match="T9_inferior_endplate"):
+        vertebra_poses(fewer, SpineCurve())
+
+
+def test_spine_upside_down_is_refused() -> None:
+    straight = straight_spine()
+    with pytest.raises(InputError, match="T1 highest"):
+        vertebra_poses(Landmarks(straight.names, straight.points * [1.0, 1.0, -1.0]), SpineCurve())
