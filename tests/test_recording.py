@@ -137,6 +137,7 @@ def test_arrays_given_in_the_type_rerun_keeps_are_copies(tmp_path):
     np.testing.assert_array_equal(column(path, "/now/skin", "vertex_positions")[1], expected)
 
 
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_increments_so_far_survive_a_kill(tmp_path):
     case, trunk = small_case()
     path = tmp_path / "killed.rrd"

@@ -1,0 +1,130 @@
+"""Predicts how the trunk of a scoliosis patient looks after spine surgery.
+
+A public name is imported from its module when it is first used, so that `import warp_trunk` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .back_rotation import DualTangent, back_surface_rotation
+    from .bone_path import BonePath, spline_path
+    from .case import Case, read_case, write_case
+    from .cobb import CobbAngle, cobb_angles
+    from .errors import InputError
+    from .landmarks import Landmarks, read_landmarks, write_landmarks
+    from .measures import TrunkMeasures, measure
+    from .meshing import MeshOptions, build_trunk
+    from .model import Model, build_model
+    from .phantom import TrunkSize, phantom_case
+    from .recording import Recording
+    from .relaxation import Relaxation, RelaxOptions, RelaxStatus
+    from .results import read_summary, skin_after, write_result
+    from .run import RunOptions, RunResult, run_case
+    from .simulation import Increment, SimulationOptions, simulate
+    from .spine_curve import SpineCurve
+    from .surface import Surface, read_surface, write_surface
+    from .tissue import Tissue
+    from .trunk_mesh import TrunkMesh, read_trunk, write_trunk
+
+_MODULE = {
+    "DualTangent": "back_rotation",
+    "back_surface_rotation": "back_rotation",
+    "BonePath": "bone_path",
+    "spline_path": "bone_path",
+    "Case": "case",
+    "read_case": "case",
+    "write_case": "case",
+    "CobbAngle": "cobb",
+    "cobb_angles": "cobb",
+    "InputError": "errors",
+    "Landmarks": "landmarks",
+    "read_landmarks": "landmarks",
+    "write_landmarks": "landmarks",
+    "TrunkMeasures": "measures",
+    "measure": "measures",
+    "MeshOptions": "meshing",
+    "build_trunk": "meshing",
+    "Model": "model",
+    "build_model": "model",
+    "TrunkSize": "phantom",
+    "phantom_case": "phantom",
+    "Recording": "recording",
+    "Relaxation": "relaxation",
+    "RelaxOptions": "relaxation",
+    "RelaxStatus": "relaxation",
+    "read_summary": "results",
+    "skin_after": "results",
+    "write_result": "results",
+    "RunOptions": "run",
+    "RunResult": "run",
+    "run_case": "run",
+    "Increment": "simulation",
+    "SimulationOptions": "simulation",
+    "simulate": "simulation",
+    "SpineCurve": "spine_curve",
+    "Surface": "surface",
+    "read_surface": "surface",
+    "write_surface": "surface",
+    "Tissue": "tissue",
+    "TrunkMesh": "trunk_mesh",
+    "read_trunk": "trunk_mesh",
+    "write_trunk": "trunk_mesh",
+}
+
+__all__ = [
+    "BonePath",
+    "Case",
+    "CobbAngle",
+    "DualTangent",
+    "Increment",
+    "InputError",
+    "Landmarks",
+    "MeshOptions",
+    "Model",
+    "Recording",
+    "RelaxOptions",
+    "RelaxStatus",
+    "Relaxation",
+    "RunOptions",
+    "RunResult",
+    "SimulationOptions",
+    "SpineCurve",
+    "Surface",
+    "Tissue",
+    "TrunkMeasures",
+    "TrunkMesh",
+    "TrunkSize",
+    "back_surface_rotation",
+    "build_model",
+    "build_trunk",
+    "cobb_angles",
+    "measure",
+    "phantom_case",
+    "read_case",
+    "read_landmarks",
+    "read_summary",
+    "read_surface",
+    "read_trunk",
+    "run_case",
+    "simulate",
+    "skin_after",
+    "spline_path",
+    "write_case",
+    "write_landmarks",
+    "write_result",
+    "write_surface",
+    "write_trunk",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE:
+        raise AttributeError(f"module 'warp_trunk' has no attribute '{name}'")
+    value = getattr(import_module(f".{_MODULE[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -19,7 +19,7 @@ def layout(case: Case, before: TrunkMeasures) -> Any:
     centre, tall = (low + high) / 2.0, float((high - low).max())
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=centre + tall * np.array([0.0, 1.45, 0.35]),
+        position=centre + tall * np.array([0.0, 1.2, 0.25]),
         look_target=centre,
         eye_up=(0.0, 0.0, 1.0),
     )
@@ -27,8 +27,8 @@ def layout(case: Case, before: TrunkMeasures) -> Any:
     def trunk_view(name: str, *contents: str) -> Any:
         return rrb.Spatial3DView(origin="/", name=name, contents=list(contents), eye_controls=eye, line_grid=False)
 
-    around = 1.15 * float(max(abs(low[:2]).max(), abs(high[:2]).max()))
-    largest = 1.3 * max((abs(a) for a in before.bsr.values() if a is not None), default=10.0) + 2.0
+    middle, around = -centre[0], 0.6 * float((high - low)[:2].max())
+    largest = largest_bar(before)
     pictures = rrb.Tabs(
         rrb.Horizontal(
             trunk_view("Before surgery", "/before/skin"),
@@ -46,13 +46,16 @@ def layout(case: Case, before: TrunkMeasures) -> Any:
             rrb.Spatial2DView(
                 origin="/section",
                 name=f"Section at {before.worst_level}, from above, back below",
-                visual_bounds=rrb.VisualBounds2D(x_range=(-around, around), y_range=(-around, around)),
+                visual_bounds=rrb.VisualBounds2D(
+                    x_range=(middle - around, middle + around),
+                    y_range=(low[1] - 0.2 * around, high[1] + 0.2 * around),
+                ),
             ),
             rrb.TextDocumentView(origin="/summary", name="Summary"),
         ),
         rrb.Spatial2DView(
             origin="/bars",
-            name="Back surface rotation: grey before, blue now; right is a hump on the right",
+            name="Rotation of the back now [degrees]; grey before, blue now; to the right: hump on the right",
             visual_bounds=rrb.VisualBounds2D(x_range=(-largest, largest), y_range=(-1.0, len(before.bsr))),
         ),
         rrb.Tabs(
@@ -63,7 +66,7 @@ def layout(case: Case, before: TrunkMeasures) -> Any:
         rrb.Spatial2DView(
             origin="/scale",
             name="Change of the skin: dark red moved furthest",
-            visual_bounds=rrb.VisualBounds2D(x_range=(-30.0, 230.0), y_range=(-25.0, 25.0)),
+            visual_bounds=rrb.VisualBounds2D(x_range=(-30.0, 230.0), y_range=(-15.0, 30.0)),
         ),
         row_shares=[4, 5, 3, 1],
     )
@@ -73,3 +76,8 @@ def layout(case: Case, before: TrunkMeasures) -> Any:
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="increment", fps=2.0),
     )
+
+
+def largest_bar(before: TrunkMeasures) -> float:
+    """Half the width of the plot of rotations [degrees]."""
+    return 1.2 * max((abs(a) for a in before.bsr.values() if a is not None), default=10.0) + 3.0

@@ -87,7 +87,9 @@ class MakeCase:
         )
         if not self.bones.is_dir():
             raise InputError(f"{self.bones}: there is no such folder; --bones is a folder of bone surfaces")
-        files = sorted(path for path in self.bones.iterdir() if path.suffix.lower() in {".ply", ".stl", ".obj"})
+        files = sorted(
+            path for path in self.bones.iterdir() if path.suffix.lower() in {".ply", ".stl", ".obj", ".off"}
+        )
         with Progress() as progress:
             with progress.stage("load", f"reading {len(files)} bones and the skin"):
                 bones = {path.stem: read_surface(path) for path in files}
@@ -189,12 +191,20 @@ def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
 
 
 def one_line(box: str) -> str:
-    """The message in the box that tyro draws around it, in one line, up to its first rule."""
-    rows = [row.strip(" │") for row in box.splitlines() if row.startswith("│")]
-    rule = next((i for i, row in enumerate(rows) if set(row) == {"─"}), len(rows))
-    hint = next((row for row in rows[rule:] if row.startswith("Available subcommands")), "")
-    text = " ".join(" ".join([*rows[:rule], hint]).split())
-    return re.sub(r"^Error parsing __tyro-dummy-inner__[\w.-]*: ", "", text) or box.strip()
+    """The message in the box that tyro draws around it, in one line, without its title and the hint for help."""
+    plain_box = re.sub(r"\x1b\[[0-9;]*m", "", box)  # colours, on a terminal
+    rows = [row.strip(" │") for row in plain_box.splitlines()]
+    rows = [row for row in rows if row and row[0] not in "╭╰"]
+    if len(rows) > 1 and _is_rule(rows[1]):
+        rows = rows[2:]  # where the terminal has no box characters, the title stands over a rule
+    end = next((i for i, row in enumerate(rows) if _is_rule(row)), len(rows))
+    hint = [f"({row})" for row in rows[end:] if row.startswith("Available subcommands")]
+    text = " ".join(" ".join([*rows[:end], *hint]).split())
+    return re.sub(r"^Error parsing __tyro-dummy-inner__[\w.-]*: ", "", text) or "the arguments do not fit"
+
+
+def _is_rule(row: str) -> bool:
+    return set(row) <= {"─", "-"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

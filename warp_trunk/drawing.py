@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from .back_surface_rotation import DualTangent
+    from .back_rotation import DualTangent
 
 SKIN = (229, 194, 172)
 BONE = (236, 226, 198)
@@ -15,9 +15,9 @@ BEFORE = (120, 120, 120)
 NOW = (0, 114, 178)
 ACTUAL = (213, 94, 0)
 """Grey, blue and vermilion stay apart for every kind of colour vision."""
-_CHANGE = np.array([[255, 246, 222], [253, 187, 132], [227, 74, 51], [127, 0, 0]], dtype=np.float64)
-_BAR = 0.26
+BAR = 0.36
 """Height of a bar, where levels are 1 apart."""
+_CHANGE = np.array([[255, 246, 222], [253, 187, 132], [227, 74, 51], [127, 0, 0]], dtype=np.float64)
 
 
 def change_colours(change: np.ndarray, most: float) -> np.ndarray:
@@ -67,18 +67,18 @@ def section_strips(tangents: dict[str, DualTangent | None]) -> list[np.ndarray]:
     return strips
 
 
-def bars(angles: dict[str, float | None], place: int) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Horizontal bars of angles [degrees], one for each known level, the first level on top.
+def bars(angles: dict[str, float | None], place: int) -> list[np.ndarray]:
+    """Horizontal bars of angles [degrees] as lines, one for each known level, the first level on top.
 
     Args:
-        angles: by level.
-        place: 0 for the uppermost of the bars that share a level, 1 for the next.
+        angles: by level; a missing one leaves its place empty.
+        place: 0 for the upper of the two bars that share a level, 1 for the lower.
 
     Returns:
-        Centres (n, 2), half sizes (n, 2) and labels.
+        Lines from zero to the angle, each (2, 2) float32: angle, and level counted from the top.
     """
-    known = [(row, level, angle) for row, (level, angle) in enumerate(angles.items()) if angle is not None]
-    centres = [[angle / 2.0, row + _BAR * (place - 0.5)] for row, _, angle in known]
-    sizes = [[abs(angle) / 2.0, 0.45 * _BAR] for _, _, angle in known]
-    labels = [f"{level} {angle:+.1f}°" for _, level, angle in known]
-    return np.array(centres, np.float32).reshape(-1, 2), np.array(sizes, np.float32).reshape(-1, 2), labels
+    return [
+        np.array([[0.0, row + BAR * (place - 0.5)], [angle, row + BAR * (place - 0.5)]], np.float32)
+        for row, angle in enumerate(angles.values())
+        if angle is not None
+    ]

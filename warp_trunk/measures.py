@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .back_surface_rotation import DualTangent, back_surface_rotation
+from .back_rotation import DualTangent, back_surface_rotation
 from .cobb import CobbAngle, cobb_angles
 from .errors import InputError
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import drawing
-from .blueprint import layout
+from .blueprint import largest_bar, layout
 from .measures import TrunkMeasures
 from .surface import Surface
 
@@ -131,7 +131,7 @@ class Recording:
         )
         self._log("bars/before", self._bars(self._before, drawing.BEFORE, 0), static=True)
         self._section("section/before", self._before, drawing.BEFORE, static=True)
-        self._log("scale", self._colour_scale(), static=True)
+        self._colour_scale()
         for name in self._before.bsr:
             self._log(f"bsr/{name}", rr.SeriesLines(names=name), static=True)
 
@@ -160,6 +160,7 @@ class Recording:
         self._log("now/landmarks", self._landmarks(before + load_factor * (after - before)))
         self._log("now/sections", self._sections(measures, drawing.NOW))
         self._log("bars/now", self._bars(measures, drawing.NOW, 1))
+        self._log("bars/levels", self._levels(measures))
         self._section("section/now", measures, drawing.NOW, static=False)
         for level, angle in measures.bsr.items():
             if angle is not None:
@@ -178,36 +179,45 @@ class Recording:
         return self._rr.LineStrips3D(drawing.section_strips(measures.tangents), radii=0.8, colors=colour)
 
     def _section(self, path: str, measures: TrunkMeasures, colour: tuple[int, int, int], *, static: bool) -> None:
-        tangent = measures.tangents.get(self._level) if self._level else None
-        strips, label = [], ""
+        rr, tangent = self._rr, measures.tangents.get(self._level) if self._level else None
+        strips, labels, places = [], [], []
         if tangent is not None:
             curves = (drawing.closed(tangent.outline), drawing.tangent_line(tangent))
             strips = [drawing.seen_from_above(curve) for curve in curves]
-            label = f"{path.split('/')[-1]} {tangent.angle:+.1f}°"
-        line = self._rr.LineStrips2D(
-            strips, radii=1.0, colors=colour, labels=["", label][: len(strips)], show_labels=True
-        )
-        self._log(path, line, static=static)
+            labels = [f"{path.split('/')[-1]} {tangent.angle:+.1f}°"]
+            places = [strips[1][0 if static else 1]]  # the two labels at opposite ends of the tangents
+        self._log(path, rr.LineStrips2D(strips, radii=1.0, colors=colour), static=static)
+        self._log(f"{path}/angle", rr.Points2D(places, radii=2.0, colors=colour, labels=labels), static=static)
 
     def _bars(self, measures: TrunkMeasures, colour: tuple[int, int, int], place: int) -> Any:
-        centres, half_sizes, labels = drawing.bars(measures.bsr, place)
-        return self._rr.Boxes2D(
-            centers=centres, half_sizes=half_sizes, colors=colour, labels=labels, show_labels=place == 0
-        )
+        return self._rr.LineStrips2D(drawing.bars(measures.bsr, place), radii=0.45 * drawing.BAR, colors=colour)
 
-    def _colour_scale(self) -> Any:
-        value = np.linspace(0.0, self._scale, 21)
-        x = value / self._scale * 200.0
-        strips = np.stack([np.column_stack([x[:-1], 0.0 * x[1:]]), np.column_stack([x[1:], 0.0 * x[1:]])], axis=1)
-        labels = [""] * 20
-        labels[0], labels[-1] = "0 mm", f"{self._scale:.0f} mm"
-        return self._rr.LineStrips2D(
-            strips.astype(np.float32),
-            radii=6.0,
-            colors=drawing.change_colours(value[:-1], self._scale),
-            labels=labels,
+    def _levels(self, measures: TrunkMeasures) -> Any:
+        """Names and angles of the levels, left of their bars."""
+        angles = {level: "missing" if a is None else f"{a:+.1f}°" for level, a in measures.bsr.items()}
+        largest = largest_bar(self._before)
+        return self._rr.Points2D(
+            [[-0.8 * largest, row - 0.8] for row in range(len(angles))],  # a label hangs below its point
+            radii=0.0,
+            colors=(230, 230, 230),
+            labels=[f"{level}  {angle}" for level, angle in angles.items()],
             show_labels=True,
         )
+
+    def _colour_scale(self) -> None:
+        rr, value = self._rr, np.linspace(0.0, self._scale, 41)
+        x = value / self._scale * 200.0
+        strips = np.stack([np.column_stack([x[k : k + 40], np.zeros(40)]) for k in (0, 1)], axis=1)
+        colours = drawing.change_colours(value[:-1], self._scale)
+        self._log("scale", rr.LineStrips2D(strips.astype(np.float32), radii=6.0, colors=colours), static=True)
+        marks = rr.Points2D(
+            [[0.0, 4.0], [100.0, 4.0], [200.0, 4.0]],
+            radii=0.0,
+            colors=(230, 230, 230),
+            labels=[f"{part * self._scale:.0f} mm" for part in (0.0, 0.5, 1.0)],
+            show_labels=True,
+        )
+        self._log("scale/marks", marks, static=True)
 
     def _log(self, path: str, what: Any, *, static: bool = False) -> None:
         self._stream.log(path, what, static=static)

@@ -1,0 +1,108 @@
+"""What is imported where: the engine runs with NumPy and Warp alone, and importing the package is cheap."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import warp_trunk
+
+ROOT = Path(warp_trunk.__file__).parent
+KERNELS = Path(importlib.import_module("warp_trunk.kernels").__file__).parent
+ENGINE = ["model", "energy", "parallel", "simulation", "relaxation", "kernels"]
+HEAVY = ["rerun", "tetgen", "trimesh", "warp", "meshio", "scipy", "tyro", "rich"]
+
+
+def sources():
+    return sorted([*ROOT.rglob("*.py"), *KERNELS.rglob("*.py")])
+
+
+def imported(path):
+    """Names that a source imports anywhere, absolute ones only."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add(node.module)
+    return found
+
+
+def python(code):
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_sources_are_found():
+    names = {path.name for path in sources()}
+    assert {"cli.py", "model.py", "loop.py", "elements.py"} <= names
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    assert python(f"import sys, warp_trunk; print([m for m in {HEAVY} if m in sys.modules])") == "[]"
+
+
+def test_engine_runs_where_only_numpy_and_warp_are_installed():
+    """Every other package that is not of the standard library is refused, as if it were not there."""
+    code = f"""
+import sys
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        top = name.split(".")[0]
+        if top in sys.stdlib_module_names or top in ("numpy", "warp", "warp_trunk"):
+            return None
+        if top in {HEAVY}:
+            raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, Refuse())
+for name in {ENGINE}:
+    __import__("warp_trunk." + name)
+print(sorted(m for m in {HEAVY} if m in sys.modules))
+"""
+    assert python(code) == "['warp']"
+
+
+@pytest.mark.parametrize("module", ENGINE)
+def test_engine_sources_import_numpy_and_warp_and_nothing_else(module):
+    """Also inside functions, where the test above does not look."""
+    folder = KERNELS if module == "kernels" else ROOT / module
+    paths = sorted(folder.rglob("*.py")) if folder.is_dir() else [ROOT / f"{module}.py"]
+    assert paths
+    allowed = {"numpy", "warp", "warp_trunk"} | sys.stdlib_module_names
+    for path in paths:
+        assert {name.split(".")[0] for name in imported(path)} <= allowed, path
+
+
+def test_kernels_are_never_imported_by_their_bare_name():
+    """A package called kernels exists on the package index."""
+    for path in sources():
+        assert "kernels" not in {name.split(".")[0] for name in imported(path)}, path
+
+
+def test_bare_kernels_cannot_be_imported_outside_the_checkout(tmp_path):
+    done = subprocess.run([sys.executable, "-c", "import kernels"], cwd=tmp_path, capture_output=True, text=True)
+    assert "ModuleNotFoundError" in done.stderr
+
+
+def test_every_public_name_is_there_and_known_to_type_checkers():
+    tree = ast.parse((ROOT / "__init__.py").read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.name: n.module for n in block.body if isinstance(n, ast.ImportFrom) for alias in n.names}
+    assert seen == warp_trunk._MODULE
+    assert sorted(seen) == sorted(warp_trunk.__all__)
+    for name in warp_trunk.__all__:
+        assert getattr(warp_trunk, name).__name__ == name
+    assert set(warp_trunk.__all__) <= set(dir(warp_trunk))
+
+
+def test_no_public_name_is_also_a_module():
+    """Importing such a module would put it in the place of the name."""
+    assert not set(warp_trunk.__all__) & {path.stem for path in ROOT.iterdir()}
+
+
+def test_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'simulatte'"):
+        warp_trunk.simulatte  # noqa: B018
