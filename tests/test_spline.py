@@ -33,9 +33,7 @@ def test_landmarks_that_stay_give_the_identity_to_the_bit() -> None:
 
 
 def test_a_larger_nugget_lies_further_from_the_landmarks_and_ends_in_least_squares() -> None:
-    misses = [
-        np.linalg.norm(fit_spline(SOURCES, TARGETS, g)(SOURCES) - TARGETS) for g in (0, 1, 10, 100, 1e9)
-    ]
+    misses = [np.linalg.norm(fit_spline(SOURCES, TARGETS, g)(SOURCES) - TARGETS) for g in (0, 1, 10, 100, 1e9)]
     assert misses == sorted(misses)
     P = np.column_stack([np.ones(len(SOURCES)), SOURCES])
     affine = P @ np.linalg.lstsq(P, TARGETS, rcond=None)[0]
@@ -61,9 +59,7 @@ def test_coincident_landmarks_are_named() -> None:
     sources[17] = sources[4]
     with pytest.raises(InputError, match="'mark4' and 'mark17'"):
         fit_spline(sources, TARGETS, names=NAMES)
-    fit_spline(
-        sources, TARGETS, nugget=1.0, names=NAMES
-    )  # two readings of one landmark: what a nugget is for
+    fit_spline(sources, TARGETS, nugget=1.0, names=NAMES)  # two readings of one landmark: what a nugget is for
 
 
 def test_coplanar_landmarks_are_named() -> None:

@@ -48,8 +48,7 @@ def impose(
     if volume.min() <= 0.0:
         x, y, z = everything[volume.argmin()]
         raise InputError(
-            f"curve: {what} folds this trunk, at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the "
-            "straight one; ask for less"
+            f"curve: {what} folds this trunk, at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the straight one; ask for less"
         )
 
     carried = {}

@@ -175,7 +175,5 @@ def _endplates(landmarks: Landmarks) -> np.ndarray:
     names = [[f"{bone}_{end}_endplate" for end in ("superior", "inferior")] for bone in VERTEBRAE]
     missing = [name for pair in names for name in pair if name not in where]
     if missing:
-        raise InputError(
-            f"landmarks: '{missing[0]}' is missing; a spine curve needs both endplates of T1 to L5"
-        )
+        raise InputError(f"landmarks: '{missing[0]}' is missing; a spine curve needs both endplates of T1 to L5")
     return landmarks.points[[[where[name] for name in pair] for pair in names]]
