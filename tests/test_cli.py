@@ -193,3 +193,14 @@ def test_a_folder_checked_twice_is_left_empty(tmp_path):
     assert list((tmp_path / "a" / "b").iterdir()) == []
     with pytest.raises(InputError):
         find_recording(tmp_path / "a")
+
+
+def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(quick, tmp_path, monkeypatch, capsys):
+    def full(self):
+        self._fail("no space left")
+
+    monkeypatch.setattr(run.Recording, "_flush", full)
+    assert main(["demo", "--out", str(tmp_path), "--device", "cpu"]) == OK
+    files = {path.name for path in tmp_path.iterdir()}
+    assert files == {"recording.partial.rrd", "skin_after.ply", "summary.json", "trunk.vtu"}
+    assert "See it" not in capsys.readouterr().out

@@ -120,7 +120,7 @@ def run_case(
         increments,
         parameters=_parameters(options),
         seconds={**progress.seconds, "total": progress.seconds.get("load", 0.0) + time.perf_counter() - start},
-        recording=None if recording is None else recording.path,
+        recording=None if recording is None or recording.failed else recording.path,
     )
     return RunResult(increments[-1].relaxation.status, before, after, summary, folder)
 

@@ -80,8 +80,8 @@ def _curves(curves: tuple[CobbAngle, ...]) -> str:
 
 
 def _number(angle: float | None) -> str:
-    """An angle with its sign; 'missing' where the plane missed the trunk."""
-    return "missing" if angle is None else f"{angle:+.1f}"
+    """An angle [degrees] with its sign; 'missing' where the plane missed the trunk."""
+    return "missing" if angle is None else f"{round(angle, 1) + 0.0:+.1f}"  # never -0.0
 
 
 def _files(folder: Path) -> list[str]:
