@@ -9,9 +9,7 @@ from warp_trunk.surface import Surface
 from warp_trunk.trunk_mesh import TrunkMesh
 
 
-def sphere(
-    radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), subdivisions: int = 3
-) -> Surface:
+def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), subdivisions: int = 3) -> Surface:
     """A sphere of nearly equal triangles, 20 * 4**subdivisions of them, oriented outward."""
     ratio = (1.0 + 5.0**0.5) / 2.0
     corners = [(0.0, a, b * ratio) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
@@ -26,9 +24,7 @@ def sphere(
             if near[i, j] and near[j, k] and near[i, k]
         ]
     )
-    inward = (
-        np.einsum("fi,fi->f", points[faces[:, 0]], np.cross(points[faces[:, 1]], points[faces[:, 2]])) < 0
-    )
+    inward = np.einsum("fi,fi->f", points[faces[:, 0]], np.cross(points[faces[:, 1]], points[faces[:, 2]])) < 0
     faces[inward] = faces[inward][:, ::-1]
     for _ in range(subdivisions):
         points, faces = _split(points, faces)
@@ -65,6 +61,4 @@ def _split(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarra
     ab, bc, ca = len(points) + number.reshape(3, -1)
     a, b, c = faces.T
     parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return np.concatenate([points, points[unique].mean(axis=1)]), np.concatenate(
-        [np.stack(p, 1) for p in parts]
-    )
+    return np.concatenate([points, points[unique].mean(axis=1)]), np.concatenate([np.stack(p, 1) for p in parts])

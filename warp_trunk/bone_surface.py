@@ -6,12 +6,13 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from .coarsening import coarsen
-from .distance_field import Grid, SurfaceDistance
+from .distance_field import Box, Grid, SurfaceDistance, connected
 from .errors import InputError
 from .surface import Surface, check_surface
 from .surface_checks import crossings, manifold_fault
@@ -20,6 +21,8 @@ _BAND = 2.0
 """Distances are worked out to this many voxels from a surface."""
 _SPECK = 8
 """Pieces with fewer grid nodes inside than this are dropped: the grid cannot hold their shape."""
+_GAP = 0.5
+"""Bones nearer to each other than this many voxels merge, so that no wedge of tissue is left between."""
 _TRIES = 3
 """How often the surface is made, each time on a finer grid, before giving up."""
 _FINER = 0.75
@@ -52,8 +55,8 @@ def bone_surface(
     The bones become one signed distance field on a grid (the least distance over the bones, the sign by
     winding number, so that overlaps and self-intersections do no harm), cut off where the skin is nearer
     than the margin; marching cubes find its zero surface; cavities inside bone and specks are dropped; short
-    edges are collapsed. Bones nearer to each other than the grid can tell merge; the bone of each vertex is
-    the one whose own surface is nearest. A plate or rod thinner than the voxel may break into pieces.
+    edges are collapsed. Bones nearer to each other than half a voxel merge; the bone of each vertex is the
+    one whose own surface is nearest. A plate or rod thinner than the voxel may break into pieces.
 
     Args:
         skin: the closed skin.
@@ -97,14 +100,13 @@ def _isosurface(
 ) -> Surface | None:
     """The zero surface of max(min over bones, skin + margin), without cavities and specks."""
     import warp.geometry as geometry  # its kernels compile on first use
-    from scipy import ndimage  # heavy
 
     field, grid = _field(distances, skin_distance, margin, voxel)
     # marching cubes join diagonal neighbours inside, so pieces are counted in that way
-    pieces, count = ndimage.label(field < 0.0, ndimage.generate_binary_structure(3, 2))
-    specks = np.bincount(pieces.reshape(-1), minlength=count + 1) < _SPECK
+    pieces = connected(field < 0.0, diagonally=True)
+    specks = np.bincount(pieces.reshape(-1)) < _SPECK
     field[specks[pieces] & (pieces > 0)] = voxel
-    outside, count = ndimage.label(field >= 0.0)
+    outside = connected(field >= 0.0)
     if not (field < 0.0).any():
         return None
     field[(outside > 0) & (outside != outside[0, 0, 0])] = -voxel  # cavities in bone are no soft tissue
@@ -112,11 +114,9 @@ def _isosurface(
     nudge = 0.05 * voxel
     field = np.where(np.abs(field) < nudge, np.where(field < 0.0, -nudge, nudge), field)
     upper = (np.array(grid.shape) - 1) * voxel
+    values: Any = wp.array(field, dtype=wp.float32, device="cpu")
     vertices, corners = geometry.IsoSurfaceMarchingCubes.extract(
-        wp.array(field, dtype=wp.float32, device="cpu"),
-        0.0,
-        lower=(0.0, 0.0, 0.0),
-        upper=tuple(upper.tolist()),
+        values, 0.0, lower=wp.vec3(0.0), upper=wp.vec3(*upper.tolist())
     )
     faces = corners.numpy().reshape(-1, 3)
     return Surface(vertices.numpy().astype(np.float64) + grid.lower, faces)
@@ -132,17 +132,20 @@ def _field(
     grid = Grid(lower, voxel, (nx, ny, nz))
     field = np.full(grid.shape, band, dtype=np.float32)
 
-    def one(distance: SurfaceDistance) -> tuple[tuple[slice, slice, slice], np.ndarray]:
+    def one(distance: SurfaceDistance) -> tuple[Box, np.ndarray]:
         box = grid.box(distance.lower - band, distance.upper + band)
         return box, distance.on_grid(grid, box, np.ones(field[box].shape, dtype=bool), band)
 
     # Warp lets go of the interpreter while a kernel runs on the CPU
     first, *others = distances
     box, near = one(first)  # alone, so that the kernel is compiled once
-    np.minimum(field[box], near, out=field[box])
+    field[box] = near
+    second = np.full(grid.shape, band, dtype=np.float32)
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         for box, near in pool.map(one, others):
-            np.minimum(field[box], near, out=field[box])
+            second[box] = np.minimum(second[box], np.maximum(field[box], near))
+            field[box] = np.minimum(field[box], near)
+    field = np.minimum(field, 0.5 * (field + second - _GAP * voxel))  # of the two nearest bones
 
     whole = (slice(0, nx), slice(0, ny), slice(0, nz))
     wanted = field < band
@@ -174,8 +177,8 @@ def _fault(surface: Surface, bone: np.ndarray, names: tuple[str, ...]) -> str:
     lost = [name for number, name in enumerate(names) if not (bone == number).any()]
     if lost:
         return (
-            f"bone '{lost[0]}' leaves no part of it ({len(lost)} such); it is thinner than the voxel, buried in "
-            "another bone, or outside the skin less the margin"
+            f"bone '{lost[0]}' leaves no part of it ({len(lost)} such); it is thinner than the voxel, "
+            "buried in another bone, or outside the skin less the margin"
         )
     fault = manifold_fault(surface)
     if fault:

@@ -156,9 +156,7 @@ def _corners(faces: np.ndarray, count: int) -> _Corners:
     return _Corners(start, first[order], np.roll(faces, -1, axis=1).reshape(-1)[order], order // 3)
 
 
-def _short_edges(
-    corners: _Corners, vertices: np.ndarray, edge_length: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _short_edges(corners: _Corners, vertices: np.ndarray, edge_length: float) -> tuple[np.ndarray, np.ndarray]:
     once = corners.first < corners.second  # an oriented closed surface has each edge in both directions
     edges = np.stack([corners.first[once], corners.second[once]], axis=1)
     length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from .kernels.distance_field import nearest_point, signed_distance
+from warp_trunk.kernels.distance_field import signed_distance
+
 from .surface import Surface
+
+Box = tuple[slice, slice, slice]
+"""The nodes of a block of a grid."""
+_FLOAT: Any = wp.float32
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,7 @@ class Grid:
     shape: tuple[int, int, int]
     """Number of nodes along x, y, z."""
 
-    def box(self, lower: np.ndarray, upper: np.ndarray) -> tuple[slice, slice, slice]:
+    def box(self, lower: np.ndarray, upper: np.ndarray) -> Box:
         """The nodes of the smallest block of cells that holds the box from lower to upper [mm]."""
         first = np.floor((lower - self.lower) / self.spacing).astype(int)
         last = np.ceil((upper - self.lower) / self.spacing).astype(int)
@@ -58,7 +64,7 @@ class SurfaceDistance:
         if reach is None:
             off = np.abs(points - self._middle).max(initial=0.0)
             reach = 2.0 * (self._size + float(off)) + 1.0
-        distance = wp.empty(len(points), dtype=wp.float32, device="cpu")
+        distance = wp.empty(len(points), dtype=_FLOAT, device="cpu")
         wp.launch(
             signed_distance,
             dim=len(points),
@@ -68,21 +74,7 @@ class SurfaceDistance:
         )
         return distance.numpy()
 
-    def nearest(self, points: np.ndarray) -> np.ndarray:
-        """The points of the surface nearest to points (n, 3) [mm], shape (n, 3), float64."""
-        found = wp.empty(len(points), dtype=wp.vec3, device="cpu")
-        wp.launch(
-            nearest_point,
-            dim=len(points),
-            inputs=[self._mesh.id, wp.array(points - self._middle, dtype=wp.vec3, device="cpu")],
-            outputs=[found],
-            device="cpu",
-        )
-        return found.numpy() + self._middle
-
-    def on_grid(
-        self, grid: Grid, box: tuple[slice, slice, slice], wanted: np.ndarray, band: float
-    ) -> np.ndarray:
+    def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
         """Signed distance [mm] in a block of a grid, cut off at -band and +band.
 
         Only nodes within the band are searched for their nearest triangle. Beyond it, the sign is the same
@@ -91,18 +83,27 @@ class SurfaceDistance:
 
         wanted: where the value is needed, shape of the block, bool; elsewhere the result is +band.
         """
-        from scipy import ndimage  # heavy
-
         first = np.array([part.start for part in box])
         result = np.full(wanted.shape, band, dtype=np.float32)
         nodes = np.argwhere(wanted)
         result[wanted] = self.at(grid.positions(nodes + first), band)
-        patches, count = ndimage.label(np.isnan(result))
-        if count:
-            _, one_node = np.unique(patches.reshape(-1), return_index=True)
-            one_node = one_node[-count:]  # patch 0 is the band itself, and may be empty
-            samples = np.stack(np.unravel_index(one_node, patches.shape), axis=1)
-            signs = np.sign(self.at(grid.positions(samples + first)))
-            far = patches > 0
-            result[far] = band * signs[patches[far] - 1]
+        patches = connected(np.isnan(result))
+        far = patches > 0
+        if far.any():
+            far_nodes, patch = np.argwhere(far), patches[far]
+            _, sample, patch = np.unique(patch, return_index=True, return_inverse=True)
+            signs = np.sign(self.at(grid.positions(far_nodes[sample] + first)))
+            result[far] = band * signs[patch]
         return result
+
+
+def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:
+    """Number of the connected patch of each node of a grid, from 1; 0 where the mask is false.
+
+    Neighbours differ in one of the three node numbers, or in one or two of them if `diagonally`.
+    """
+    from scipy import ndimage  # heavy
+
+    patches = np.empty(mask.shape, dtype=np.int32)
+    ndimage.label(mask, ndimage.generate_binary_structure(3, 2 if diagonally else 1), output=patches)
+    return patches

@@ -18,7 +18,7 @@ from .errors import InputError
 from .surface import Surface
 from .trunk_mesh import TrunkMesh, check_trunk
 
-FORMAT = 1
+FORMAT = 2
 """Raised whenever the same input would give another mesh or another file, so that old files are not used."""
 _ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name != "bone_names")
 
@@ -64,7 +64,7 @@ def load_cached(key: str) -> TrunkMesh | None:
 
 
 def store_cached(key: str, trunk: TrunkMesh) -> None:
-    """Keep a mesh under a key; the file appears whole or not at all. Only warns where it cannot be written."""
+    """Keep a mesh under a key; the file appears whole or not at all. A folder not writable is a warning."""
     path = _path(key)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

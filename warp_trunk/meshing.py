@@ -30,13 +30,15 @@ class MeshOptions:
     bone_voxel: float = 4.0
     """Grid spacing of the bone surface [mm]; a bone thinner than this may break into pieces."""
     bone_edge_length: float = 0.0
-    """Edges of the bone surface shorter than this are collapsed [mm]; 0 chooses it from the number of tets."""
+    """Edges of the bone surface shorter than this are collapsed [mm]; 0 chooses it from `tets`."""
     bone_tolerance: float = 1.0
     """How far the collapse of edges may move the bone surface [mm]."""
     radius_edge_ratio: float = 2.0
-    """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better and makes more."""
+    """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
     smallest_dihedral: float = 0.0
-    """Quality bound: angle between the faces of a tetrahedron aimed for [degrees]; above 20 may never end."""
+    """Quality bound: angle between the faces of a tetrahedron aimed for [degrees]; above 15 takes long and gains little."""
+    largest_dihedral: float = 165.0
+    """Quality bound: tetrahedra with a larger angle between faces are improved where possible [degrees]."""
     cache: bool = True
     """Keep the mesh on disk, and use the one kept of the same surfaces and options."""
 
@@ -49,6 +51,7 @@ class MeshOptions:
             ("bone_tolerance", 0.0, 100.0),
             ("radius_edge_ratio", 1.01, 100.0),
             ("smallest_dihedral", 0.0, 25.0),
+            ("largest_dihedral", 90.0, 180.0),
         ):
             value = getattr(self, name)
             if not math.isfinite(value) or not least <= value <= most:
@@ -132,6 +135,7 @@ def make_trunk(
         options.tets,
         radius_edge_ratio=options.radius_edge_ratio,
         smallest_dihedral=options.smallest_dihedral,
+        largest_dihedral=options.largest_dihedral,
     )
     trunk = _ordered(filled.nodes, filled.tets, skin, surface, tuple(bones))
     check_trunk(trunk, "mesh")

@@ -40,9 +40,7 @@ def read_surface(path: str | Path) -> Surface:
         faces = np.array(mesh.faces, dtype=np.int32)
     except Exception as error:  # each format of trimesh fails with errors of its own
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(
-            f"{path}: cannot be read as a surface ({reason}); try PLY, STL, OBJ or OFF"
-        ) from error
+        raise InputError(f"{path}: cannot be read as a surface ({reason}); try PLY, STL, OBJ or OFF") from error
     surface = _merge_repeated_corners(vertices.reshape(-1, 3), faces.reshape(-1, 3))
     check_surface(surface, str(path))
     return surface

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
+from warp_trunk.kernels.crossing import crossing_faces
+
 from .errors import InputError
-from .kernels.crossing import crossing_faces
 from .surface import Surface
 
+_INT: Any = wp.int32
 _SLACK = 1e-6
 """Edges that miss a triangle by less than this part of its size count as crossing it."""
 
@@ -23,7 +27,7 @@ def crossings(surface: Surface) -> np.ndarray:
     centred = np.ascontiguousarray(surface.vertices - middle)
     corners = wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu")
     mesh = wp.Mesh(points=wp.array(centred, dtype=wp.vec3, device="cpu"), indices=corners)
-    crossed = wp.empty(len(surface.faces), dtype=wp.int32, device="cpu")
+    crossed: Any = wp.empty(len(surface.faces), dtype=_INT, device="cpu")
     wp.launch(
         crossing_faces,
         dim=len(surface.faces),
@@ -56,7 +60,8 @@ def manifold_fault(surface: Surface) -> str | None:
         return _at_edge("it is open along", open_edges, surface)
     pinched = np.flatnonzero(_fans(faces, len(vertices)) > 1)
     if pinched.size:
-        return f"{pinched.size} vertices join parts that only touch there, the first near {_place(vertices[pinched[0]])}"
+        place = _place(vertices[pinched[0]])
+        return f"parts of it touch in {pinched.size} single vertices, the first near {place}"
     return None
 
 
@@ -67,9 +72,7 @@ def check_solid(surface: Surface, name: str) -> None:
     """
     fault = manifold_fault(surface)
     if fault is not None:
-        raise InputError(
-            f"{name}: the surface must be closed and 2-manifold, but {fault}; repair the surface"
-        )
+        raise InputError(f"{name}: the surface must be closed and 2-manifold, but {fault}; repair the surface")
     volume = enclosed_volume(surface)
     if volume <= 0.0:
         raise InputError(

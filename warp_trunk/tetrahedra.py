@@ -32,7 +32,8 @@ class Tetrahedra:
     runs: int
     """How often TetGen was run to meet the number asked for."""
     largest_volume: float
-    """The bound on the volume of a tetrahedron in the run kept [mm^3]; infinite where none was needed."""
+    """The bound on volume given to TetGen in the run kept [mm^3], which a few beside the surfaces exceed;
+    infinite where none was needed."""
 
 
 def tetrahedralize(
@@ -42,6 +43,7 @@ def tetrahedralize(
     *,
     radius_edge_ratio: float = 2.0,
     smallest_dihedral: float = 0.0,
+    largest_dihedral: float = 165.0,
 ) -> Tetrahedra:
     """Fill the space between the bone surface and the skin with about `tets` tetrahedra.
 
@@ -55,6 +57,7 @@ def tetrahedralize(
         radius_edge_ratio: bound on circumradius by shortest edge that TetGen aims for, above 1.
         smallest_dihedral: angle between faces that TetGen aims for [degrees]; near the surfaces, whose
             triangles are fixed, it may stay below.
+        largest_dihedral: TetGen tries to improve tetrahedra with a larger angle between faces [degrees].
 
     Raises InputError when the surfaces cross, or need more tetrahedra by themselves than asked for.
     """
@@ -65,7 +68,9 @@ def tetrahedralize(
     best: Tetrahedra | None = None
     for run in range(1, _RUNS + 1):
         bound = search.next_bound()
-        nodes, corners = _tetgen(vertices, faces, holes, bound, radius_edge_ratio, smallest_dihedral)
+        nodes, corners = _tetgen(
+            vertices, faces, holes, bound, (radius_edge_ratio, smallest_dihedral, largest_dihedral)
+        )
         count = len(corners)
         if best is None or abs(count - tets) < abs(len(best.tets) - tets):
             best = Tetrahedra(nodes, corners, run, bound)
@@ -109,9 +114,7 @@ def cavity_points(bones: Surface) -> np.ndarray:
         deepest = int(distance.argmin())
         if distance[deepest] >= 0.0:
             place = surface.vertices.mean(axis=0).round(1).tolist()
-            raise InputError(
-                f"bones: no point inside the part near {place} mm was found; repair the bone there"
-            )
+            raise InputError(f"bones: no point inside the part near {place} mm was found; repair the bone there")
         points.append(tries[deepest])
     return np.array(points).reshape(-1, 3)
 
@@ -162,8 +165,7 @@ def _tetgen(
     faces: np.ndarray,
     holes: np.ndarray,
     bound: float,
-    radius_edge_ratio: float,
-    smallest_dihedral: float,
+    quality: tuple[float, float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
     import tetgen  # heavy
 
@@ -177,8 +179,9 @@ def _tetgen(
             plc=True,
             nobisect=True,  # no new nodes on the surfaces
             quality=True,
-            minratio=radius_edge_ratio,
-            mindihedral=smallest_dihedral,
+            minratio=quality[0],
+            mindihedral=quality[1],
+            optmaxdihedral=quality[2],
             fixedvolume=bool(np.isfinite(bound)),
             maxvolume=bound if np.isfinite(bound) else -1.0,
             steinerleft=-1,
