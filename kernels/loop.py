@@ -16,7 +16,7 @@ SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PRE
 
 @cache
 def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `step`, `products` and `steer` in one precision."""
+    """The kernels `step`, `products`, `steer` and `extrapolate` in one precision."""
     add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
 
@@ -89,4 +89,20 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         if i < end:
             direction[i] = scalar(keep[0]) * direction[i] - gradient[0, i]
 
-    return SimpleNamespace(step=step_kernel, products=products_kernel, steer=steer_kernel)
+    @wp.kernel(module="unique", enable_backward=False)
+    def extrapolate_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        now: wp.array(dtype=vec3),
+        last: wp.array(dtype=vec3),
+        ahead: wp.array(dtype=vec3),
+    ):
+        """ahead = now + (now - last), free nodes only."""
+        i = first + wp.tid()
+        if i < end:
+            ahead[i] = now[i] + (now[i] - last[i])
+
+    return SimpleNamespace(
+        step=step_kernel, products=products_kernel, steer=steer_kernel, extrapolate=extrapolate_kernel
+    )

@@ -8,6 +8,8 @@ import warp as wp
 from .reduction import adder
 
 vec8i = wp.types.vector(8, wp.int32)
+LANES = 16
+"""Threads that share a grid vertex on CUDA; there the coarse residual has to be zero before."""
 
 
 @cache
@@ -17,6 +19,7 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     vec3 = wp.types.vector(3, scalar)
     vec8 = wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
+    lanes = wp.constant(LANES if cuda else 1)
 
     @wp.kernel(module="unique", enable_backward=False)
     def restrict_kernel(
@@ -29,13 +32,17 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         residual: wp.array(dtype=vec3),
         coarse_residual: wp.array(dtype=vec3),
     ):
-        """P^T r: every grid vertex gathers the residual of the points it reaches."""
-        v = first + wp.tid()
-        if v < end:
+        """P^T r: every grid vertex gathers the residual of the points it reaches, over LANES threads on CUDA."""
+        i = first + wp.tid()
+        v = i // lanes
+        if i < end:
             total = vec3()
-            for k in range(row_start[v], row_start[v + 1]):
+            for k in range(row_start[v] + i % lanes, row_start[v + 1], lanes):
                 total += weight[k] * residual[point[k]]
-            coarse_residual[v] = total
+            if wp.static(cuda):
+                wp.atomic_add(coarse_residual, v, total)
+            else:
+                coarse_residual[v] = total
 
     @wp.kernel(module="unique", enable_backward=False)
     def prolong_kernel(

@@ -118,10 +118,15 @@ class State:
 
     def host_displacement(self) -> np.ndarray:
         """Displacement in the mesh's own order [mm], shape (nodes, 3), float64."""
-        result = np.empty((len(self.model.order), 3))
-        result[self.model.order] = self.displacement.numpy()
-        return result
+        return to_mesh_order(self.model, self.displacement)
 
     def place(self, displacement: np.ndarray) -> None:
         """Sets the displacement from the mesh's own order [mm], shape (nodes, 3)."""
         self.displacement.assign(displacement[self.model.order].astype(wp.dtype_to_numpy(self.model.scalar)))
+
+
+def to_mesh_order(model: Model, values: wp.array) -> np.ndarray:
+    """Vectors of the model's nodes (nodes,) on the device as a float64 array in the mesh's order (nodes, 3)."""
+    result = np.empty((len(model.order), 3))
+    result[model.order] = values.numpy()
+    return result

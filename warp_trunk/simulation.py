@@ -5,10 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import warp as wp
 
+from warp_trunk.kernels.loop import loop_kernels
+
+from .energy import State, to_mesh_order
 from .errors import InputError
 from .model import Model
 from .relaxation import Relaxation, Relaxer, RelaxOptions
@@ -31,7 +36,6 @@ class SimulationOptions:
             raise InputError(f"increments: must be at least 1, not {self.increments}")
 
 
-@dataclass(frozen=True)
 class Increment:
     """The trunk after one part of the correction, relaxed."""
 
@@ -39,12 +43,28 @@ class Increment:
     """1 for the first."""
     load_factor: float
     """The part of the correction applied so far, in (0, 1]."""
-    displacement: np.ndarray
-    """Displacement of every mesh node from before surgery [mm], shape (nodes, 3), float64."""
     relaxation: Relaxation
     """How the relaxation ended."""
     seconds: float
     """Time of this increment [s]."""
+
+    def __init__(
+        self, number: int, load_factor: float, state: State, relaxation: Relaxation, start: float
+    ) -> None:
+        self.number = number
+        self.load_factor = load_factor
+        self.relaxation = relaxation
+        self._model = state.model
+        self._on_device = wp.clone(state.displacement)
+        self.seconds = time.perf_counter() - start
+
+    @cached_property
+    def displacement(self) -> np.ndarray:
+        """Displacement of every mesh node from before surgery [mm], shape (nodes, 3), float64.
+
+        Copied from the device when first asked for.
+        """
+        return to_mesh_order(self._model, self._on_device)
 
 
 def simulate(model: Model, bone_path: BonePath, options: SimulationOptions | None = None) -> Iterator[Increment]:
@@ -63,35 +83,51 @@ def simulate(model: Model, bone_path: BonePath, options: SimulationOptions | Non
             "make the path from the nodes of this trunk"
         )
     relaxer = Relaxer(model, options.relax)
-    now = np.zeros((len(model.order), 3))
-    last = None
+    carrier = Carrier(relaxer, bone_path)
     for number in range(1, options.increments + 1):
         start = time.perf_counter()
-        load_factor, before = number / options.increments, (number - 1) / options.increments
-        last, now = now, carry(now, last, bone_path, before, load_factor)  # phi_t of eq. 4.5
-        relaxer.state.place(held(now, bone_path.at(load_factor), model))
+        load_factor = number / options.increments
+        carrier.carry(load_factor)  # phi_t of eq. 4.5
         final = number == options.increments
         relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0))  # phi~ of eq. 4.3
-        now = relaxer.state.host_displacement()
-        yield Increment(number, load_factor, now, relaxation, time.perf_counter() - start)
+        yield Increment(number, load_factor, relaxer.state, relaxation, start)
 
 
-def carry(
-    now: np.ndarray, last: np.ndarray | None, bone_path: BonePath, before: float, load_factor: float
-) -> np.ndarray:
-    """Where the tissue is expected at the load factor, from which it is relaxed.
+class Carrier:
+    """Moves the trunk to where it is expected at the next load factor, from which it is relaxed.
 
-    The first increment is carried by the spline, eq. 4.5. A later one goes on by what the relaxed trunk
-    did over the increment before, which for equal increments moves the bones just as the spline does and
-    the tissue nearly to its equilibrium.
+    Bones go to their place on the path. Tissue is carried by the spline over the first increment, eq. 4.5.
+    Over a later one it goes on by what the relaxed trunk did over the one before: for equal increments
+    that moves the bones just as the spline does, and the tissue nearly to its equilibrium.
     """
-    if last is None:
-        return now + bone_path.at(load_factor) - bone_path.at(before)
-    return now + (now - last)
 
+    def __init__(self, relaxer: Relaxer, bone_path: BonePath) -> None:
+        model = relaxer.model
+        self.relaxer, self.bone_path = relaxer, bone_path
+        self._now = model.array(None, model.vec3, (len(model.order),))
+        self._last = model.array(None, model.vec3, (len(model.order),))
+        self._started = False
+        self._extrapolate = {
+            state: model.parallel.record(
+                loop_kernels(*model.variant).extrapolate,
+                model.free,
+                [self._now, self._last],
+                [state.displacement],
+            )
+            for state in relaxer.states
+        }
 
-def held(displacement: np.ndarray, bones: np.ndarray, model: Model) -> np.ndarray:
-    """The displacement with every prescribed node exactly at its place, shape (nodes, 3)."""
-    prescribed = model.order[model.free :]
-    displacement[prescribed] = bones[prescribed]
-    return displacement
+    def carry(self, load_factor: float) -> None:
+        """Changes the relaxer's state to the expected one."""
+        state, model = self.relaxer.state, self.relaxer.model
+        path = self.bone_path.at(load_factor)
+        if self._started:
+            wp.copy(self._last, self._now)
+            wp.copy(self._now, state.displacement)
+            self._extrapolate[state]()
+            bones = path[model.order[model.free :]]
+            held = wp.array(bones, dtype=model.vec3, device=model.device)
+            wp.copy(state.displacement, held, dest_offset=model.free, count=len(bones))
+        else:
+            state.place(path)
+        self._started = True

@@ -68,7 +68,7 @@ class LinearSystem:
         self._outcome = model.array(None, wp.float64, (2,))
         extent = model.array(None, wp.float64, (ranges, PADDING))
         self._assemblies: dict[State, Callable[[], None]] = {}
-        self._starts: dict[State, Callable[[], None]] = {}
+        self._solves: dict[State, Callable[[], None]] = {}
         self._gather = model.parallel.record(
             sparse_kernels(*model.variant).add_slabs, self.sparsity.blocks, [ranges], [self.blocks]
         )
@@ -152,32 +152,50 @@ class LinearSystem:
         It ends when the longest vector of d changed over WINDOW iterations by less than `absolute` [mm] or
         `relative` of its length: a residual falls long before the long waves of the solution have come.
         """
-        m = self.model
-        if state not in self._starts:
-            self._starts[state] = m.parallel.record(
-                conjugate_gradient_kernels(*m.variant).start,
-                m.free,
-                [state.gradient],
-                [self.solution, self._residual, self._search, self._earlier],
-            )
-        for array in (self._r_dot_z, self._p_dot_q, self._iteration):
-            array.zero_()
         self._limits.assign(np.array([absolute, relative]))
-        self._starts[state]()
-        self._preconditioner.apply(ahead=0)
-        self._iterate()
+        if state not in self._solves:
+            self._solves[state] = self._record_solve(state)
+        self._solves[state]()
         longest, change = self._outcome.numpy()
         return LinearSolution(int(self._iteration.numpy()[0]), float(longest), float(change))
 
-    def _iterate(self) -> None:
-        go_on = True
-        while go_on:
-            for _ in range(WINDOW):
-                self._turn()
-                self._multiply()
-                self._advance()
-                self._preconditioner.apply(ahead=1)
-                self._count()
-            self._window()
-            self._decide()
-            go_on = bool(self._go_on.numpy()[0])
+    def _record_solve(self, state: State) -> Callable[[], None]:
+        """The whole solve for the state's gradient: a loop here on the CPU, one graph with its loop on CUDA."""
+        start = self.model.parallel.record(
+            conjugate_gradient_kernels(*self.model.variant).start,
+            self.model.free,
+            [state.gradient],
+            [self.solution, self._residual, self._search, self._earlier],
+        )
+
+        def begin() -> None:
+            for array in (self._r_dot_z, self._p_dot_q, self._iteration):
+                array.zero_()
+            start()
+            self._preconditioner.apply(ahead=0)
+            self._go_on.fill_(1)
+
+        if self.model.parallel.is_cuda:
+            wp.capture_begin(self.model.device)
+            begin()
+            wp.capture_while(self._go_on, self._advance_window)
+            graph = wp.capture_end(self.model.device)
+            return lambda: wp.capture_launch(graph)
+
+        def solve() -> None:
+            begin()
+            while self._go_on.numpy()[0]:
+                self._advance_window()
+
+        return solve
+
+    def _advance_window(self) -> None:
+        """WINDOW iterations and a look at how far they moved the solution."""
+        for _ in range(WINDOW):
+            self._turn()
+            self._multiply()
+            self._advance()
+            self._preconditioner.apply(ahead=1)
+            self._count()
+        self._window()
+        self._decide()

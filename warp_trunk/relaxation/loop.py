@@ -31,13 +31,15 @@ PATIENCE = 8
 class Relaxer:
     """Everything a relaxation needs on the device, made once for a model with free nodes."""
 
+    states: tuple[State, State]
+    """The two configurations that the loop steps between."""
     state: State
-    """The configuration now: set it, relax it, read it."""
+    """The one that holds now: set it, relax it, read it."""
 
     def __init__(self, model: Model, options: RelaxOptions | None = None) -> None:
         self.model = model
         self.options = options or RelaxOptions()
-        states = State.pair(model)
+        self.states = states = State.pair(model)
         self.state, self._other = states
         self._newton = Newton(LinearSystem(model, self.state))
         methods = {"newton": lambda _: self._newton, "conjugate": Conjugate, "gradient": Gradient}

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.multilevel import multilevel_kernels, vec8i
+from warp_trunk.kernels.multilevel import LANES, multilevel_kernels, vec8i
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..grid import Grid, Interpolation
@@ -66,7 +66,7 @@ class Multilevel:
         unused = (model.array(None, wp.int32, (1,)), 0, model.array(None, wp.float64, (1, products.shape[1])))
         fine: tuple[Any, ...] = (inverse_diagonal, residual, correction)
         outputs: list[tuple[Any, ...]] = [(iteration, 0, products), (iteration, 1, products)]
-        self._restrict: list[Callable[[], None]] = []
+        self._restrict: list[tuple[wp.array, Callable[[], None]]] = []
         self._prolong: list[list[Callable[[], None]]] = []
         from_points = points
         for spacing in spacings:
@@ -76,9 +76,11 @@ class Multilevel:
             size = len(grid.positions)
             coarse_residual = model.array(None, model.vec3, (size,))
             coarse_correction = model.array(None, model.vec3, (size,))
-            self._restrict.append(
-                model.parallel.record(kernels.restrict, size, [*transfer.by_vertex, fine[1]], [coarse_residual])
+            lanes = LANES if model.parallel.is_cuda else 1
+            gather = model.parallel.record(
+                kernels.restrict, size * lanes, [*transfer.by_vertex, fine[1]], [coarse_residual]
             )
+            self._restrict.append((coarse_residual, gather))
             diagonal, fine_residual, fine_correction = fine
             self._prolong.append(
                 [
@@ -101,8 +103,10 @@ class Multilevel:
 
     def apply(self, ahead: int) -> None:
         """z = M^-1 r; adds r . z to the row of the iteration, or to the next one with `ahead` 1."""
-        for restrict in self._restrict:
-            restrict()
+        for coarse_residual, gather in self._restrict:
+            if self.model.parallel.is_cuda:
+                coarse_residual.zero_()
+            gather()
         self._solve_dense()
         for prolong in self._prolong[::-1]:
             prolong[ahead]()
