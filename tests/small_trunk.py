@@ -1,6 +1,7 @@
 """A box of tissue around a column of bone, small enough to see through: for tests that need a whole case."""
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,7 +9,6 @@ from warp_trunk.case import Case
 from warp_trunk.energy import Energy
 from warp_trunk.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.relaxation import Relaxation, RelaxStatus
-from warp_trunk.simulation import Increment
 from warp_trunk.surface import Surface
 from warp_trunk.trunk_mesh import TrunkMesh
 
@@ -89,6 +89,17 @@ def turned(trunk, degrees_at_top):
     return np.column_stack([c * x - s * y - x, s * x + c * y - y, np.zeros_like(x)])
 
 
+@dataclass(frozen=True)
+class MadeUpIncrement:
+    """What the recording and the result read of an Increment, without a device."""
+
+    number: int
+    load_factor: float
+    displacement: np.ndarray
+    relaxation: Relaxation
+    seconds: float
+
+
 def made_up_increments(trunk, count=3, status=None):
     """Increments as `simulate` would yield them, with displacements and energies that are known."""
     increments = []
@@ -104,5 +115,5 @@ def made_up_increments(trunk, count=3, status=None):
         )
         load_factor = number / count
         displacement = turned(trunk, -14.0 * load_factor)
-        increments.append(Increment(number, load_factor, displacement, relaxation, 0.25))
+        increments.append(MadeUpIncrement(number, load_factor, displacement, relaxation, 0.25))
     return increments
