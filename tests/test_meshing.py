@@ -7,8 +7,9 @@ from synthetic import box, shell_trunk, sphere
 
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions, build_trunk, make_trunk
+from warp_trunk.polish import mean_ratio
 from warp_trunk.surface import Surface, read_surface
-from warp_trunk.surface_checks import manifold_fault
+from warp_trunk.surface_checks import crossings, manifold_fault
 from warp_trunk.trunk_mesh import check_trunk, tet_volumes
 
 SKIN = sphere(100.0)
@@ -59,7 +60,7 @@ def test_second_build_comes_from_the_cache(tmp_path, monkeypatch):
     first = make_trunk(SKIN, BONES, options, told.append)
     again = make_trunk(SKIN, BONES, options, told.append)
     assert (first.from_cache, again.from_cache) == (False, True)
-    assert len(told) == 3
+    assert len(told) == 4
     np.testing.assert_array_equal(first.trunk.tets, again.trunk.tets)
     np.testing.assert_array_equal(first.trunk.nodes, again.trunk.nodes)
     assert not make_trunk(SKIN, BONES, MeshOptions(tets=4001, bone_voxel=6.0)).from_cache
@@ -103,7 +104,10 @@ def test_anatomy():
     np.testing.assert_array_equal(trunk.nodes[trunk.skin_nodes], skin.vertices)
     assert set(trunk.bone[trunk.prescribed]) == set(range(len(bones)))
     assert made.voxel == 4.0
-    assert manifold_fault(Surface(trunk.nodes[trunk.prescribed], _renumbered(trunk))) is None
+    bone = Surface(trunk.nodes[trunk.prescribed], _renumbered(trunk))
+    assert manifold_fault(bone) is None
+    assert len(crossings(bone)) == 0
+    assert mean_ratio(trunk.nodes[trunk.tets]).min() > 0.05
 
 
 def _renumbered(trunk):

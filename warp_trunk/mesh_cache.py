@@ -18,7 +18,7 @@ from .errors import InputError
 from .surface import Surface
 from .trunk_mesh import TrunkMesh, check_trunk
 
-FORMAT = 2
+FORMAT = 3
 """Raised whenever the same input would give another mesh or another file, so that old files are not used."""
 _ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name != "bone_names")
 

@@ -12,10 +12,11 @@ import numpy as np
 from .bone_surface import BoneSurface, bone_surface
 from .errors import InputError
 from .mesh_cache import cache_key, load_cached, store_cached
+from .polish import polish
 from .space_order import morton_order
 from .surface import Surface, check_surface
-from .surface_checks import check_solid, enclosed_volume
-from .tetrahedra import tetrahedralize
+from .surface_checks import check_solid, crossings, enclosed_volume
+from .tetrahedra import Tetrahedra, tetrahedralize
 from .trunk_mesh import TrunkMesh, check_trunk
 
 
@@ -32,7 +33,7 @@ class MeshOptions:
     bone_edge_length: float = 0.0
     """Edges of the bone surface shorter than this are collapsed [mm]; 0 chooses it from `tets`."""
     bone_tolerance: float = 1.0
-    """How far the collapse of edges may move the bone surface [mm]."""
+    """How far the collapse of edges may move the bone surface [mm]; mending flat tetrahedra, half of it."""
     radius_edge_ratio: float = 2.0
     """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
     smallest_dihedral: float = 0.0
@@ -137,7 +138,9 @@ def make_trunk(
         smallest_dihedral=options.smallest_dihedral,
         largest_dihedral=options.largest_dihedral,
     )
-    trunk = _ordered(filled.nodes, filled.tets, skin, surface, tuple(bones))
+    tell("mending flat tetrahedra")
+    nodes = _mended(filled, len(skin.vertices), surface.surface, 0.5 * options.bone_tolerance)
+    trunk = _ordered(nodes, filled.tets, skin, surface, tuple(bones))
     check_trunk(trunk, "mesh")
     if options.cache:
         store_cached(key, trunk)
@@ -152,6 +155,22 @@ def choose_edge_length(skin: Surface, tets: int) -> float:
     """
     average = enclosed_volume(skin) / tets
     return 0.7 * (6.0 * math.sqrt(2.0) * average) ** (1.0 / 3.0)
+
+
+def _mended(filled: Tetrahedra, skin_count: int, bones: Surface, bone_reach: float) -> np.ndarray:
+    """Positions of the nodes with flat tetrahedra mended; skin nodes stay, bone nodes move by bone_reach at most."""
+    reach = np.full(len(filled.nodes), np.inf)
+    reach[:skin_count] = 0.0
+    on_bone = slice(skin_count, skin_count + len(bones.vertices))
+    reach[on_bone] = bone_reach
+    while True:
+        nodes = polish(filled.nodes, filled.tets, reach)
+        # nothing but this keeps the two sides of a thin bone apart: there are no tetrahedra in it
+        crossed = crossings(Surface(nodes[on_bone], bones.faces))
+        held = bones.faces[crossed] + skin_count
+        if not reach[held].any():
+            return nodes
+        reach[held] = 0.0
 
 
 def _ordered(
