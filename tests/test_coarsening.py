@@ -67,3 +67,12 @@ def test_same_surface_same_result():
     first, second = coarsen(fine, 9.0, 1.0), coarsen(fine, 9.0, 1.0)
     np.testing.assert_array_equal(first.vertices, second.vertices)
     np.testing.assert_array_equal(first.faces, second.faces)
+
+
+def test_surface_that_crosses_itself_is_coarsened_all_the_same():
+    parts = [sphere(20.0, (x, 0.0, 0.0), 4) for x in (0.0, 25.0)]
+    both = Surface(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([parts[0].faces, parts[1].faces + len(parts[0].vertices)]),
+    )
+    assert len(coarsen(both, 8.0, 1.0).faces) < len(both.faces) / 2

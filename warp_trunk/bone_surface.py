@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -141,7 +140,7 @@ def _field(
     box, near = one(first)  # alone, so that the kernel is compiled once
     field[box] = near
     second = np.full(grid.shape, band, dtype=np.float32)
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor() as pool:
         for box, near in pool.map(one, others):
             second[box] = np.minimum(second[box], np.maximum(field[box], near))
             field[box] = np.minimum(field[box], near)

@@ -85,33 +85,29 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float) -> Surface:
     work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int64))
     random = np.random.default_rng(0)
     count = len(work.vertices)
-    frozen = np.zeros(count, dtype=bool)
-    kept = work.copy()
-    faces_at_pass = len(work.faces) * 2
-    refused = np.empty(0, dtype=np.int64)
-    rounds = 0
-    done = False
+    kept = work.copy()  # the last state without crossings
+    frozen = np.zeros(count, dtype=bool)  # vertices whose collapses led to a crossing
+    refused = np.empty(0, dtype=np.int64)  # edges that failed a test since the pass began
+    faces_at_pass = np.inf
+    rounds, pass_ends = 0, False
     while True:
+        rounds += 1
         corners = _corners(work.faces, count)
         edges, length = _short_edges(corners, work.vertices, edge_length)
         fresh = ~(frozen[edges].any(axis=1) | np.isin(edges[:, 0] * count + edges[:, 1], refused))
         edges, length = edges[fresh], length[fresh]
-        rounds += 1
-        if len(edges) == 0 or done or rounds % _ROUNDS_BETWEEN_CHECKS == 0:
+        pass_ends |= len(edges) == 0
+        if pass_ends or rounds % _ROUNDS_BETWEEN_CHECKS == 0:
             crossed = crossings(Surface(work.vertices, work.faces))
-            if len(crossed):
-                # take the rounds since the last check back, and leave alone what crossed
-                frozen[work.faces[crossed]] = True
-                around = kept.faces[frozen[kept.faces].any(axis=1)]
-                frozen[around] = True
-                work = kept.copy()
+            if len(crossed) and _freeze(frozen, work.faces[crossed], kept.faces):
+                work, pass_ends = kept.copy(), False
                 continue
             kept = work.copy()
-        if len(edges) == 0 or done:
+        if pass_ends:
             if len(work.faces) > 0.98 * faces_at_pass:
                 break
-            done = False
-            faces_at_pass, refused = len(work.faces), np.empty(0, dtype=np.int64)
+            # what was refused may be allowed now that its surroundings have changed
+            faces_at_pass, refused, pass_ends = len(work.faces), np.empty(0, dtype=np.int64), False
             continue
         key = length * random.uniform(1.0, 1.5, len(length))
         edges = edges[_independent(edges, key, corners, count)]
@@ -119,9 +115,17 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float) -> Surface:
         good = _allowed(edges, target, work, corners, edge_length) & (error < tolerance)
         refused = np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]])
         _collapse(edges[good], target[good], work)
-        done = good.sum() < 0.001 * len(work.faces)
+        pass_ends = bool(good.sum() < 0.001 * len(work.faces))
     used, faces = np.unique(work.faces, return_inverse=True)
     return Surface(work.vertices[used] + middle, faces.reshape(-1, 3).astype(np.int32))
+
+
+def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:
+    """Freeze the vertices of crossing faces and their neighbours; False if all of them are frozen already."""
+    before = int(frozen.sum())
+    frozen[crossed] = True
+    frozen[faces[frozen[faces].any(axis=1)]] = True
+    return int(frozen.sum()) > before
 
 
 def _with_planes(vertices: np.ndarray, faces: np.ndarray) -> _Working:

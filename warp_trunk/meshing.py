@@ -158,7 +158,7 @@ def choose_edge_length(skin: Surface, tets: int) -> float:
 
 
 def _mended(filled: Tetrahedra, skin_count: int, bones: Surface, bone_reach: float) -> np.ndarray:
-    """Positions of the nodes with flat tetrahedra mended; skin nodes stay, bone nodes move by bone_reach at most."""
+    """Nodes with flat tetrahedra mended; those of the skin stay, those of bone move by bone_reach at most."""
     reach = np.full(len(filled.nodes), np.inf)
     reach[:skin_count] = 0.0
     on_bone = slice(skin_count, skin_count + len(bones.vertices))
