@@ -5,7 +5,7 @@ from synthetic import box, sphere
 from warp_trunk.coarsening import coarsen
 from warp_trunk.distance_field import SurfaceDistance
 from warp_trunk.surface import Surface
-from warp_trunk.surface_checks import check_solid, components, enclosed_volume
+from warp_trunk.surface_checks import check_solid, components, enclosed_volume, manifold_fault
 
 
 def edge_lengths(surface):
@@ -69,10 +69,12 @@ def test_same_surface_same_result():
     np.testing.assert_array_equal(first.faces, second.faces)
 
 
-def test_surface_that_crosses_itself_is_coarsened_all_the_same():
+def test_surface_that_crosses_itself_comes_to_an_end_and_stays_closed():
     parts = [sphere(20.0, (x, 0.0, 0.0), 4) for x in (0.0, 25.0)]
     both = Surface(
         np.concatenate([part.vertices for part in parts]),
         np.concatenate([parts[0].faces, parts[1].faces + len(parts[0].vertices)]),
     )
-    assert len(coarsen(both, 8.0, 1.0).faces) < len(both.faces) / 2
+    coarse = coarsen(both, 8.0, 1.0)
+    assert manifold_fault(coarse) is None
+    assert enclosed_volume(coarse) == pytest.approx(enclosed_volume(both), rel=0.05)
