@@ -8,17 +8,22 @@ import warp as wp
 from .reduction import adder
 
 vec8i = wp.types.vector(8, wp.int32)
+CHUNK = wp.constant(64)
+"""Columns of the dense product that one CUDA thread adds up."""
+STRIP = 16
+"""Rows of the dense product that one item of the CPU adds up."""
 LANES = 16
 """Threads that share a grid vertex on CUDA; there the coarse residual has to be zero before."""
 
 
 @cache
 def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `restrict`, `prolong`, `grid_diagonal`, `grid_matrix` and `dense_product` in one precision."""
+    """The kernels of the preconditioner, in one precision."""
     add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
     vec8 = wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
+    strip = wp.types.vector(STRIP, scalar)
     lanes = wp.constant(LANES if cuda else 1)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -122,26 +127,47 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                             )
 
     @wp.kernel(module="unique", enable_backward=False)
-    def dense_product_kernel(
+    def dense_chunk_kernel(
+        first: int,
+        end: int,
+        slab: int,
         size: int,
-        chunk: int,
         inverse: wp.array(dtype=scalar, ndim=2),
         residual: wp.array(dtype=scalar),
         solution: wp.array(dtype=scalar),
     ):
-        """Adds one chunk of a symmetric dense product; neighbouring threads read neighbouring numbers."""
-        t = wp.tid()
-        i = t % size
-        start = (t // size) * chunk
-        value = scalar(0.0)
-        for k in range(start, wp.min(start + chunk, size)):
-            value += inverse[k, i] * residual[k]
-        wp.atomic_add(solution, i, value)
+        """Adds CHUNK columns of a symmetric dense product, for CUDA: neighbours read neighbouring numbers."""
+        i = (first + wp.tid()) % size
+        start = (first + wp.tid()) // size * CHUNK
+        if first + wp.tid() < end:
+            value = scalar(0.0)
+            for k in range(start, wp.min(start + CHUNK, size)):
+                value += inverse[k, i] * residual[k]
+            wp.atomic_add(solution, i, value)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def dense_strip_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        size: int,
+        inverse: wp.array(dtype=strip, ndim=2),
+        residual: wp.array(dtype=scalar),
+        solution: wp.array(dtype=strip),
+    ):
+        """STRIP rows of a dense product, for the CPU: one vector register of sums, read from front to back."""
+        b = first + wp.tid()
+        if b < end:
+            total = strip()
+            for k in range(size):
+                total += inverse[b, k] * residual[k]
+            solution[b] = total
 
     return SimpleNamespace(
         restrict=restrict_kernel,
         prolong=prolong_kernel,
         grid_diagonal=grid_diagonal_kernel,
         grid_matrix=grid_matrix_kernel,
-        dense_product=dense_product_kernel,
+        dense_chunk=dense_chunk_kernel,
+        dense_strip=dense_strip_kernel,
     )

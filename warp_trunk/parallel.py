@@ -19,6 +19,8 @@ import warp as wp
 
 from .errors import InputError
 
+LEAST_SPLIT = 1024
+"""Fewer items than this are run by the calling thread alone: waking another takes longer."""
 CUDA_BLOCK = 256
 """Threads of a CUDA block; launches are padded to whole blocks because sums are reduced per block."""
 
@@ -55,13 +57,21 @@ class Parallel:
         return np.linspace(0, size, self.ranges + 1).astype(np.int64)
 
     def record(
-        self, kernel: Any, size: int | np.ndarray, inputs: Sequence[Any], outputs: Sequence[Any]
+        self,
+        kernel: Any,
+        size: int | np.ndarray,
+        inputs: Sequence[Any],
+        outputs: Sequence[Any],
+        least: int = LEAST_SPLIT,
     ) -> Callable[[], None]:
         """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
 
-        `size` is the number of items, or the bounds of the ranges where they should not be equal.
+        `size` is the number of items, or the bounds of the ranges where they should not be equal. Fewer
+        items than `least` are not split.
         """
         bounds = self.split(size) if isinstance(size, int) else size
+        if bounds[-1] < least:
+            bounds = bounds[[0, -1]]
         commands = []
         for slab, (first, end) in enumerate(pairwise(bounds)):
             count = int(end - first)

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.multilevel import LANES, multilevel_kernels, vec8i
+from warp_trunk.kernels.multilevel import CHUNK, LANES, STRIP, multilevel_kernels, vec8i
 from warp_trunk.kernels.sparse import sparse_kernels
 
-from ..grid import Grid, Interpolation
+from .grid import Grid, Interpolation
 from ..model import Model
 from .sparsity import Sparsity
 
@@ -28,8 +28,6 @@ FINEST_SPACING = 1.6
 """No grid is finer than this many mean distances of nodes: below, the nodes' own blocks do the work."""
 GRID_WEIGHT = 0.5
 """Factor on the diagonal blocks of the grids between, which overlap with the levels above and below."""
-CHUNK = 64
-"""Columns of the dense product that one CUDA thread adds up."""
 
 
 class Multilevel:
@@ -75,7 +73,7 @@ class Multilevel:
             whole = _Transfer(model, grid.interpolate(points))
             size = len(grid.positions)
             coarse_residual = model.array(None, model.vec3, (size,))
-            coarse_correction = model.array(None, model.vec3, (size,))
+            coarse_correction = model.array(None, model.vec3, (size + STRIP,))  # room for a whole last strip
             lanes = LANES if model.parallel.is_cuda else 1
             gather = model.parallel.record(
                 kernels.restrict, size * lanes, [*transfer.by_vertex, fine[1]], [coarse_residual]
@@ -147,29 +145,41 @@ class Multilevel:
         return matrix.numpy()
 
     def _make_dense(self, matrix: np.ndarray, residual: wp.array, solution: wp.array) -> None:
-        model = self.model
-        size = len(matrix)
-        inverse = invert(matrix).astype(wp.dtype_to_numpy(model.scalar))
-        if not model.parallel.is_cuda:
-            host_residual, host_solution = residual.numpy().reshape(size), solution.numpy().reshape(size)
-            self._solve_dense = lambda: np.dot(inverse, host_residual, out=host_solution)
+        """Records the product of the dense inverse with the residual of the coarsest grid."""
+        model, size = self.model, len(matrix)
+        kernels = multilevel_kernels(*model.variant)
+        inverse = invert(matrix)
+        flat_residual = self._view(residual, model.scalar, size)
+        if model.parallel.is_cuda:
+            product = model.parallel.record(
+                kernels.dense_chunk,
+                size * -(-size // CHUNK),
+                [size, model.array(inverse, model.scalar), flat_residual],
+                [self._view(solution, model.scalar, size)],
+            )
+
+            def solve_dense() -> None:
+                solution.zero_()
+                product()
+
+            self._solve_dense = solve_dense
             return
-
-        def flat(array: wp.array) -> wp.array:
-            return wp.array(ptr=array.ptr, shape=(size,), dtype=model.scalar, device=model.device)
-
-        product = model.parallel.record_whole(
-            multilevel_kernels(*model.variant).dense_product,
-            size * -(-size // CHUNK),
-            [size, CHUNK, model.array(inverse, model.scalar), flat(residual)],
-            [flat(solution)],
+        strips = -(-size // STRIP)
+        padded = np.zeros((strips * STRIP, size))
+        padded[:size] = inverse
+        by_strip = padded.reshape(strips, STRIP, size).transpose(0, 2, 1)
+        vector: Any = wp.types.vector(STRIP, model.scalar)
+        self._solve_dense = model.parallel.record(
+            kernels.dense_strip,
+            strips,
+            [size, model.array(by_strip, vector), flat_residual],
+            [self._view(solution, vector, strips)],
+            least=16,
         )
 
-        def solve_dense() -> None:
-            solution.zero_()
-            product()
-
-        self._solve_dense = solve_dense
+    def _view(self, array: wp.array, dtype: Any, size: int) -> wp.array:
+        """The same memory with elements of another type."""
+        return wp.array(ptr=array.ptr, shape=(size,), dtype=dtype, device=self.model.device)
 
 
 class _Transfer:
