@@ -1,0 +1,320 @@
+"""The energy terms of eq. 4.12 to 4.14 of [2] one by one, in float64: values, gradients, curvatures."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import warp as wp
+from meshes import rotation
+from warp_trunk.kernels.area import area_curvature, area_term
+from warp_trunk.kernels.distance import distance_curvature, distance_term
+from warp_trunk.kernels.gravity import gravity_term
+from warp_trunk.kernels.volume import volume_gradients, volume_term
+
+WEIGHT = 1.7
+SIZES = [1e-3, 1.0, 1e3]
+
+
+@wp.kernel(enable_backward=False)
+def distance_kernel(
+    rest: wp.array2d(dtype=wp.vec3d),
+    change: wp.array2d(dtype=wp.vec3d),
+    measure: wp.array(dtype=wp.float64),
+    weight: wp.float64,
+    energy: wp.array(dtype=wp.float64),
+    gradient: wp.array2d(dtype=wp.vec3d),
+    curvature: wp.array3d(dtype=wp.mat33d),
+):
+    t = wp.tid()
+    e, g = distance_term(rest[t, 0], change[t, 0], measure[t], weight)
+    energy[t] = e
+    gradient[t, 0] = g
+    curvature[t, 0, 0] = distance_curvature(rest[t, 0], change[t, 0], measure[t], weight)
+
+
+@wp.kernel(enable_backward=False)
+def area_kernel(
+    rest: wp.array2d(dtype=wp.vec3d),
+    change: wp.array2d(dtype=wp.vec3d),
+    measure: wp.array(dtype=wp.float64),
+    weight: wp.float64,
+    energy: wp.array(dtype=wp.float64),
+    gradient: wp.array2d(dtype=wp.vec3d),
+    curvature: wp.array3d(dtype=wp.mat33d),
+):
+    t = wp.tid()
+    e, ga, gb = area_term(rest[t, 0], rest[t, 1], change[t, 0], change[t, 1], measure[t], weight)
+    energy[t] = e
+    gradient[t, 0] = ga
+    gradient[t, 1] = gb
+    aa, ab, bb = area_curvature(rest[t, 0], rest[t, 1], change[t, 0], change[t, 1], measure[t], weight)
+    curvature[t, 0, 0] = aa
+    curvature[t, 0, 1] = ab
+    curvature[t, 1, 0] = wp.transpose(ab)
+    curvature[t, 1, 1] = bb
+
+
+@wp.kernel(enable_backward=False)
+def volume_kernel(
+    rest: wp.array2d(dtype=wp.vec3d),
+    change: wp.array2d(dtype=wp.vec3d),
+    measure: wp.array(dtype=wp.float64),
+    weight: wp.float64,
+    energy: wp.array(dtype=wp.float64),
+    gradient: wp.array2d(dtype=wp.vec3d),
+    volume_gradient: wp.array2d(dtype=wp.vec3d),
+):
+    t = wp.tid()
+    a0 = rest[t, 0]
+    b0 = rest[t, 1]
+    c0 = rest[t, 2]
+    da = change[t, 0]
+    db = change[t, 1]
+    dc = change[t, 2]
+    e, ga, gb, gc = volume_term(a0, b0, c0, da, db, dc, measure[t], weight)
+    energy[t] = e
+    gradient[t, 0] = ga
+    gradient[t, 1] = gb
+    gradient[t, 2] = gc
+    va, vb, vc = volume_gradients(a0 + da, b0 + db, c0 + dc)
+    volume_gradient[t, 0] = va
+    volume_gradient[t, 1] = vb
+    volume_gradient[t, 2] = vc
+
+
+@wp.kernel(enable_backward=False)
+def gravity_kernel(u: wp.array2d(dtype=wp.vec3d), weight: wp.float64, energy: wp.array(dtype=wp.float64)):
+    t = wp.tid()
+    energy[t] = gravity_term(u[t, 0], u[t, 1], u[t, 2], u[t, 3], weight)
+
+
+def length(edges: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(edges[:, 0], axis=1)
+
+
+def area(edges: np.ndarray) -> np.ndarray:
+    return 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+
+
+def volume(edges: np.ndarray) -> np.ndarray:
+    return np.linalg.det(edges) / 6.0
+
+
+class Term:
+    """A term of a feature given by its edge vectors from one corner, shape (cases, vectors, 3)."""
+
+    def __init__(self, kernel: wp.Kernel, vectors: int, measure: Callable[[np.ndarray], np.ndarray]) -> None:
+        self.kernel, self.vectors, self.measure = kernel, vectors, measure
+
+    def __call__(self, rest: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Energies, gradients, and what the kernel gives third."""
+        cases, n = rest.shape[:2]
+        energy = wp.zeros(cases, dtype=wp.float64, device="cpu")
+        gradient = wp.zeros((cases, n), dtype=wp.vec3d, device="cpu")
+        if self.kernel is volume_kernel:
+            third = wp.zeros((cases, n), dtype=wp.vec3d, device="cpu")
+        else:
+            third = wp.zeros((cases, n, n), dtype=wp.mat33d, device="cpu")
+        inputs = [
+            wp.array(np.ascontiguousarray(rest), dtype=wp.vec3d, device="cpu"),
+            wp.array(np.ascontiguousarray(now - rest), dtype=wp.vec3d, device="cpu"),
+            wp.array(self.measure(rest), dtype=wp.float64, device="cpu"),
+            WEIGHT,
+        ]
+        wp.launch(self.kernel, dim=cases, inputs=inputs, outputs=[energy, gradient, third], device="cpu")
+        return energy.numpy(), gradient.numpy(), third.numpy()
+
+    def curvature(self, rest: np.ndarray, now: np.ndarray) -> np.ndarray:
+        """Second derivatives, shape (cases, 3 vectors, 3 vectors)."""
+        blocks = self(rest, now)[2]
+        cases, n = blocks.shape[:2]
+        return blocks.transpose(0, 1, 3, 2, 4).reshape(cases, 3 * n, 3 * n)
+
+
+TERMS = {
+    "distance": Term(distance_kernel, 1, length),
+    "area": Term(area_kernel, 2, area),
+    "volume": Term(volume_kernel, 3, volume),
+}
+CURVED = ["distance", "area"]
+
+
+def rest_edges(term: Term, size: float = 1.0, cases: int = 40) -> np.ndarray:
+    """Edge vectors of well-shaped random features, of positive volume."""
+    noise = np.random.default_rng(2).normal(scale=0.2, size=(cases, 3, 3))
+    turns = np.stack([rotation(37.0 * n, (1.0, n, -n * n)) for n in range(cases)])
+    return size * ((np.eye(3) + noise) @ turns)[:, : term.vectors]
+
+
+def states(term: Term, size: float = 1.0) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Rest and present edge vectors: at rest, random, stretched, compressed, inverted."""
+    rest = rest_edges(term, size)
+    noise = size * np.random.default_rng(3).normal(scale=0.3, size=rest.shape)
+    mirror = np.diag([1.0, 1.0, -1.0])
+    return {
+        "rest": (rest, rest),
+        "random": (rest, rest + noise),
+        "stretched": (rest, 1.8 * rest + 0.2 * noise),
+        "compressed": (rest, 0.4 * rest + 0.1 * noise),
+        "inverted": (rest, rest @ mirror + 0.1 * noise),
+    }
+
+
+def differences(values: Callable[[np.ndarray], np.ndarray], at: np.ndarray, step: float) -> np.ndarray:
+    """Central differences of values (cases, ...) in every component of `at`, (cases, vectors * 3, ...)."""
+    columns = []
+    for n in range(at[0].size):
+        move = np.zeros(at[0].size)
+        move[n] = step
+        move = move.reshape(at[0].shape)
+        columns.append((values(at + move) - values(at - move)) / (2.0 * step))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", TERMS)
+def test_gradient_is_that_of_the_energy(name: str, size: float) -> None:
+    term = TERMS[name]
+    for state, (rest, now) in states(term, size).items():
+        numeric = differences(lambda x, rest=rest: term(rest, x)[0], now, 1e-5 * size)
+        analytic = term(rest, now)[1].reshape(numeric.shape)
+        np.testing.assert_allclose(analytic * size, numeric * size, rtol=2e-8, atol=2e-8, err_msg=state)
+
+
+def test_volume_gradients_are_those_of_the_volume() -> None:
+    """The volume is linear in each vector, so that a difference over any step is exact."""
+    rest = rest_edges(TERMS["volume"])
+    numeric = differences(volume, rest, 0.5)
+    np.testing.assert_allclose(TERMS["volume"](rest, rest)[2].reshape(numeric.shape), numeric, rtol=0, atol=1e-14)
+
+
+def test_volume_force_keeps_float64() -> None:
+    """A grown right-angled corner: V = 8 V0, dE/da = 2 w (8 - 1) / V0 * (b x c) / 6."""
+    rest = np.eye(3)[None]
+    _, gradient, _ = TERMS["volume"](rest, 2.0 * rest)
+    np.testing.assert_allclose(gradient[0], np.eye(3) * (2.0 * WEIGHT * 7.0 / (1.0 / 6.0) * 4.0 / 6.0), rtol=1e-15)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", CURVED)
+def test_curvature_is_exact_at_rest(name: str, size: float) -> None:
+    term = TERMS[name]
+    rest = rest_edges(term, size)
+    numeric = differences(lambda x: term(rest, x)[1].reshape(len(rest), -1), rest, 1e-5 * size)
+    np.testing.assert_allclose(term.curvature(rest, rest) * size**2, numeric * size**2, rtol=1e-6, atol=1e-8)
+
+
+def test_curvature_of_a_stretched_edge_is_exact() -> None:
+    term = TERMS["distance"]
+    rest, now = states(term)["stretched"]
+    numeric = differences(lambda x: term(rest, x)[1].reshape(len(rest), -1), now, 1e-5)
+    np.testing.assert_allclose(term.curvature(rest, now), numeric, rtol=1e-7, atol=1e-8)
+
+
+def test_curvature_of_a_compressed_edge_is_exact_along_it() -> None:
+    term = TERMS["distance"]
+    rest, now = states(term)["compressed"]
+    axis = now[:, 0] / length(now)[:, None]
+    numeric = differences(lambda x: term(rest, x)[1].reshape(len(rest), -1), now, 1e-5)
+    analytic = term.curvature(rest, now)
+    along = np.einsum("ti,tij,tj->t", axis, numeric, axis)
+    np.testing.assert_allclose(np.einsum("ti,tij,tj->t", axis, analytic, axis), along, rtol=1e-6)
+    np.testing.assert_allclose(analytic @ axis[:, :, None], along[:, None, None] * axis[:, :, None], rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", CURVED)
+def test_curvature_is_positive_semidefinite_everywhere(name: str, size: float) -> None:
+    term = TERMS[name]
+    for state, (rest, now) in states(term, size).items():
+        curvature = term.curvature(rest, now)
+        np.testing.assert_allclose(curvature, curvature.transpose(0, 2, 1), rtol=1e-13, atol=1e-13 / size**2)
+        values = np.linalg.eigvalsh(curvature)
+        assert values.min() >= -1e-12 * values.max(), state
+        assert (values.max(axis=1) > 0.0).all(), state
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", TERMS)
+def test_forces_turn_nothing(name: str, size: float) -> None:
+    """The first corner gets minus the other forces, so that no net force is left; their torque must vanish."""
+    term = TERMS[name]
+    for state, (rest, now) in states(term, size).items():
+        torque = np.cross(now, term(rest, now)[1]).sum(axis=1)
+        np.testing.assert_allclose(torque, 0.0, atol=2e-13 * max(1.0, np.abs(torque).max()), err_msg=state)
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_rotation_turns_the_gradient_and_nothing_else(name: str) -> None:
+    term, turn = TERMS[name], rotation(123.0, (1.0, 2.0, -0.7))
+    for rest, now in states(term).values():
+        energy, gradient, _ = term(rest, now)
+        turned_energy, turned_gradient, _ = term(rest, now @ turn.T)
+        np.testing.assert_allclose(turned_energy, energy, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(turned_gradient, gradient @ turn.T, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", TERMS)
+def test_zero_at_rest(name: str, size: float) -> None:
+    term = TERMS[name]
+    rest = rest_edges(term, size)
+    energy, gradient, _ = term(rest, rest)
+    assert energy.max() < 1e-30
+    assert np.abs(gradient).max() * size < 1e-14
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_relative_change_does_not_know_the_scale(name: str) -> None:
+    term = TERMS[name]
+    for state in states(term):
+        wanted = term(*states(term)[state])[0]
+        for size in SIZES:
+            np.testing.assert_allclose(term(*states(term, size)[state])[0], wanted, rtol=1e-10, atol=1e-28)
+
+
+def test_values_by_hand() -> None:
+    """A 2 mm edge grown to 3 mm, half its length; a 3-4-5 face doubled one way; a corner grown to 2 x 3 x 4."""
+    edge = np.array([[[2.0, 0.0, 0.0]]])
+    assert TERMS["distance"](edge, np.array([[[0.0, 0.0, 3.0]]]))[0][0] == pytest.approx(WEIGHT * 0.25, rel=1e-15)
+    face = np.array([[[3.0, 0.0, 0.0], [0.0, 4.0, 0.0]]])
+    grown = np.array([[[0.0, 6.0, 0.0], [0.0, 1.0, 4.0]]])
+    assert TERMS["area"](face, grown)[0][0] == pytest.approx(WEIGHT * 1.0, rel=1e-15)
+    corner = np.eye(3)[None]
+    assert TERMS["volume"](corner, corner * [2.0, 3.0, 4.0])[0][0] == pytest.approx(WEIGHT * 23.0**2, rel=1e-15)
+    assert TERMS["volume"](corner, -corner)[0][0] == pytest.approx(WEIGHT * 4.0, rel=1e-15)
+
+
+def test_collapsed_features_stay_finite() -> None:
+    """An edge, a face and a tetrahedron without any size, a flat one, and a sliver at rest."""
+    for name, term in TERMS.items():
+        rest = rest_edges(term, cases=4)
+        flat = rest * [1.0, 1.0, 0.0]
+        in_line = np.repeat(rest[:, :1], term.vectors, axis=1)
+        for now in (np.zeros_like(rest), flat, in_line):
+            for values in term(rest, now):
+                assert np.isfinite(values).all(), name
+        sliver = rest * [1.0, 1.0, 1e-9] if name == "volume" else rest
+        energy, gradient, _ = term(sliver, sliver * 1.01)
+        assert np.isfinite(energy).all()
+        assert np.isfinite(gradient).all()
+        expected = {"distance": 0.01, "area": 1.01**2 - 1.0, "volume": 1.01**3 - 1.0}[name]
+        np.testing.assert_allclose(energy, WEIGHT * expected**2, rtol=1e-6)
+
+
+def test_a_flat_tetrahedron_loses_its_whole_volume() -> None:
+    rest = rest_edges(TERMS["volume"], cases=4)
+    np.testing.assert_allclose(TERMS["volume"](rest, rest * [1.0, 1.0, 0.0])[0], WEIGHT, rtol=1e-13)
+
+
+def test_gravity_is_the_weight_times_the_sum_of_heights() -> None:
+    u = np.random.default_rng(4).normal(size=(5, 4, 3))
+    energy = wp.zeros(5, dtype=wp.float64, device="cpu")
+    wp.launch(
+        gravity_kernel,
+        dim=5,
+        inputs=[wp.array(u, dtype=wp.vec3d, device="cpu"), WEIGHT],
+        outputs=[energy],
+        device="cpu",
+    )
+    np.testing.assert_allclose(energy.numpy(), WEIGHT * u[:, :, 2].sum(axis=1), rtol=1e-13)
