@@ -18,12 +18,12 @@ import warp as wp
 from warp_trunk.kernels.multilevel import CHUNK, LANES, STRIP, multilevel_kernels, vec8i
 from warp_trunk.kernels.sparse import sparse_kernels
 
-from .grid import Grid, Interpolation
 from ..model import Model
+from .grid import Grid, Interpolation
 from .sparsity import Sparsity
 
-DENSE_VERTICES = 800
-"""About the most vertices of the coarsest grid; its inverse has three rows for each."""
+DENSE_CELLS = 480
+"""Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
 FINEST_SPACING = 1.6
 """No grid is finer than this many mean distances of nodes: below, the nodes' own blocks do the work."""
 GRID_WEIGHT = 0.5
@@ -197,22 +197,24 @@ class _Transfer:
 
 def choose_spacings(points: np.ndarray) -> list[float]:
     """Spacings of the grids, finest first, each twice the one before [mm]."""
-    extent = np.maximum(np.ptp(points, axis=0), 1e-6)
-    origin = points.min(axis=0)
-    dense = float(extent.max())
-    while True:
-        smaller = dense / 1.1
-        if len(np.unique(np.floor((points - origin) / smaller), axis=0)) > 0.6 * DENSE_VERTICES:
-            break
-        if len(points) < 8 * len(np.unique(np.floor((points - origin) / smaller), axis=0)):
-            break
-        dense = smaller
-    cells = len(np.unique(np.floor((points - origin) / (0.25 * dense)), axis=0))
-    node_distance = (cells * (0.25 * dense) ** 3 / len(points)) ** (1.0 / 3.0)
+    dense = float(np.ptp(points, axis=0).max(initial=1e-6))
+    most = min(DENSE_CELLS, len(points) / 8)
+    while occupied_cells(points, dense / 1.1) <= most:
+        dense /= 1.1
+    quarter = 0.25 * dense
+    node_distance = quarter * (occupied_cells(points, quarter) / len(points)) ** (1.0 / 3.0)
     spacings = [dense]
     while 0.5 * spacings[0] >= FINEST_SPACING * node_distance:
         spacings.insert(0, 0.5 * spacings[0])
     return spacings
+
+
+def occupied_cells(points: np.ndarray, spacing: float) -> int:
+    """Number of cells of a regular grid that hold a point."""
+    cell = ((points - points.min(axis=0)) / spacing).astype(np.int64)
+    occupied = np.zeros(cell.max(axis=0) + 1, dtype=bool)
+    occupied[tuple(cell.T)] = True
+    return int(occupied.sum())
 
 
 def invert(matrix: np.ndarray) -> np.ndarray:
