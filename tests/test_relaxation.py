@@ -163,7 +163,8 @@ def test_float32_says_that_it_cannot_reach_a_nanometre(method: str, scene: str) 
     wanted = {RelaxStatus.STALLED, RelaxStatus.STEP_LIMIT} if method == "gradient" else {RelaxStatus.STALLED}
     assert ending.relaxation.status in wanted
     assert ending.relaxation.estimated_error > 1e-9
-    assert 1e-9 < true_error(ending, scene) <= 2.0 * ending.relaxation.estimated_error
+    rounding = np.finfo(np.float32).eps * np.abs(ending.displacement).max()
+    assert 1e-9 < true_error(ending, scene) <= rounding + 2.0 * ending.relaxation.estimated_error
 
 
 @pytest.mark.parametrize("method", METHODS)
