@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warp_trunk.bone_landmarks import VERTEBRAE
+from warp_trunk.deformity.bone_landmarks import VERTEBRAE
 from warp_trunk.surface import Surface
 
 Box = tuple[tuple[int, int, int], tuple[int, int, int]]

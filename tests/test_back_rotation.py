@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from warp_trunk.back_rotation import back_surface_rotation, dual_tangent
 from warp_trunk.errors import InputError
 from warp_trunk.landmarks import Landmarks
+from warp_trunk.measures.back_rotation import back_surface_rotation, dual_tangent
 from warp_trunk.surface import Surface
 
 LEFT = np.array([1.0, 0.0])

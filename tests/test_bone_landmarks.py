@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from blocks import VERTEBRA, blocks, moved, skeleton
 
-from warp_trunk.bone_landmarks import VERTEBRAE, find_landmarks
-from warp_trunk.distance_field import SurfaceDistance
+from warp_trunk.deformity.bone_landmarks import VERTEBRAE, find_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.landmarks import VERTEBRA_POINTS, bone_of
+from warp_trunk.meshing.distance_field import SurfaceDistance
 from warp_trunk.surface import read_surface
 
 

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from synthetic import box, sphere
 
-from warp_trunk.bone_surface import bone_surface
-from warp_trunk.distance_field import SurfaceDistance
 from warp_trunk.errors import InputError
+from warp_trunk.meshing.bone_surface import bone_surface
+from warp_trunk.meshing.distance_field import SurfaceDistance
+from warp_trunk.meshing.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.surface import Surface
-from warp_trunk.surface_checks import check_solid, components, enclosed_volume
 
 SKIN = sphere(100.0, subdivisions=4)
 

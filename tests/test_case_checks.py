@@ -6,7 +6,7 @@ import pytest
 from small_case import small_case
 
 from warp_trunk.case import Case
-from warp_trunk.case_checks import CaseSource, CheckOptions, check_case
+from warp_trunk.case.checks import CaseSource, CheckOptions, check_case
 from warp_trunk.errors import InputError
 from warp_trunk.landmarks import Landmarks
 from warp_trunk.surface import Surface

@@ -1,7 +1,7 @@
 import numpy as np
 from synthetic import sphere
 
-from warp_trunk.distance_field import Grid, SurfaceDistance, connected
+from warp_trunk.meshing.distance_field import Grid, SurfaceDistance, connected
 from warp_trunk.surface import Surface
 
 

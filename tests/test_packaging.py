@@ -4,6 +4,7 @@ import ast
 import importlib
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -100,7 +101,18 @@ def test_every_public_name_is_there_and_known_to_type_checkers():
 
 def test_no_public_name_is_also_a_module():
     """Importing such a module would put it in the place of the name."""
-    assert not set(warp_trunk.__all__) & {path.stem for path in ROOT.iterdir()}
+    for room in [ROOT, *(path.parent for path in ROOT.glob("*/__init__.py"))]:
+        name = ".".join(["warp_trunk", *room.relative_to(ROOT).parts])
+        assert not set(importlib.import_module(name).__all__) & {path.stem for path in room.iterdir()}, name
+
+
+def test_every_folder_is_listed_for_the_wheel():
+    """setuptools leaves out what is not."""
+    listed = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["tool"]["setuptools"][
+        "packages"
+    ]
+    rooms = {path.parent.name for path in ROOT.glob("*/*.py")}
+    assert set(listed) == {"warp_trunk", "warp_trunk.kernels", *(f"warp_trunk.{room}" for room in rooms)}
 
 
 def test_unknown_name_is_an_attribute_error():

@@ -4,13 +4,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from warp_trunk.case import Case, read_case, write_case
-from warp_trunk.case_checks import check_case
+from warp_trunk.case import Case, check_case, read_case, write_case
 from warp_trunk.deformity import SpineCurve
-from warp_trunk.distance_field import SurfaceDistance
 from warp_trunk.errors import InputError
+from warp_trunk.meshing.distance_field import SurfaceDistance
+from warp_trunk.meshing.surface_checks import check_solid
 from warp_trunk.phantom import SIZE_RANGES, TrunkSize, phantom_case, straight_trunk
-from warp_trunk.surface_checks import check_solid
 
 CORNERS = [TrunkSize(height=h, width=w, depth=d) for h, w, d in product(*SIZE_RANGES.values())]
 

@@ -1,7 +1,7 @@
 import numpy as np
 from meshes import grid
 
-from warp_trunk.polish import mean_ratio, polish
+from warp_trunk.meshing.polish import mean_ratio, polish
 from warp_trunk.trunk_mesh import tet_volumes
 
 

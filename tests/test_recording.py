@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from small_trunk import made_up_increments, small_case
 
-from warp_trunk.drawing import change_colours, vertex_normals
 from warp_trunk.measures import measure
-from warp_trunk.recording import Recording, _within
+from warp_trunk.recording import Recording
+from warp_trunk.recording.drawing import change_colours, vertex_normals
+from warp_trunk.recording.recording import _within
 from warp_trunk.results import skin_after
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from warp_trunk.deformity.rib_cage import guiding_points
+from warp_trunk.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.phantom import straight_trunk
-from warp_trunk.rib_cage import guiding_points
-from warp_trunk.spine_curve import SpineCurve, vertebra_poses
 
 SKIN, BONES, LANDMARKS = straight_trunk()
 

@@ -5,9 +5,9 @@ import pytest
 from synthetic import sphere
 
 from warp_trunk.errors import InputError
+from warp_trunk.meshing.surface_checks import enclosed_volume
+from warp_trunk.meshing.tetrahedra import cavity_points, oriented, tetrahedralize
 from warp_trunk.surface import Surface
-from warp_trunk.surface_checks import enclosed_volume
-from warp_trunk.tetrahedra import cavity_points, oriented, tetrahedralize
 from warp_trunk.trunk_mesh import tet_volumes
 
 SKIN = sphere(100.0, (0.0, 0.0, 1300.0))

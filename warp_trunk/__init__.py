@@ -1,19 +1,18 @@
 """Predicts how the trunk of a scoliosis patient looks after spine surgery.
 
-A public name is imported from its module when it is first used, so that `import warp_trunk` costs nothing.
+A public name is imported from its module or room when it is first used, so that `import warp_trunk` costs nothing.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .back_rotation import DualTangent, back_surface_rotation
     from .bone_path import BonePath, spline_path
     from .case import Case, read_case, write_case
-    from .cobb import CobbAngle, cobb_angles
+    from .deformity import SpineCurve, make_case
     from .errors import InputError
     from .landmarks import Landmarks, read_landmarks, write_landmarks
-    from .measures import TrunkMeasures, measure
+    from .measures import CobbAngle, DualTangent, TrunkMeasures, back_surface_rotation, cobb_angles, measure
     from .meshing import MeshOptions, build_trunk
     from .model import Model, build_model
     from .phantom import TrunkSize, phantom_case
@@ -22,25 +21,26 @@ if TYPE_CHECKING:
     from .results import read_summary, skin_after, write_result
     from .run import RunOptions, RunResult, run_case
     from .simulation import Increment, SimulationOptions, simulate
-    from .spine_curve import SpineCurve
     from .surface import Surface, read_surface, write_surface
     from .tissue import Tissue
     from .trunk_mesh import TrunkMesh, read_trunk, write_trunk
 
 _MODULE = {
-    "DualTangent": "back_rotation",
-    "back_surface_rotation": "back_rotation",
     "BonePath": "bone_path",
     "spline_path": "bone_path",
     "Case": "case",
     "read_case": "case",
     "write_case": "case",
-    "CobbAngle": "cobb",
-    "cobb_angles": "cobb",
+    "SpineCurve": "deformity",
+    "make_case": "deformity",
     "InputError": "errors",
     "Landmarks": "landmarks",
     "read_landmarks": "landmarks",
     "write_landmarks": "landmarks",
+    "DualTangent": "measures",
+    "back_surface_rotation": "measures",
+    "CobbAngle": "measures",
+    "cobb_angles": "measures",
     "TrunkMeasures": "measures",
     "measure": "measures",
     "MeshOptions": "meshing",
@@ -62,7 +62,6 @@ _MODULE = {
     "Increment": "simulation",
     "SimulationOptions": "simulation",
     "simulate": "simulation",
-    "SpineCurve": "spine_curve",
     "Surface": "surface",
     "read_surface": "surface",
     "write_surface": "surface",
@@ -99,6 +98,7 @@ __all__ = [
     "build_model",
     "build_trunk",
     "cobb_angles",
+    "make_case",
     "measure",
     "phantom_case",
     "read_case",

@@ -17,17 +17,16 @@ import warp as wp
 from tyro.conf import OmitArgPrefixes, Positional, subcommand
 
 from .case import read_case, write_case
+from .deformity import SpineCurve, make_case
 from .errors import InputError
-from .make_case import make_case
 from .meshing import MeshOptions
 from .phantom import phantom_case
 from .progress import Progress
 from .relaxation import RelaxStatus
 from .results import RECORDING, partial
+from .results.summary_text import plain
 from .run import RunOptions, RunResult, run_case
 from .simulation import SimulationOptions
-from .spine_curve import SpineCurve
-from .summary_text import plain
 from .surface import read_surface
 from .tissue import Tissue
 

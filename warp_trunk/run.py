@@ -17,8 +17,8 @@ from .model import build_model
 from .progress import Progress
 from .recording import Recording
 from .results import RECORDING, partial, prepare_folder, skin_after, write_result
+from .results.summary_text import markdown
 from .simulation import Increment, SimulationOptions, simulate
-from .summary_text import markdown
 
 if TYPE_CHECKING:
     from .case import Case

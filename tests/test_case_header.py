@@ -1,0 +1,69 @@
+import pytest
+
+from warp_trunk.case import Axes
+from warp_trunk.case.header import CaseHeader, header_text, read_header
+from warp_trunk.errors import InputError
+from warp_trunk.tissue import Tissue
+
+
+def read(tmp_path, text):
+    path = tmp_path / "case.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_header(path)
+
+
+def test_an_empty_file_has_the_defaults(tmp_path):
+    assert read(tmp_path, "") == CaseHeader(name=tmp_path.name)
+
+
+@pytest.mark.parametrize("name", ["", 'quote " and \\ back', "tab\tnewline\nDEL\x7fbell\x07", "Ω 脊柱 🦴"])
+def test_round_trip(tmp_path, name):
+    header = CaseHeader(
+        name=name,
+        units="cm",
+        axes=Axes("ASR"),
+        skin_after_is_placeholder=True,
+        tissue=Tissue(epsilon=0.1 + 0.2, theta=1e-9, density=1e17, youngs_modulus=3),
+    )
+    assert read(tmp_path, header_text(header)) == header
+
+
+def test_a_placeholder_is_labelled_in_words():
+    assert "a placeholder, no truth" in header_text(CaseHeader(name="", skin_after_is_placeholder=True))
+    assert "placeholder, no truth" not in header_text(CaseHeader(name=""))
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ('axis = "LPS"', "unknown key 'axis'; did you mean 'axes'? the keys are name, units, axes"),
+        (
+            "[tissue]\ntheata = 1",
+            "unknown key 'tissue.theata'; did you mean 'tissue.theta'? the keys are tissue.ep",
+        ),
+        ("zzz = 1", "unknown key 'zzz'; the keys are name"),
+        ("name = 7", "'name' must be text, not 7"),
+        ("units = true", "'units' must be text, not True"),
+        ("skin_after_is_placeholder = 1", "'skin_after_is_placeholder' must be true or false, not 1"),
+        ('skin_after_is_placeholder = "yes"', "must be true or false, not 'yes' (str)"),
+        ("tissue = 1", "'tissue' must be a table, [tissue], not 1"),
+        ('[tissue]\ntheta = "10"', "'tissue.theta' must be a number, not '10' (str)"),
+        ("[tissue]\ntheta = true", "'tissue.theta' must be a number, not True"),
+        ("[tissue]\ndensity = -1", "'density' must be a finite number of at least 1e-09, not -1.0"),
+        ("[tissue]\nepsilon = nan", "'epsilon' must be a finite number of at least 0, not nan"),
+        ('units = "inch"', "'units' must be one of mm, cm, m, not 'inch'"),
+        ('axes = "LRS"', "one letter of L R, one of P A and one of S I, not 'LRS'"),
+        ("name = ", "cannot be read as TOML"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path, text, rule):
+    with pytest.raises(InputError) as error:
+        read(tmp_path, text)
+    assert str(error.value).startswith(f"{tmp_path / 'case.toml'}: ")
+    assert rule in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"case\.toml: there is no such file"):
+        read_header(tmp_path / "case.toml")

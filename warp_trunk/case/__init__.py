@@ -1,0 +1,7 @@
+"""What the clinic gives: a patient's skin, bones and landmarks, read, checked and written as a case folder."""
+
+from .axes import Axes
+from .checks import CheckOptions, check_case
+from .record import Case, read_case, write_case
+
+__all__ = ["Axes", "Case", "CheckOptions", "check_case", "read_case", "write_case"]

@@ -1,0 +1,228 @@
+"""What a case must be before any long work begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from ..landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
+from ..meshing.distance_field import SurfaceDistance
+from ..meshing.surface_checks import check_solid, components, enclosed_volume
+from ..surface import Surface, check_surface
+from .axes import MILLIMETRES
+
+if TYPE_CHECKING:
+    from .record import Case
+
+TRUNK_HEIGHT = (250.0, 900.0)
+"""How tall a trunk may be, from its lowest to its highest vertex [mm]."""
+
+_COINCIDENT = 0.1  # [mm]; below what any imaging resolves
+_FLAT = 1.0  # [mm], root mean square distance from the plane that fits best
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """How far off a case may be before it is refused."""
+
+    bone_outside_skin: float = 5.0
+    """How far a bone may reach outside the skin [mm]; meshing pulls it back inside."""
+    landmark_off_bone: float = 15.0
+    """How far a landmark may be from the surface of its bone [mm]."""
+    landmark_motion: float = 150.0
+    """How far surgery may move a landmark [mm]."""
+
+    def __post_init__(self) -> None:
+        for name in ("bone_outside_skin", "landmark_off_bone", "landmark_motion"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"check: '{name}' must be a finite length of at least 0 mm, not {value}")
+
+
+@dataclass(frozen=True)
+class CaseSource:
+    """Where a case came from, so that an error can name the file."""
+
+    files: Mapping[str, Path] = field(default_factory=dict)
+    """Files by what they hold: case, skin, skin_after, landmarks_before, landmarks_after, and bone names."""
+    units: str = "mm"
+    """Unit of the files."""
+    axes: str = "LPS"
+    """Axes of the files."""
+
+    def name(self, key: str) -> str:
+        """The file that holds `key`, or `key` itself where there is none."""
+        return str(self.files.get(key, key))
+
+
+def check_case(case: Case, options: CheckOptions | None = None, source: CaseSource | None = None) -> None:
+    """Check all that meshing and simulation rely on; the anatomy of 45 bones takes about a second.
+
+    Args:
+        case: in LPS and mm.
+        options: limits; the defaults when left out.
+        source: names the files in the error; the parts of the case are named when left out.
+
+    Raises:
+        InputError: the first rule that is broken.
+    """
+    options = options or CheckOptions()
+    source = source or CaseSource()
+    check_names(case.landmarks_before, case.landmarks_after, source)
+    for key in ("landmarks_before", "landmarks_after"):
+        check_landmarks(getattr(case, key), list(case.bones), source.name(key))
+    skins = [("skin", case.skin)] + ([("skin_after", case.skin_after)] if case.skin_after else [])
+    for key, skin in skins:
+        check_surface(skin, source.name(key))
+        _check_height(skin, key, source)
+    check_solid(case.skin, source.name("skin"))
+    pieces = int(components(case.skin).max()) + 1
+    if pieces > 1:
+        raise InputError(f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one")
+    _check_orientation(case.landmarks_before, source)
+    _check_bones(case, options, source)
+    _check_landmark_places(case, options, source)
+
+
+def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None:
+    """Check that both sets of landmarks have the same names, in any order."""
+    for one, other, key in ((before, after, "landmarks_after"), (after, before, "landmarks_before")):
+        missing = [name for name in one.names if name not in set(other.names)]
+        if missing:
+            more = f" and {len(missing) - 1} more are" if len(missing) > 1 else " is"
+            raise InputError(
+                f"{source.name(key)}: '{missing[0]}'{more} missing; both landmark files need the same names "
+                f"({len(before.names)} before, {len(after.names)} after)"
+            )
+
+
+def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
+    """Check one set of landmarks: which there are, and that a spline can be fitted on them."""
+    names, points = landmarks.names, landmarks.points
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise InputError(
+            f"{where}: coordinates must be finite, '{names[bad[0]]}' has {points[bad[0]].tolist()}; correct them"
+        )
+    if len(names) < 4:
+        raise InputError(f"{where}: at least 4 landmarks are needed, there are {len(names)}; add landmarks")
+    flat = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] / math.sqrt(len(points))
+    if flat < _FLAT:
+        raise InputError(
+            f"{where}: landmarks may not all lie in one plane, these are {flat:.2g} mm from one "
+            f"(root mean square, at least {_FLAT:g} mm needed); add landmarks off it, or check their units"
+        )
+    gap = np.linalg.norm(points[:, None] - points[None], axis=2) + np.diag(np.full(len(points), np.inf))
+    i, j = np.unravel_index(np.argmin(gap), gap.shape)
+    if gap[i, j] < _COINCIDENT:
+        raise InputError(
+            f"{where}: '{names[i]}' and '{names[j]}' are {gap[i, j]:.2g} mm apart; "
+            f"landmarks must be at least {_COINCIDENT:g} mm apart, so correct or remove one, or check their units"
+        )
+    for name in names:
+        if bone_of(name, bones) is None:
+            owner = f"'{ASIS[name]}'" if name in ASIS else "a bone that its name begins with"
+            raise InputError(
+                f"{where}: '{name}' needs {owner}, which is not among the {len(bones)} bones; "
+                "add the bone or remove the landmark"
+            )
+    for name in ASIS:
+        if name not in names:
+            raise InputError(f"{where}: '{name}' is missing; rotations are measured against the ASIS, so add it")
+    vertebrae = landmarks.vertebrae()
+    if len(vertebrae) < 2:
+        raise InputError(
+            f"{where}: at least 2 vertebrae need landmarks, there are {len(vertebrae)}; "
+            f"add six for each vertebra, <bone>_{VERTEBRA_POINTS[0]} and so on"
+        )
+    for bone in vertebrae:
+        for point in VERTEBRA_POINTS:
+            if f"{bone}_{point}" not in names:
+                raise InputError(
+                    f"{where}: '{bone}_{point}' is missing; a vertebra with landmarks needs all six "
+                    f"({bone} has {len(landmarks.of_bone(bone).names)}), so add it or leave {bone} out"
+                )
+
+
+def _check_height(skin: Surface, key: str, source: CaseSource) -> None:
+    height = float(np.ptp(skin.vertices[:, 2]))
+    low, high = TRUNK_HEIGHT
+    if low <= height <= high:
+        return
+    in_file = height / MILLIMETRES[source.units]
+    fits = [unit for unit, size in MILLIMETRES.items() if low <= in_file * size <= high]
+    unit = f'units = "{fits[0]}"' if fits else "units"
+    raise InputError(
+        f"{source.name(key)}: the trunk is {height:.4g} mm tall, and must be {low:g} to {high:g} mm; "
+        f"set {unit} or axes in {source.name('case')}"
+    )
+
+
+def _check_orientation(before: Landmarks, source: CaseSource) -> None:
+    """The names say where left, back and up are; the axes must agree."""
+    vertebrae = before.vertebrae()
+    top, bottom = (before.of_bone(bone).points.mean(axis=0) for bone in (vertebrae[0], vertebrae[-1]))
+    left, right = before.point("asis_left"), before.point("asis_right")
+    across, up, back = left - right, top - bottom, 0.5 * (top + bottom) - 0.5 * (left + right)
+    said = {
+        "asis_left left of asis_right": across[0] > 0.5 * np.linalg.norm(across),
+        "the vertebrae behind the ASIS": back[1] > 0.0,
+        f"{vertebrae[0]} above {vertebrae[-1]}": up[2] > 0.5 * np.linalg.norm(up),
+    }
+    wrong = [text for text, holds in said.items() if not holds]
+    if wrong:
+        raise InputError(
+            f'{source.name("case")}: axes = "{source.axes}" does not put {" nor ".join(wrong)} in '
+            f"{source.name('landmarks_before')}; correct the axes (LPS: x to the left, y to the back, z up) "
+            "or the names"
+        )
+
+
+def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> None:
+    skin = SurfaceDistance(case.skin)
+    for name, bone in case.bones.items():
+        where = source.name(name)
+        check_surface(bone, where)
+        volume = enclosed_volume(bone)
+        if volume <= 0.0:
+            raise InputError(
+                f"{where}: triangles must be counterclockwise seen from outside, they hold "
+                f"{volume / 1000:.3g} cm3; turn them round"
+            )
+        out = skin.at(bone.vertices)
+        worst = int(np.argmax(out))
+        if not out[worst] <= options.bone_outside_skin:
+            at = ", ".join(f"{x:.1f}" for x in bone.vertices[worst])
+            raise InputError(
+                f"{where}: reaches {out[worst]:.1f} mm outside {source.name('skin')} at ({at}), "
+                f"{options.bone_outside_skin:g} mm is allowed; bring both into one frame or correct the bone"
+            )
+
+
+def _check_landmark_places(case: Case, options: CheckOptions, source: CaseSource) -> None:
+    before, after = case.landmarks_before, case.landmarks_after
+    for bone, surface in case.bones.items():
+        owned = [i for i, name in enumerate(before.names) if bone_of(name, case.bones) == bone]
+        if not owned:
+            continue
+        off = np.abs(SurfaceDistance(surface).at(before.points[owned]))
+        worst = int(np.argmax(off))
+        if not off[worst] <= options.landmark_off_bone:
+            raise InputError(
+                f"{source.name('landmarks_before')}: '{before.names[owned[worst]]}' is {off[worst]:.1f} mm "
+                f"from {source.name(bone)}, {options.landmark_off_bone:g} mm is allowed; move it or rename it"
+            )
+    order = [after.index(name) for name in before.names]
+    moved = np.linalg.norm(after.points[order] - before.points, axis=1)
+    worst = int(np.argmax(moved))
+    if not moved[worst] <= options.landmark_motion:
+        raise InputError(
+            f"{source.name('landmarks_after')}: '{before.names[worst]}' moves {moved[worst]:.1f} mm, "
+            f"{options.landmark_motion:g} mm is allowed; both landmark files must be in one frame and unit"
+        )

@@ -1,0 +1,122 @@
+"""case.toml: the name of a case, the units and axes of its files, and its tissue."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..tissue import Tissue
+from .axes import MILLIMETRES, Axes
+
+
+@dataclass(frozen=True)
+class CaseHeader:
+    """What case.toml says; every key may be left out."""
+
+    name: str
+    """What to call the case; the name of its folder when left out."""
+    units: str = "mm"
+    """Unit of every length in the folder: mm, cm or m."""
+    axes: Axes = dataclasses.field(default_factory=lambda: Axes("LPS"))
+    """Patient axes of every position in the folder."""
+    skin_after_is_placeholder: bool = False
+    """True when skin_after.ply is the spline's own image of the skin, and no truth."""
+    tissue: Tissue = dataclasses.field(default_factory=Tissue)
+    """Constants of the soft tissue, from the table [tissue]."""
+
+
+def read_header(path: Path) -> CaseHeader:
+    """Read case.toml.
+
+    Raises:
+        InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of
+            the wrong type or one that is not allowed.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file; a case needs one, which may be empty")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+    _refuse_unknown(path, table, [field.name for field in dataclasses.fields(CaseHeader)], "")
+    values: dict[str, Any] = {"name": path.resolve().parent.name}
+    for key, kind, expected in (
+        ("name", str, "text"),
+        ("units", str, "text"),
+        ("axes", str, "text"),
+        ("skin_after_is_placeholder", bool, "true or false"),
+        ("tissue", dict, "a table, [tissue]"),
+    ):
+        if key in table:
+            if not isinstance(table[key], kind):
+                raise InputError(f"{path}: '{key}' must be {expected}, not {_shown(table[key])}; correct it")
+            values[key] = table[key]
+    if values.get("units", "mm") not in MILLIMETRES:
+        raise InputError(
+            f"{path}: 'units' must be one of {', '.join(MILLIMETRES)}, not '{values['units']}'; "
+            "write the unit of the surfaces and landmarks"
+        )
+    try:
+        if "axes" in values:
+            values["axes"] = Axes(values["axes"])
+        if "tissue" in values:
+            values["tissue"] = _tissue(path, values["tissue"])
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+    return CaseHeader(**values)
+
+
+def _tissue(path: Path, table: dict[str, Any]) -> Tissue:
+    _refuse_unknown(path, table, [field.name for field in dataclasses.fields(Tissue)], "tissue.")
+    for key, value in table.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise InputError(f"{path}: 'tissue.{key}' must be a number, not {_shown(value)}; correct it")
+    return Tissue(**{key: float(value) for key, value in table.items()})
+
+
+def _refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: str) -> None:
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+            hint = f"did you mean '{prefix}{near[0]}'? " if near else ""
+            raise InputError(
+                f"{path}: unknown key '{prefix}{key}'; {hint}the keys are "
+                + ", ".join(prefix + name for name in known)
+            )
+
+
+def _shown(value: object) -> str:
+    return f"{str(value)[:40]!r} ({type(value).__name__})" if isinstance(value, str) else str(value)[:60]
+
+
+def header_text(header: CaseHeader) -> str:
+    """The text of case.toml, which `read_header` reads back to the last bit."""
+    truth = "true" if header.skin_after_is_placeholder else "false"
+    label = (
+        "skin_after is the spline's own image of the skin: a placeholder, no truth"
+        if header.skin_after_is_placeholder
+        else "skin_after, where there is one, was measured"
+    )
+    lines = [
+        f"name = {_quoted(header.name)}",
+        f'units = "{header.units}"',
+        f'axes = "{header.axes.code}"  # the patient\'s left, back and up are L, P and S',
+        f"skin_after_is_placeholder = {truth}  # {label}",
+        "",
+        "[tissue]",
+    ]
+    lines += [f"{key} = {float(value)!r}" for key, value in dataclasses.asdict(header.tissue).items()]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string: JSON's escapes are TOML's, but for DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

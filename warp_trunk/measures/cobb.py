@@ -1,0 +1,106 @@
+"""Cobb angles of a spine, from its landmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..landmarks import Landmarks
+
+LEAST_CURVE = 10.0
+"""A curve of less than this is not scoliosis [degrees], the threshold of the Scoliosis Research Society."""
+
+
+@dataclass(frozen=True)
+class CobbAngle:
+    """One curve of a spine in the coronal plane."""
+
+    angle: float
+    """Angle between the end vertebrae [degrees], positive."""
+    upper: str
+    """Upper end vertebra, the one most tilted at the top of the curve."""
+    lower: str
+    """Lower end vertebra."""
+    apex: str
+    """The vertebra between them that stands furthest from the line through their centroids."""
+    convex: Literal["left", "right"]
+    """The patient's side to which the curve bulges."""
+
+
+def cobb_angles(landmarks: Landmarks) -> tuple[CobbAngle, ...]:
+    """Every curve of at least `LEAST_CURVE` degrees, top to bottom.
+
+    The tilt of a vertebra is that of its axis, inferior to superior endplate centre, seen from the front (the
+    coronal plane, x and z); for a vertebra whose endplates are perpendicular to its axis this is the
+    construction of Cobb (1948), lines along the upper endplate of the upper and the lower endplate of the
+    lower end vertebra. End vertebrae are where the tilt turns round, so that each curve is as large as it can
+    be. Vertebrae without both endplates are passed over.
+    """
+    levels = [
+        level
+        for level in landmarks.vertebrae()
+        if {f"{level}_superior_endplate", f"{level}_inferior_endplate"} <= set(landmarks.names)
+    ]
+    if len(levels) < 2:
+        return ()
+    tilt = vertebral_tilt(landmarks, levels)
+    centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in levels])
+    curves = []
+    ends = _turning_points(tilt)
+    for upper, lower in pairwise(ends):
+        apex, convex = _apex(centroids[upper : lower + 1, [0, 2]])
+        curves.append(
+            CobbAngle(
+                angle=float(abs(tilt[upper] - tilt[lower])),
+                upper=levels[upper],
+                lower=levels[lower],
+                apex=levels[upper + apex],
+                convex=convex,
+            )
+        )
+    return tuple(curves)
+
+
+def vertebral_tilt(landmarks: Landmarks, levels: list[str]) -> np.ndarray:
+    """Coronal tilt of each vertebra's axis [degrees], positive to the patient's left, shape (levels,)."""
+    top = np.array([landmarks.points[landmarks.index(f"{level}_superior_endplate")] for level in levels])
+    bottom = np.array([landmarks.points[landmarks.index(f"{level}_inferior_endplate")] for level in levels])
+    axis = top - bottom
+    return np.degrees(np.arctan2(axis[:, 0], axis[:, 2]))
+
+
+def _turning_points(tilt: np.ndarray) -> list[int]:
+    """Indices where the tilt turns round by at least `LEAST_CURVE`, its two ends included; or none."""
+    low = high = 0
+    ends: list[int] = []
+    rising: bool | None = None
+    for i in range(1, len(tilt)):
+        if rising is not True and tilt[i] < tilt[low]:
+            low = i
+        if rising is not False and tilt[i] > tilt[high]:
+            high = i
+        if rising is None and tilt[high] - tilt[low] >= LEAST_CURVE:
+            rising = low < high
+            ends.append(low if rising else high)
+        elif rising is True and tilt[high] - tilt[i] >= LEAST_CURVE:
+            ends.append(high)
+            rising, low = False, i
+        elif rising is False and tilt[i] - tilt[low] >= LEAST_CURVE:
+            ends.append(low)
+            rising, high = True, i
+    if rising is not None:
+        ends.append(high if rising else low)
+    return ends
+
+
+def _apex(points: np.ndarray) -> tuple[int, Literal["left", "right"]]:
+    """The point (x, z) furthest aside of the chord, and the side on which it lies."""
+    chord = points[-1] - points[0]  # downwards
+    aside = points - points[0]
+    distance = (aside[:, 1] * chord[0] - aside[:, 0] * chord[1]) / np.hypot(*chord)  # positive to +x, left
+    apex = int(np.argmax(np.abs(distance)))
+    return apex, "left" if distance[apex] > 0.0 else "right"

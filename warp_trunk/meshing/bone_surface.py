@@ -1,0 +1,189 @@
+"""One clean surface around many bones, which may overlap, cross themselves or poke through the skin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..errors import InputError
+from ..surface import Surface, check_surface
+from .coarsening import coarsen
+from .distance_field import Box, Grid, SurfaceDistance, connected
+from .surface_checks import crossings, manifold_fault
+
+_BAND = 2.0
+"""Distances are worked out to this many voxels from a surface."""
+_SPECK = 8
+"""Pieces with fewer grid nodes inside than this are dropped: the grid cannot hold their shape."""
+_GAP = 0.5
+"""Bones nearer to each other than this many voxels merge, so that no wedge of tissue is left between."""
+_TRIES = 3
+"""How often the surface is made, each time on a finer grid, before giving up."""
+_FINER = 0.75
+"""Ratio of the voxels of one try and the one before."""
+
+
+@dataclass(frozen=True)
+class BoneSurface:
+    """A closed 2-manifold that does not cross itself, and the bone of each of its vertices."""
+
+    surface: Surface
+    """Triangles counterclockwise seen from outside the bone, that is from the soft tissue."""
+    bone: np.ndarray
+    """Which bone each vertex is nearest to, in the order they were given, shape (vertices,), int32."""
+    voxel: float
+    """Grid spacing it was made with [mm]; smaller than asked for if that one failed."""
+
+
+def bone_surface(
+    skin: Surface,
+    bones: Mapping[str, Surface],
+    *,
+    margin: float = 2.0,
+    voxel: float = 4.0,
+    edge_length: float = 8.0,
+    tolerance: float = 1.0,
+) -> BoneSurface:
+    """Make one surface of many bones, inside the skin.
+
+    The bones become one signed distance field on a grid (the least distance over the bones, the sign by
+    winding number, so that overlaps and self-intersections do no harm), cut off where the skin is nearer
+    than the margin; marching cubes find its zero surface; cavities inside bone and specks are dropped; short
+    edges are collapsed. Bones nearer to each other than half a voxel merge; the bone of each vertex is the
+    one whose own surface is nearest. A plate or rod thinner than the voxel may break into pieces.
+
+    Args:
+        skin: the closed skin.
+        bones: closed surfaces by name.
+        margin: no bone comes nearer to the skin than this [mm]; a bone that pokes out is cut back.
+        voxel: spacing of the grid [mm]; made finer if the surface fails its checks or a bone is lost.
+        edge_length: edges shorter than this [mm] are collapsed where shape allows.
+        tolerance: how far collapses may move the surface [mm], see coarsen.
+
+    Raises InputError when there are no bones, when a bone leaves no part of the surface, or when no grid
+    gives a clean surface.
+    """
+    if not bones:
+        raise InputError("bones: there are none; give at least one closed bone surface")
+    for name, bone in bones.items():
+        check_surface(bone, f"bone '{name}'")
+    first, *others = bones.values()
+    distances = [SurfaceDistance(first), *(SurfaceDistance(bone) for bone in others)]
+    skin_distance = SurfaceDistance(skin)
+    names = tuple(bones)
+    fault = ""
+    for _ in range(_TRIES):
+        solid = _isosurface(distances, skin_distance, margin, voxel)
+        if solid is None:
+            fault = "no bone is left inside the skin less the margin"
+        else:
+            surface = coarsen(solid, edge_length, tolerance)
+            bone = _nearest_bone(surface.vertices, distances, voxel)
+            fault = _fault(surface, bone, names)
+            if not fault:
+                return BoneSurface(surface, bone, voxel)
+        voxel *= _FINER
+    raise InputError(
+        f"bones: no clean surface down to a voxel of {voxel / _FINER:.3g} mm: {fault}; "
+        "look at the bones there, or change bone_voxel or bone_margin"
+    )
+
+
+def _isosurface(
+    distances: list[SurfaceDistance], skin_distance: SurfaceDistance, margin: float, voxel: float
+) -> Surface | None:
+    """The zero surface of max(min over bones, skin + margin), without cavities and specks."""
+    import warp.geometry as geometry  # its kernels compile on first use
+
+    field, grid = _field(distances, skin_distance, margin, voxel)
+    # marching cubes join diagonal neighbours inside, so pieces are counted in that way
+    pieces = connected(field < 0.0, diagonally=True)
+    specks = np.bincount(pieces.reshape(-1)) < _SPECK
+    field[specks[pieces] & (pieces > 0)] = voxel
+    outside = connected(field >= 0.0)
+    if not (field < 0.0).any():
+        return None
+    field[(outside > 0) & (outside != outside[0, 0, 0])] = -voxel  # cavities in bone are no soft tissue
+    # a crossing too near a grid node would make slivers
+    nudge = 0.05 * voxel
+    field = np.where(np.abs(field) < nudge, np.where(field < 0.0, -nudge, nudge), field)
+    upper = (np.array(grid.shape) - 1) * voxel
+    values: Any = wp.array(field, dtype=wp.float32, device="cpu")
+    vertices, corners = geometry.IsoSurfaceMarchingCubes.extract(
+        values, 0.0, lower=wp.vec3(0.0), upper=wp.vec3(*upper.tolist())
+    )
+    faces = corners.numpy().reshape(-1, 3)
+    return Surface(vertices.numpy().astype(np.float64) + grid.lower, faces)
+
+
+def _field(
+    distances: list[SurfaceDistance], skin_distance: SurfaceDistance, margin: float, voxel: float
+) -> tuple[np.ndarray, Grid]:
+    band = _BAND * voxel
+    lower = np.min([d.lower for d in distances], axis=0) - (band + voxel)
+    upper = np.max([d.upper for d in distances], axis=0) + (band + voxel)
+    nx, ny, nz = (np.ceil((upper - lower) / voxel).astype(int) + 1).tolist()
+    grid = Grid(lower, voxel, (nx, ny, nz))
+    field = np.full(grid.shape, band, dtype=np.float32)
+
+    def one(distance: SurfaceDistance) -> tuple[Box, np.ndarray]:
+        box = grid.box(distance.lower - band, distance.upper + band)
+        return box, distance.on_grid(grid, box, np.ones(field[box].shape, dtype=bool), band)
+
+    # Warp lets go of the interpreter while a kernel runs on the CPU
+    first, *others = distances
+    box, near = one(first)  # alone, so that the kernel is compiled once
+    field[box] = near
+    second = np.full(grid.shape, band, dtype=np.float32)
+    with ThreadPoolExecutor() as pool:
+        for box, near in pool.map(one, others):
+            second[box] = np.minimum(second[box], np.maximum(field[box], near))
+            field[box] = np.minimum(field[box], near)
+    field = np.minimum(field, 0.5 * (field + second - _GAP * voxel))  # of the two nearest bones
+
+    whole = (slice(0, nx), slice(0, ny), slice(0, nz))
+    wanted = field < band
+    depth = skin_distance.on_grid(grid, whole, wanted, band + margin) + margin
+    field[wanted] = np.maximum(field[wanted], depth[wanted])
+    return field, grid
+
+
+def _nearest_bone(points: np.ndarray, distances: list[SurfaceDistance], voxel: float) -> np.ndarray:
+    """Which bone has the least signed distance to each point, shape (points,), int32."""
+    nearest = np.full(len(points), -1, dtype=np.int32)
+    least = np.full(len(points), np.inf)
+    for reach in (_BAND * voxel, None):
+        left = np.flatnonzero(nearest < 0)
+        for number, distance in enumerate(distances):
+            near = left
+            if reach is not None:
+                inside = (points[left] > distance.lower - reach) & (points[left] < distance.upper + reach)
+                near = left[inside.all(axis=1)]
+            value = distance.at(points[near], reach)
+            closer = value < least[near]  # NaN is not
+            nearest[near[closer]] = number
+            least[near[closer]] = value[closer]
+    return nearest
+
+
+def _fault(surface: Surface, bone: np.ndarray, names: tuple[str, ...]) -> str:
+    """What is wrong with a bone surface, or an empty text."""
+    lost = [name for number, name in enumerate(names) if not (bone == number).any()]
+    if lost:
+        return (
+            f"bone '{lost[0]}' leaves no part of it ({len(lost)} such); it is thinner than the voxel, "
+            "buried in another bone, or outside the skin less the margin"
+        )
+    fault = manifold_fault(surface)
+    if fault:
+        return fault
+    pairs = crossings(surface)
+    if len(pairs):
+        place = surface.vertices[surface.faces[pairs[0, 0]]].mean(axis=0).round(1).tolist()
+        return f"{len(pairs)} of its triangles cross others, the first near {place} mm"
+    return ""

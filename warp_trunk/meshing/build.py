@@ -1,0 +1,196 @@
+"""From skin and bones to the mesh that is simulated."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..surface import Surface, check_surface
+from ..trunk_mesh import TrunkMesh, check_trunk
+from .bone_surface import BoneSurface, bone_surface
+from .cache import cache_key, load_cached, store_cached
+from .polish import polish
+from .space_order import morton_order
+from .surface_checks import check_solid, crossings, enclosed_volume
+from .tetrahedra import Tetrahedra, tetrahedralize
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshOptions:
+    """How a trunk is meshed."""
+
+    tets: int = 225_000
+    """Number of tetrahedra asked for, met within 15 %."""
+    bone_margin: float = 2.0
+    """No bone comes nearer to the skin than this [mm]; bones that do are cut back."""
+    bone_voxel: float = 4.0
+    """Grid spacing of the bone surface [mm]; a bone thinner than this may break into pieces."""
+    bone_edge_length: float = 0.0
+    """Edges of the bone surface shorter than this are collapsed [mm]; 0 chooses it from `tets`."""
+    bone_tolerance: float = 1.0
+    """How far the collapse of edges may move the bone surface [mm]; mending flat tetrahedra, half of it."""
+    radius_edge_ratio: float = 2.0
+    """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
+    smallest_dihedral: float = 0.0
+    """Quality bound: angle between the faces of a tetrahedron aimed for [degrees]; above 15 is slow."""
+    largest_dihedral: float = 165.0
+    """Quality bound: tetrahedra with a larger angle between faces are improved where possible [degrees]."""
+    cache: bool = True
+    """Keep the mesh on disk, and use the one kept of the same surfaces and options."""
+
+    def __post_init__(self) -> None:
+        for name, least, most in (
+            ("tets", 4, 50_000_000),
+            ("bone_margin", 0.0, 100.0),
+            ("bone_voxel", 0.1, 100.0),
+            ("bone_edge_length", 0.0, 1000.0),
+            ("bone_tolerance", 0.0, 100.0),
+            ("radius_edge_ratio", 1.01, 100.0),
+            ("smallest_dihedral", 0.0, 25.0),
+            ("largest_dihedral", 90.0, 180.0),
+        ):
+            value = getattr(self, name)
+            if not math.isfinite(value) or not least <= value <= most:
+                raise InputError(f"mesh: '{name}' must be a number from {least:g} to {most:g}, not {value}")
+
+
+@dataclass(frozen=True)
+class TrunkBuild:
+    """A mesh and how it was made."""
+
+    trunk: TrunkMesh
+    """The mesh."""
+    from_cache: bool
+    """Whether it was read from the cache."""
+    surface_seconds: float
+    """Time the bone surface took [s]; 0 from the cache."""
+    mesh_seconds: float
+    """Time the tetrahedra took, or reading them from the cache [s]."""
+    runs: int
+    """How often TetGen was run; 0 from the cache."""
+    voxel: float
+    """Grid spacing the bone surface was made with [mm]; 0 from the cache."""
+
+
+def build_trunk(
+    skin: Surface,
+    bones: Mapping[str, Surface],
+    options: MeshOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> TrunkMesh:
+    """Mesh the soft tissue between bones and skin, or fetch the mesh from the cache.
+
+    Args:
+        skin: the closed skin; its vertices keep their identity and order in the mesh.
+        bones: closed bone surfaces by name; they may overlap and cross.
+        options: how; MeshOptions() if not given.
+        progress: told what begins, in a few words.
+
+    Raises InputError, see make_trunk.
+    """
+    return make_trunk(skin, bones, options, progress).trunk
+
+
+def make_trunk(
+    skin: Surface,
+    bones: Mapping[str, Surface],
+    options: MeshOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> TrunkBuild:
+    """build_trunk, with the times it took.
+
+    Raises InputError when the skin is not closed, 2-manifold, oriented outward and free of
+    self-intersections, when no clean surface can be made of the bones, or when the number of tets asked for
+    cannot be met.
+    """
+    options = options or MeshOptions()
+    tell = progress or (lambda what: None)
+    start = time.perf_counter()
+    settings = {name: value for name, value in asdict(options).items() if name != "cache"}
+    key = cache_key(skin, bones, repr(sorted(settings.items())))
+    if options.cache and (kept := load_cached(key)) is not None:
+        return TrunkBuild(kept, True, 0.0, time.perf_counter() - start, 0, 0.0)
+
+    tell("checking the skin")
+    check_surface(skin, "skin")
+    check_solid(skin, "skin")
+    tell("making one surface of the bones")
+    surface = bone_surface(
+        skin,
+        bones,
+        margin=options.bone_margin,
+        voxel=options.bone_voxel,
+        edge_length=options.bone_edge_length or choose_edge_length(skin, options.tets),
+        tolerance=options.bone_tolerance,
+    )
+    between = time.perf_counter()
+    tell("filling the soft tissue with tetrahedra")
+    filled = tetrahedralize(
+        skin,
+        surface.surface,
+        options.tets,
+        radius_edge_ratio=options.radius_edge_ratio,
+        smallest_dihedral=options.smallest_dihedral,
+        largest_dihedral=options.largest_dihedral,
+    )
+    tell("mending flat tetrahedra")
+    nodes = _mended(filled, len(skin.vertices), surface.surface, 0.5 * options.bone_tolerance)
+    trunk = _ordered(nodes, filled.tets, skin, surface, tuple(bones))
+    check_trunk(trunk, "mesh")
+    if options.cache:
+        store_cached(key, trunk)
+    end = time.perf_counter()
+    return TrunkBuild(trunk, False, between - start, end - between, filled.runs, surface.voxel)
+
+
+def choose_edge_length(skin: Surface, tets: int) -> float:
+    """An edge length for the bone surface [mm] that leaves most of the tetrahedra to the space between.
+
+    0.7 times the edge of a regular tetrahedron of the average volume.
+    """
+    average = enclosed_volume(skin) / tets
+    return 0.7 * (6.0 * math.sqrt(2.0) * average) ** (1.0 / 3.0)
+
+
+def _mended(filled: Tetrahedra, skin_count: int, bones: Surface, bone_reach: float) -> np.ndarray:
+    """Nodes with flat tetrahedra mended; those of the skin stay, those of bone move by bone_reach at most."""
+    reach = np.full(len(filled.nodes), np.inf)
+    reach[:skin_count] = 0.0
+    on_bone = slice(skin_count, skin_count + len(bones.vertices))
+    reach[on_bone] = bone_reach
+    while True:
+        nodes = polish(filled.nodes, filled.tets, reach)
+        # nothing but this keeps the two sides of a thin bone apart: there are no tetrahedra in it
+        crossed = crossings(Surface(nodes[on_bone], bones.faces))
+        held = bones.faces[crossed] + skin_count
+        if not reach[held].any():
+            return nodes
+        reach[held] = 0.0
+
+
+def _ordered(
+    nodes: np.ndarray, tets: np.ndarray, skin: Surface, surface: BoneSurface, names: tuple[str, ...]
+) -> TrunkMesh:
+    """The mesh with nodes along a space-filling curve and tetrahedra by their lowest node."""
+    order = morton_order(nodes)
+    number = np.empty(len(nodes), dtype=np.int32)
+    number[order] = np.arange(len(nodes), dtype=np.int32)
+    skin_count, bone_count = len(skin.vertices), len(surface.bone)
+    bone = np.full(len(nodes), -1, dtype=np.int32)
+    bone[number[skin_count : skin_count + bone_count]] = surface.bone
+    tets = number[tets]
+    tets = tets[np.lexsort(np.sort(tets, axis=1).T[::-1])]
+    return TrunkMesh(
+        nodes=np.ascontiguousarray(nodes[order]),
+        tets=np.ascontiguousarray(tets),
+        skin_nodes=number[:skin_count],
+        skin_faces=skin.faces.astype(np.int32),
+        bone=bone,
+        bone_names=names,
+        bone_faces=number[surface.surface.faces + skin_count],
+    )

@@ -1,0 +1,85 @@
+"""Meshes kept on disk under a key of what they were made from, so that a patient is meshed once."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..surface import Surface
+from ..trunk_mesh import TrunkMesh, check_trunk
+
+FORMAT = 3
+"""Raised whenever the same input would give another mesh or another file, so that old files are not used."""
+_ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name != "bone_names")
+
+
+def cache_folder() -> Path:
+    """Where meshes are kept: WARP_TRUNK_CACHE if set, else the place this system has for such files."""
+    if given := os.environ.get("WARP_TRUNK_CACHE"):
+        return Path(given)
+    if sys.platform == "win32":
+        place = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        place = Path.home() / "Library" / "Caches"
+    else:
+        place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return place / "warp-trunk"
+
+
+def cache_key(skin: Surface, bones: Mapping[str, Surface], options: str) -> str:
+    """A name for what a mesh is made from: every vertex and face, the bones' names and order, the options."""
+    digest = hashlib.sha256(f"warp-trunk mesh {FORMAT}\n{options}\n".encode())
+    for name, surface in [("skin", skin), *((f"bone {name}", bone) for name, bone in bones.items())]:
+        digest.update(f"{name}\n{len(surface.vertices)} {len(surface.faces)}\n".encode())
+        digest.update(np.ascontiguousarray(surface.vertices, dtype="<f8").tobytes())
+        digest.update(np.ascontiguousarray(surface.faces, dtype="<i4").tobytes())
+    return digest.hexdigest()
+
+
+def load_cached(key: str) -> TrunkMesh | None:
+    """The mesh kept under a key; None where there is none, or where its file is damaged."""
+    path = _path(key)
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:  # checks the checksum of every array
+            arrays = {name: file[name] for name in _ARRAYS}
+            names = tuple(str(name) for name in file["bone_names"])
+            same = str(file["key"]) == key
+        trunk = TrunkMesh(**arrays, bone_names=names)
+        check_trunk(trunk, str(path))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, InputError):
+        return None
+    return trunk if same else None
+
+
+def store_cached(key: str, trunk: TrunkMesh) -> None:
+    """Keep a mesh under a key; the file appears whole or not at all. A folder not writable is a warning."""
+    path = _path(key)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".making-", suffix=".npz")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                arrays = {field: getattr(trunk, field) for field in _ARRAYS}
+                np.savez(file, key=np.array(key), bone_names=np.array(trunk.bone_names, dtype=str), **arrays)
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        warnings.warn(f"{path}: the mesh could not be kept for the next run ({error})", stacklevel=2)
+
+
+def _path(key: str) -> Path:
+    return cache_folder() / f"mesh-{key}.npz"

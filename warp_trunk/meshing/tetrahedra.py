@@ -1,0 +1,209 @@
+"""Fill the space between bones and skin with tetrahedra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..surface import Surface
+from ..trunk_mesh import tet_volumes
+from .distance_field import SurfaceDistance
+from .surface_checks import components, enclosed_volume
+
+_RUNS = 6
+"""How often TetGen is run at most to meet the number asked for; one or two runs are usual."""
+_WITHIN = 0.15
+"""How far from the number asked for the number of tetrahedra may be."""
+_AIM = 0.12
+"""A run nearer than this is not followed by another."""
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """What TetGen made; the nodes of both surfaces come first, in their order."""
+
+    nodes: np.ndarray
+    """Positions [mm], shape (nodes, 3), float64: skin vertices, bone surface vertices, new nodes."""
+    tets: np.ndarray
+    """Node indices, each of positive volume, shape (tets, 4), int32."""
+    runs: int
+    """How often TetGen was run to meet the number asked for."""
+    largest_volume: float
+    """The bound on volume given to TetGen in the run kept [mm^3], which some exceed after improvement;
+    infinite where none was needed."""
+
+
+def tetrahedralize(
+    skin: Surface,
+    bones: Surface,
+    tets: int,
+    *,
+    radius_edge_ratio: float = 2.0,
+    smallest_dihedral: float = 0.0,
+    largest_dihedral: float = 165.0,
+) -> Tetrahedra:
+    """Fill the space between the bone surface and the skin with about `tets` tetrahedra.
+
+    Both surfaces are kept as they are, node by node: TetGen adds nodes in the space between only. Inside
+    every closed part of the bone surface is a cavity. The number of tetrahedra is met by a bound on their
+    volume, found from a model of its effect and corrected by what the runs show.
+
+    Args:
+        skin, bones: closed 2-manifolds, oriented outward, free of crossings, the bones inside the skin.
+        tets: number of tetrahedra asked for, met within 15 %.
+        radius_edge_ratio: bound on circumradius by shortest edge that TetGen aims for, above 1.
+        smallest_dihedral: angle between faces that TetGen aims for [degrees]; near the surfaces, whose
+            triangles are fixed, it may stay below.
+        largest_dihedral: TetGen tries to improve tetrahedra with a larger angle between faces [degrees].
+
+    Raises InputError when the surfaces cross, or need more tetrahedra by themselves than asked for.
+    """
+    vertices = np.concatenate([skin.vertices, bones.vertices])
+    faces = np.concatenate([skin.faces, bones.faces + len(skin.vertices)]).astype(np.int32)
+    holes = cavity_points(bones)
+    search = _BoundSearch(tets, len(faces), enclosed_volume(skin) - enclosed_volume(bones), radius_edge_ratio)
+    best: Tetrahedra | None = None
+    for run in range(1, _RUNS + 1):
+        bound = search.next_bound()
+        nodes, corners = _tetgen(
+            vertices, faces, holes, bound, (radius_edge_ratio, smallest_dihedral, largest_dihedral)
+        )
+        count = len(corners)
+        if best is None or abs(count - tets) < abs(len(best.tets) - tets):
+            best = Tetrahedra(nodes, corners, run, bound)
+        if abs(count - tets) < _AIM * tets or (count > tets and np.isinf(bound)):
+            break
+        search.saw(bound, count)
+    assert best is not None
+    count = len(best.tets)
+    if count > (1.0 + _WITHIN) * tets:
+        raise InputError(
+            f"tets: {tets} were asked for, but the skin ({len(skin.faces)} triangles) and the bone surface "
+            f"({len(bones.faces)}) need at least {count} by themselves; ask for more tets, or give a coarser "
+            "skin or a longer bone_edge_length"
+        )
+    if count < (1.0 - _WITHIN) * tets:
+        raise InputError(
+            f"tets: {tets} were asked for, but {best.runs} runs of TetGen came to {count} at best; "
+            "ask for another number or change the quality bounds"
+        )
+    return best
+
+
+def cavity_points(bones: Surface) -> np.ndarray:
+    """One point well inside each connected part of a closed surface, shape (parts, 3) [mm]."""
+    part_of_vertex = components(bones)
+    points = []
+    for part in range(part_of_vertex.max() + 1):
+        inside = part_of_vertex == part
+        number = np.cumsum(inside) - 1
+        faces = bones.faces[inside[bones.faces[:, 0]]]
+        surface = Surface(bones.vertices[inside], number[faces].astype(np.int32))
+        a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
+        normal = np.cross(b - a, c - a)
+        double = np.linalg.norm(normal, axis=1)
+        largest = np.argsort(-double)[:500]
+        inward = -normal[largest] / double[largest, None]
+        start = (a + b + c)[largest] / 3.0
+        size = np.sqrt(double[largest])[:, None]
+        tries = np.concatenate([start + depth * size * inward for depth in (0.02, 0.1, 0.3, 0.6, 1.0, 2.0)])
+        distance = SurfaceDistance(surface).at(tries)
+        deepest = int(distance.argmin())
+        if distance[deepest] >= 0.0:
+            place = surface.vertices.mean(axis=0).round(1).tolist()
+            raise InputError(f"bones: no point inside the part near {place} mm was found; repair the bone there")
+        points.append(tries[deepest])
+    return np.array(points).reshape(-1, 3)
+
+
+class _BoundSearch:
+    """Finds the bound on the volume of a tetrahedron that gives the number asked for.
+
+    Without a bound the surfaces decide the number N0; with a bound v on a volume V it is about
+    N0 (1 + 1.2 (V / (v N0))^1.4), as seen on a trunk and on spheres. Each run corrects the factor, and
+    narrows the interval that the bound must lie in.
+    """
+
+    def __init__(self, tets: int, faces: int, volume: float, radius_edge_ratio: float) -> None:
+        self._tets, self._volume = tets, volume
+        self._fixed = faces * (1.5 + 2.2 / radius_edge_ratio)
+        self._factor = 1.2
+        self._too_few = np.inf
+        self._too_many = 0.0
+
+    def next_bound(self) -> float:
+        """The bound to try next [mm^3]; infinite where the surfaces should give enough by themselves."""
+        surplus = self._tets / self._fixed - 1.0
+        bound = np.inf
+        if surplus > 0.05:
+            bound = self._volume / (self._fixed * (surplus / self._factor) ** (1.0 / 1.4))
+        if self._too_many < bound < self._too_few:
+            return float(bound)
+        if np.isinf(self._too_few):
+            return 3.0 * self._too_many if 0.0 < self._too_many < 0.01 * self._volume else np.inf
+        return float(np.sqrt(max(self._too_many, 0.1 * self._too_few) * self._too_few))
+
+    def saw(self, bound: float, count: int) -> None:
+        """Learn from a run."""
+        if count > self._tets:
+            self._too_many = max(self._too_many, bound)
+        else:
+            self._too_few = min(self._too_few, bound)
+        if np.isinf(bound):
+            self._fixed = float(count)
+            return
+        self._fixed = min(self._fixed, 0.97 * count)
+        load = self._volume / (bound * self._fixed)
+        self._factor = max((count / self._fixed - 1.0) / load**1.4, 1e-3)
+
+
+def _tetgen(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    holes: np.ndarray,
+    bound: float,
+    quality: tuple[float, float, float],
+) -> tuple[np.ndarray, np.ndarray]:
+    import tetgen  # heavy
+
+    mesher = tetgen.TetGen(vertices, faces)
+    for point in holes:
+        mesher.add_hole(point.tolist())
+    leftovers = [Path("_skipped.node"), Path("_skipped.face")]  # TetGen writes them when it fails
+    leftovers = [path for path in leftovers if not path.exists()]
+    try:
+        nodes, tets, *_ = mesher.tetrahedralize(
+            plc=True,
+            nobisect=True,  # no new nodes on the surfaces
+            quality=True,
+            minratio=quality[0],
+            mindihedral=quality[1],
+            optmaxdihedral=quality[2],
+            fixedvolume=bool(np.isfinite(bound)),
+            maxvolume=bound if np.isfinite(bound) else -1.0,
+            steinerleft=-1,
+        )
+    except RuntimeError as error:
+        for path in leftovers:
+            path.unlink(missing_ok=True)
+        raise InputError(
+            f"skin and bones: TetGen cannot fill the space between them ({error}); look for triangles of the "
+            "skin that touch or cross, or choose a larger bone_margin"
+        ) from error
+    if len(nodes) < len(vertices) or not np.array_equal(nodes[: len(vertices)], vertices):
+        raise InputError(
+            "skin: TetGen did not keep its vertices, which happens when two are at the same place; "
+            "merge vertices that coincide"
+        )
+    return nodes, oriented(nodes, tets.astype(np.int32))
+
+
+def oriented(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """The same tetrahedra with two corners swapped where the volume is negative."""
+    flip = tet_volumes(nodes, tets) < 0.0
+    tets = tets.copy()
+    tets[flip, 2], tets[flip, 3] = tets[flip, 3], tets[flip, 2].copy()
+    return tets

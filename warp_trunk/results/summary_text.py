@@ -1,0 +1,87 @@
+"""The end of a run in words and a table, for a terminal and for the viewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..measures import CobbAngle, TrunkMeasures
+
+if TYPE_CHECKING:
+    from ..case import Case
+    from ..run import RunResult
+    from ..simulation import Increment
+
+RESEARCH = "A research simulation, not for clinical use."
+
+
+def plain(result: RunResult) -> str:
+    """What is printed at the end: why it ended, what changed, and where the files are."""
+    status, before, after = result.status, result.before, result.after
+    bsr = result.summary["bsr_deg"]
+    lines = [
+        f"{status.name}: {status.value}",
+        f"{result.summary['tets']} tetrahedra, {result.summary['inverted_tets']} of them inverted, "
+        f"in {result.summary['seconds']['total']:.1f} s",
+        _skin(after),
+        f"Cobb angles before: {_curves(before.cobb)}",
+        f"Cobb angles after:  {_curves(after.cobb)}",
+        "",
+        "Back surface rotation [degrees]; positive: the right side of the back stands further back",
+        "level  before   after" + ("  actual" if bsr["actual"] else ""),
+    ]
+    for level in bsr["before"]:
+        cells = [bsr["before"][level], bsr["after"].get(level)]
+        cells += [bsr["actual"].get(level)] if bsr["actual"] else []
+        lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells))
+    lines += [
+        "",
+        f"Written to {result.folder}: {', '.join(sorted(_files(result.folder)))}",
+        RESEARCH,
+    ]
+    return "\n".join(lines)
+
+
+def markdown(case: Case, last: Increment, before: TrunkMeasures, after: TrunkMeasures) -> str:
+    """The same for the viewer, which reads Markdown."""
+    status = last.relaxation.status
+    rows = [
+        f"| {level} | {_number(angle)} | {_number(after.bsr.get(level))} |" for level, angle in before.bsr.items()
+    ]
+    return "\n".join(
+        [
+            f"# {case.name}",
+            "",
+            f"**{status.name}**: {status.value}.",
+            "",
+            _skin(after),
+            "",
+            f"Cobb angles before: {_curves(before.cobb)}; after: {_curves(after.cobb)}.",
+            "",
+            "Back surface rotation in degrees; positive: the right side of the back stands further back.",
+            "",
+            "| level | before | after |",
+            "|---|---:|---:|",
+            *rows,
+            "",
+            RESEARCH,
+        ]
+    )
+
+
+def _skin(after: TrunkMeasures) -> str:
+    return f"The skin moves by up to {after.skin_change_max:.1f} mm, {after.skin_change_mean:.1f} mm on average."
+
+
+def _curves(curves: tuple[CobbAngle, ...]) -> str:
+    named = [f"{c.angle:.0f}° {c.upper} to {c.lower}, convex to the {c.convex}" for c in curves]
+    return "; ".join(named) or "none of 10° or more"
+
+
+def _number(angle: float | None) -> str:
+    """An angle [degrees] with its sign; 'missing' where the plane missed the trunk."""
+    return "missing" if angle is None else f"{round(angle, 1) + 0.0:+.1f}"  # never -0.0
+
+
+def _files(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")]
