@@ -1,0 +1,193 @@
+"""Speed against error, measured.
+
+    python scripts/benchmark.py prepare CASE --tets 225000 --out problem.npz      mesh and truth, in one file
+    python scripts/benchmark.py run problem.npz --out benchmark.json              error against time
+    python scripts/benchmark.py plot benchmark.json --out benchmark.png           the curves (needs matplotlib)
+    python scripts/benchmark.py table benchmark.json                              Markdown
+    python scripts/benchmark.py scenes problem.npz                                what each part of a scene costs
+    python scripts/benchmark.py scale CASE --tets 150000 225000 500000            growth with the mesh
+
+`phantom` stands for the built-in phantom instead of a case folder. All but `prepare`, and `scale` of a case,
+run where only numpy and warp are installed. Times are wall clock after set-up; kernels compile apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from benchmarking import curves, outside, scaling, scenes, tables
+from benchmarking.plot import plot
+from benchmarking.prepare import load_case, mesh_case
+from benchmarking.problem import read_problem, solve_truth, write_problem
+from benchmarking.process import be_quiet, empty_kernel_cache, fresh
+from benchmarking.record import Record, Setting, read_records, write_records
+
+from warp_trunk import InputError
+from warp_trunk.parallel import choose_device
+
+METHODS = ("newton", "conjugate", "gradient", outside.OUTSIDE)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command; returns the exit status."""
+    given = _parser().parse_args(arguments)
+    be_quiet()
+    try:
+        given.command(given)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def prepare(given: argparse.Namespace) -> None:
+    """Meshes a case and solves it for the truth."""
+    problem = mesh_case(load_case(given.case), given.tets, given.bone_edge_length)
+    if given.truth:
+        problem = replace(problem, truth=solve_truth(problem))
+    write_problem(given.out, problem)
+    print(f"{given.out}: {len(problem.trunk.tets)} tets, {Path(given.out).stat().st_size / 1e6:.1f} MB")
+
+
+def run(given: argparse.Namespace) -> None:
+    """Measures every curve in a process of its own and writes the records after each."""
+    problem = read_problem(given.problem)
+    problem.errors(problem.bone_path().displacement)  # says now if there is no truth
+    records: list[Record] = []
+    compiled: dict[tuple[str, str], float] = {}
+    settings = choose_settings(given)
+
+    def measure_all() -> None:
+        for setting in settings:
+            at = (setting.device, setting.precision)
+            if given.compile and at not in compiled:
+                compiled[at] = fresh(curves.measure_compilation, given.problem, setting)
+            records.extend(fresh(curves.measure_curve, given.problem, setting, given.limit, compiled.get(at)))
+            write_records(given.out, records)
+
+    if given.compile:
+        with empty_kernel_cache():
+            measure_all()
+    else:
+        measure_all()
+    print(
+        f"{problem.name}, {len(problem.trunk.tets)} tets; no run is begun that would take over {given.limit:g} s\n"
+    )
+    print_tables(records)
+
+
+def choose_settings(given: argparse.Namespace) -> list[Setting]:
+    """Every combination asked for that exists; SciPy only in float64, on the most threads."""
+    settings = []
+    for device, method, precision in itertools.product(given.devices, given.methods, given.precisions):
+        choose_device(device)
+        threads = given.threads if device == "cpu" else [1]
+        if method == outside.OUTSIDE:
+            if device != "cpu" or precision != given.precisions[0]:
+                continue
+            if not outside.available():
+                print(f"{method}: left out, SciPy is not installed", file=sys.stderr)
+                continue
+            precision, threads = "float64", [max(threads)]
+        settings += [
+            Setting(method=method, threads=count, precision=precision, device=device) for count in threads
+        ]
+    return settings
+
+
+def print_tables(records: Sequence[Record]) -> None:
+    """The short table, the comparison of methods and every point."""
+    for record in {(r.device, r.precision): r for r in records}.values():
+        if record.compile_seconds is not None:
+            print(f"- {record.hardware}, {record.precision}: kernels compile in {record.compile_seconds:.0f} s")
+    print()
+    for text in (tables.short_table(records), tables.comparison(records), tables.long_table(records)):
+        print(text)
+
+
+def scale(given: argparse.Namespace) -> None:
+    """Prints the tables of mesh sizes and of increments."""
+    measured = scaling.sizes(given.what, given.tets, _setting(given), given.limit)
+    for name, group in itertools.groupby(measured, key=lambda size: size.name):
+        print(f"\n{name}, {given.device}, {given.precision}\n")
+        print(scaling.size_table(list(group)))
+
+
+def increments(given: argparse.Namespace) -> None:
+    """Prints the table of numbers of increments."""
+    print(scaling.increments_table(read_problem(given.problem), _setting(given), given.counts))
+
+
+def _setting(given: argparse.Namespace) -> Setting:
+    choose_device(given.device)
+    threads = given.threads if given.device == "cpu" else 1
+    return Setting(method="newton", threads=threads, precision=given.precision, device=given.device)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    precisions = ("float32", "float64")
+
+    def add(name: str, command: object, words: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=words, description=words, allow_abbrev=False)
+        added.set_defaults(command=command)
+        return added
+
+    one = add("prepare", prepare, "mesh a case and solve it to 1e-6 mm, into one file")
+    one.add_argument("case", help="a case folder, or phantom")
+    one.add_argument("--tets", type=int, default=225_000, help="number of tetrahedra (default %(default)s)")
+    one.add_argument("--bone-edge-length", type=float, default=0.0, help="of the bone surface [mm]; 0 chooses it")
+    one.add_argument("--no-truth", dest="truth", action="store_false", help="mesh only, for scale")
+    one.add_argument("--out", required=True, help="the file, .npz")
+
+    one = add("run", run, "measure error against time")
+    one.add_argument("problem", help="a file made by prepare")
+    one.add_argument("--out", default="benchmark.json", help="records (default %(default)s)")
+    one.add_argument("--devices", nargs="+", default=["cpu"], help="cpu, cuda:0 (default cpu)")
+    one.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
+    one.add_argument("--threads", nargs="+", type=int, default=[1, 2], help="CPU threads (default 1 2)")
+    one.add_argument("--precisions", nargs="+", choices=precisions, default=precisions)
+    one.add_argument("--limit", type=float, default=20.0, help="longest run of a method [s] (default %(default)g)")
+    one.add_argument("--no-compile", dest="compile", action="store_false", help="do not measure compilation")
+
+    one = add("plot", lambda given: plot(given.out, read_records(given.records), given.title), "draw the curves")
+    one.add_argument("records", nargs="+", help="files made by run")
+    one.add_argument("--out", default="benchmark.png", help="the picture (default %(default)s)")
+    one.add_argument("--title", default="", help="above the plot")
+
+    one = add("table", lambda given: print_tables(read_records(given.records)), "print the tables of run again")
+    one.add_argument("records", nargs="+", help="files made by run")
+
+    def add_place(one: argparse.ArgumentParser) -> None:
+        one.add_argument("--device", default="cpu", help="cpu or cuda:0 (default %(default)s)")
+        one.add_argument("--threads", type=int, default=2, help="CPU threads (default %(default)s)")
+        one.add_argument("--precision", choices=precisions, default="float32")
+
+    one = add("scenes", lambda given: print(scenes.scenes_table(read_problem(given.problem), _setting(given))),
+              "what each part of a scene costs")  # fmt: skip
+    one.add_argument("problem", help="a file made by prepare")
+    add_place(one)
+
+    one = add("scale", scale, "growth of time and memory with the mesh, and the mesh's error")
+    one.add_argument("what", nargs="+", help="a case folder, phantom, or files made by prepare")
+    one.add_argument("--tets", nargs="+", type=int, default=[150_000, 225_000, 500_000, 1_000_000])
+    one.add_argument("--limit", type=float, default=60.0, help="runs over a tenth of this are not repeated [s]")
+    add_place(one)
+
+    one = add("increments", increments, "the error of the number of increments")
+    one.add_argument("problem", help="a file made by prepare")
+    one.add_argument("--counts", nargs="+", type=int, default=[1, 2, 5, 10, 20])
+    add_place(one)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

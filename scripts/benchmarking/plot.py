@@ -1,0 +1,113 @@
+"""The plot of error against time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from warp_trunk import InputError
+
+from .outside import OUTSIDE
+from .record import Record, Setting
+from .tables import curves
+
+COLOURS = {"newton": "#0072B2", "conjugate": "#D55E00", "gradient": "#009E73", OUTSIDE: "#000000"}
+"""By method; of the palette of Okabe and Ito, told apart by colour-blind readers, and in grey by the marks."""
+NAMES = {
+    "newton": "truncated Newton",
+    "conjugate": "conjugate gradients",
+    "gradient": "spectral gradient",
+    OUTSIDE: "SciPy L-BFGS-B",
+}
+
+
+def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
+    """Draws every curve, both axes logarithmic.
+
+    Raises:
+        InputError: matplotlib is not installed, or there is nothing to draw.
+    """
+    try:
+        import matplotlib  # pyright: ignore[reportMissingImports]  (not needed to measure)
+    except ImportError as error:
+        raise InputError("plot: needs matplotlib; run with 'uv run --with matplotlib'") from error
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt  # pyright: ignore[reportMissingImports]
+    from matplotlib.lines import Line2D  # pyright: ignore[reportMissingImports]
+
+    if not records:
+        raise InputError("plot: there are no records to draw")
+    by_setting = curves(records)
+    figure, axes = plt.subplots(figsize=(8.0, 5.4), layout="constrained")
+    for setting, points in by_setting.items():
+        axes.loglog(
+            [point.seconds for point in points],
+            [point.max_error_mm for point in points],
+            color=COLOURS[setting.method],
+            linestyle="-" if setting.precision == "float32" else "--",
+            marker=_marker(setting),
+            markersize=5.5,
+            linewidth=1.4,
+            markerfacecolor=COLOURS[setting.method] if setting.precision == "float32" else "white",
+        )
+    _goal_lines(axes)
+    axes.set_xlabel("time of the whole simulation after set-up [s]")
+    axes.set_ylabel("largest error of a node [mm]")
+    axes.set_title(title, loc="left", fontsize=11)
+    axes.grid(which="major", color="#dddddd", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+    methods = dict.fromkeys(setting.method for setting in by_setting)
+    places = {_where(setting): _marker(setting) for setting in by_setting}
+    precisions = dict.fromkeys(setting.precision for setting in by_setting)
+    handles = [Line2D([], [], color=COLOURS[method], linewidth=3, label=NAMES[method]) for method in methods]
+    handles += [
+        Line2D([], [], color="#555555", linestyle="", marker=mark, label=where) for where, mark in places.items()
+    ]
+    handles += [
+        Line2D(
+            [],
+            [],
+            color="#555555",
+            linestyle="-" if precision == "float32" else "--",
+            marker="o",
+            markerfacecolor="#555555" if precision == "float32" else "white",
+            label=precision,
+        )
+        for precision in precisions
+    ]
+    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=9)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=160)
+    plt.close(figure)
+
+
+def _goal_lines(axes: Any) -> None:
+    for error, words in ((1.0, "1 mm"), (0.01, "0.01 mm, the default")):
+        axes.axhline(error, color="#999999", linewidth=0.8, linestyle=":", zorder=0)
+        axes.annotate(
+            words,
+            (1.0, error),
+            xycoords=("axes fraction", "data"),
+            xytext=(-2, 3),
+            textcoords="offset points",
+            ha="right",
+            fontsize=8,
+            color="#555555",
+        )
+
+
+def _where(setting: Setting) -> str:
+    if setting.device != "cpu":
+        return "CUDA"
+    return f"CPU, {setting.threads} thread{'s' if setting.threads > 1 else ''}"
+
+
+def _marker(setting: Setting) -> str:
+    if setting.device != "cpu":
+        return "^"
+    return "o" if setting.threads == 1 else "s"

@@ -1,0 +1,25 @@
+"""From a case to a problem file; the only part of the benchmark that needs the meshing libraries."""
+
+from __future__ import annotations
+
+from warp_trunk import Case, MeshOptions, build_trunk, phantom_case, read_case
+
+from .problem import Problem
+
+PHANTOM = "phantom"
+"""The name that stands for the built-in phantom instead of a case folder."""
+
+
+def load_case(name: str) -> Case:
+    """The case in a folder, or the phantom."""
+    return phantom_case() if name == PHANTOM else read_case(name)
+
+
+def mesh_case(case: Case, tets: int, bone_edge_length: float = 0.0) -> Problem:
+    """The problem of a case with about so many tetrahedra, its mesh from the cache where there; without truth.
+
+    Raises:
+        InputError: the surfaces force more tetrahedra than that.
+    """
+    trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets, bone_edge_length=bone_edge_length))
+    return Problem(case.name, trunk, case.tissue, case.landmarks_before, case.landmarks_after)

@@ -1,0 +1,162 @@
+"""What is benchmarked: one file that holds a mesh, the motion of its bones and where it ends.
+
+It is read with numpy alone, so that a machine without the meshing libraries can run the benchmark.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from warp_trunk import (
+    BonePath,
+    InputError,
+    Landmarks,
+    RelaxOptions,
+    RelaxStatus,
+    SimulationOptions,
+    Surface,
+    Tissue,
+    TrunkMesh,
+    back_surface_rotation,
+    build_model,
+    simulate,
+    spline_path,
+)
+
+TRUTH_TOLERANCE = 1e-6
+"""Estimated distance from equilibrium of the solution that errors are measured against [mm]."""
+_MESH = tuple(field.name for field in fields(TrunkMesh))
+_TISSUE = tuple(field.name for field in fields(Tissue))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far a trunk is from another, or from the truth."""
+
+    max_error_mm: float
+    """Largest distance of a node [mm]; of a skin vertex where only skins are compared."""
+    mean_skin_error_mm: float
+    """Mean distance of a skin vertex [mm]."""
+    bsr_error_deg: float
+    """Largest difference of the back surface rotation of any level [degrees]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A trunk and a planned correction, meshed."""
+
+    name: str
+    """What it is, for tables."""
+    trunk: TrunkMesh
+    """The mesh before surgery."""
+    tissue: Tissue
+    """Constants of the energy."""
+    landmarks_before: Landmarks
+    """Points on the bones before surgery."""
+    landmarks_after: Landmarks
+    """The same points after surgery."""
+    truth: np.ndarray | None = None
+    """Displacement after surgery in float64, converged to TRUTH_TOLERANCE [mm], shape (nodes, 3)."""
+
+    def bone_path(self) -> BonePath:
+        """The motion of the bones."""
+        return spline_path(self.trunk.nodes, self.landmarks_before, self.landmarks_after)
+
+    def skin(self, displacement: np.ndarray) -> Surface:
+        """The skin at a displacement of the nodes (nodes, 3) [mm]."""
+        at = self.trunk.skin_nodes
+        return Surface(self.trunk.nodes[at] + displacement[at], self.trunk.skin_faces)
+
+    def errors(self, displacement: np.ndarray) -> Errors:
+        """Distance of a displacement (nodes, 3) from the truth."""
+        if self.truth is None:
+            raise InputError(f"{self.name}: the problem holds no truth; prepare it without --no-truth")
+        distance = np.linalg.norm(displacement - self.truth, axis=1)
+        skins = compare_skins(self.skin(displacement), self.skin(self.truth), self.landmarks_after)
+        return Errors(float(distance.max()), skins.mean_skin_error_mm, skins.bsr_error_deg)
+
+
+def compare_skins(skin: Surface, other: Surface, landmarks: Landmarks) -> Errors:
+    """Distance of two skins with the same vertices, and the difference of their rotations."""
+    distance = np.linalg.norm(skin.vertices - other.vertices, axis=1)
+    bsr, other_bsr = (back_surface_rotation(surface, landmarks) for surface in (skin, other))
+    differences = [
+        abs(tangent.angle - same.angle)
+        for level, tangent in bsr.items()
+        if tangent is not None and (same := other_bsr[level]) is not None
+    ]
+    return Errors(float(distance.max()), float(distance.mean()), max(differences, default=float("nan")))
+
+
+def solve_truth(problem: Problem) -> np.ndarray:
+    """The equilibrium in float64 to TRUTH_TOLERANCE, shape (nodes, 3) [mm]."""
+    model = build_model(problem.trunk, problem.tissue, device="cpu", precision="float64")
+    relax = RelaxOptions(method="newton", tolerance=TRUTH_TOLERANCE)
+    *_, last = simulate(model, problem.bone_path(), SimulationOptions(relax=relax))
+    if last.relaxation.status is not RelaxStatus.CONVERGED:
+        raise InputError(f"{problem.name}: no truth to measure against, {last.relaxation.status.value}")
+    return last.displacement
+
+
+def write_problem(path: str | Path, problem: Problem) -> None:
+    """Writes a problem as a compressed npz without pickle; integers are stored as differences, which pack well."""
+    trunk, tissue = problem.trunk, problem.tissue
+    arrays = {name: np.asarray(getattr(trunk, name)) for name in _MESH if name not in ("tets", "bone_names")}
+    arrays["bone_names"] = np.array(trunk.bone_names, dtype=str)
+    arrays["tets"] = _differences(trunk.tets)
+    arrays["name"] = np.array(problem.name)
+    arrays["tissue"] = np.array([getattr(tissue, name) for name in _TISSUE])
+    arrays["landmark_names"] = np.array(problem.landmarks_before.names, dtype=str)
+    arrays["landmarks_before"] = problem.landmarks_before.points
+    arrays["landmarks_after"] = problem.landmarks_after.points
+    if problem.truth is not None:
+        arrays["truth"] = problem.truth
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("wb") as file:  # a file, because numpy would add .npz to another name
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def read_problem(path: str | Path) -> Problem:
+    """Reads what `write_problem` wrote.
+
+    Raises:
+        InputError: no such file, or not one of these.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            stored = {name: file[name] for name in file.files}
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as a problem ({error}); make one with 'prepare'") from error
+    missing = sorted({"name", "tissue", "landmark_names", *_MESH} - set(stored))
+    if missing:
+        raise InputError(f"{path}: '{missing[0]}' is missing; make the file again with 'prepare'")
+    mesh = {name: stored[name] for name in _MESH if name != "bone_names"}
+    mesh["tets"] = _sums(mesh["tets"])
+    names = tuple(str(name) for name in stored["landmark_names"])
+    return Problem(
+        name=str(stored["name"]),
+        trunk=TrunkMesh(**mesh, bone_names=tuple(str(name) for name in stored["bone_names"])),
+        tissue=Tissue(**dict(zip(_TISSUE, map(float, stored["tissue"]), strict=True))),
+        landmarks_before=Landmarks(names, stored["landmarks_before"]),
+        landmarks_after=Landmarks(names, stored["landmarks_after"]),
+        truth=stored.get("truth"),
+    )
+
+
+def _differences(tets: np.ndarray) -> np.ndarray:
+    """The first corner less that of the tetrahedron before, the others less the first."""
+    result = tets.astype(np.int32).copy()
+    result[:, 1:] -= tets[:, :1]
+    result[1:, 0] = np.diff(tets[:, 0])
+    return result
+
+
+def _sums(differences: np.ndarray) -> np.ndarray:
+    tets = differences.copy()
+    tets[:, 0] = np.cumsum(differences[:, 0])
+    tets[:, 1:] += tets[:, :1]
+    return tets

@@ -1,0 +1,179 @@
+"""How time, work and memory grow with the mesh, and how the answer depends on mesh and increments."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warp_trunk import InputError, Landmarks, RelaxOptions, RelaxStatus, Surface
+
+from .prepare import load_case, mesh_case
+from .problem import Problem, compare_skins, read_problem, write_problem
+from .process import fresh
+from .record import Setting, peak_memory
+from .tables import markdown, number
+from .timing import make_model, run, run_least, warm_up
+
+REFERENCE_TOLERANCE = 1e-3
+"""What answers are relaxed to that are compared over meshes or increments [mm]: they then differ by the cause."""
+
+
+@dataclass(frozen=True, eq=False)
+class Size:
+    """A simulation of one mesh, with the default tolerance and increments."""
+
+    name: str
+    """The problem's."""
+    tets: int
+    """Tetrahedra."""
+    nodes: int
+    """Nodes."""
+    seconds: float
+    """All increments, after set-up."""
+    setup_seconds: float
+    """Model, preconditioner and recorded launches."""
+    linear_iterations: int
+    """All increments."""
+    steps: int
+    """All increments."""
+    peak_memory_mb: float
+    """Of a process for this mesh alone, or of the device's pool."""
+    converged: bool
+    """Whether every increment came to its tolerance."""
+    skin: Surface
+    """The skin after surgery, relaxed to REFERENCE_TOLERANCE."""
+    landmarks: Landmarks
+    """Those after surgery."""
+
+
+def sizes(what: Sequence[str], tets: Sequence[int], setting: Setting, limit: float) -> list[Size]:
+    """Measures every problem file of `what`, and every case of it (or the phantom) at each number of tets."""
+    measured = []
+    with tempfile.TemporaryDirectory() as folder:
+        for file in _files(what, tets, Path(folder)):
+            size = fresh(measure_size, file, setting, limit)
+            measured.append(size)
+            print(f"{size.name}, {size.tets} tets: {number(size.seconds)} s", flush=True)
+    return sorted(measured, key=lambda size: (size.name, size.tets))
+
+
+def _files(what: Sequence[str], tets: Sequence[int], folder: Path) -> Iterator[Path]:
+    for name in what:
+        if name.endswith(".npz"):
+            yield Path(name)
+            continue
+        case = load_case(name)
+        for count in tets:
+            try:
+                problem = mesh_case(case, count)
+            except InputError as error:
+                print(f"{case.name}: {count} tets could not be made: {error}", flush=True)
+                continue
+            write_problem(folder / "problem.npz", problem)
+            yield folder / "problem.npz"
+
+
+def measure_size(file: str | Path, setting: Setting, limit: float) -> Size:
+    """One mesh, in a process of its own."""
+    problem = read_problem(file)
+    path = problem.bone_path()
+    warm_up(make_model(problem, setting), path, RelaxOptions())  # compiles and loads the kernels
+    start = time.perf_counter()
+    model = make_model(problem, setting)
+    model_seconds = time.perf_counter() - start
+    timed = run_least(model, path, RelaxOptions(), limit)
+    memory = peak_memory(setting.device)
+    end = run(model, path, RelaxOptions(tolerance=REFERENCE_TOLERANCE))
+    return Size(
+        name=problem.name,
+        tets=len(problem.trunk.tets),
+        nodes=len(problem.trunk.nodes),
+        seconds=timed.seconds,
+        setup_seconds=model_seconds + timed.setup_seconds,
+        linear_iterations=sum(relaxation.linear_iterations for relaxation in timed.relaxations),
+        steps=sum(relaxation.steps for relaxation in timed.relaxations),
+        peak_memory_mb=memory,
+        converged=timed.converged,
+        skin=problem.skin(end.displacement),
+        landmarks=problem.landmarks_after,
+    )
+
+
+def size_table(measured: Sequence[Size]) -> str:
+    """One row for each mesh of one case, the finest last; skins against that one's."""
+    finest = measured[-1]
+    rows = []
+    for size in measured:
+        away = compare_skins(size.skin, finest.skin, finest.landmarks)
+        values = (away.max_error_mm, away.mean_skin_error_mm, away.bsr_error_deg)
+        rows.append(
+            [
+                f"{size.tets}" + ("" if size.converged else " (not converged)"),
+                str(size.nodes),
+                number(size.seconds),
+                number(size.setup_seconds),
+                str(size.steps),
+                str(size.linear_iterations),
+                f"{size.peak_memory_mb:.0f}",
+                *(["0"] * 3 if size is finest else map(number, values)),
+            ]
+        )
+    header = ["tets", "nodes", "seconds", "set-up [s]", "steps", "linear iterations", "MB"]
+    return markdown([*header, "skin max [mm]", "skin mean [mm]", "BSR [degrees]"], rows) + slopes(measured)
+
+
+def slopes(measured: Sequence[Size]) -> str:
+    """Exponents of growth with the number of tetrahedra, of a line through the logarithms."""
+    if len({size.tets for size in measured}) < 2:
+        return ""
+    parts = [
+        f"{words} {exponent([s.tets for s in measured], [getattr(s, name) for s in measured]):.2f}"
+        for name, words in (
+            ("seconds", "time"),
+            ("setup_seconds", "set-up"),
+            ("linear_iterations", "linear iterations"),
+            ("peak_memory_mb", "memory"),
+        )
+    ]
+    first, last = measured[0], measured[-1]
+    each = (last.peak_memory_mb - first.peak_memory_mb) * 1e6 / (last.tets - first.tets)
+    return (
+        f"\nGrowth with the number of tets to the power of: {', '.join(parts)}; {each:.0f} bytes for each tet.\n"
+    )
+
+
+def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
+    """The power of size with which values grow, by least squares of the logarithms."""
+    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
+
+
+def increments_table(problem: Problem, setting: Setting, counts: Sequence[int]) -> str:
+    """The answer of each number of increments against that of the largest, all relaxed to REFERENCE_TOLERANCE."""
+    counts = sorted(set(counts))
+    model, path = make_model(problem, setting), problem.bone_path()
+    relax = RelaxOptions(tolerance=REFERENCE_TOLERANCE)
+    warm_up(model, path, relax)
+    runs = {count: run_least(model, path, relax, limit=0.0, increments=count) for count in counts}
+    reference = problem.skin(runs[counts[-1]].displacement)
+    rows = []
+    for count, timed in runs.items():
+        away = compare_skins(problem.skin(timed.displacement), reference, problem.landmarks_after)
+        converged = timed.last.status is RelaxStatus.CONVERGED
+        last = count == counts[-1]
+        rows.append(
+            [
+                f"{count}" + ("" if converged else f" ({timed.last.status.name})"),
+                number(timed.seconds),
+                str(sum(relaxation.linear_iterations for relaxation in timed.relaxations)),
+                "0" if last else number(away.max_error_mm),
+                "0" if last else number(away.mean_skin_error_mm),
+                "0" if last else number(away.bsr_error_deg),
+            ]
+        )
+    header = ["increments", "seconds", "linear iterations", "skin max [mm]", "skin mean [mm]", "BSR [degrees]"]
+    return markdown(header, rows)

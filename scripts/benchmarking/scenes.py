@@ -1,0 +1,168 @@
+"""What each part of a scene costs: the model holds only what the scene needs."""
+
+from __future__ import annotations
+
+import gc
+import importlib.util
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from warp_trunk import (
+    Case,
+    Increment,
+    Model,
+    Recording,
+    SimulationOptions,
+    Surface,
+    TrunkMeasures,
+    build_model,
+    measure,
+    simulate,
+)
+from warp_trunk.energy import State
+
+from .problem import Problem
+from .record import Setting
+from .tables import markdown, number
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+EVALUATIONS = 20
+"""Evaluations of which the median time is taken."""
+ROUNDS = 3
+"""Every scene is run so often, in turns, so that a change of the machine meets them all; the least counts."""
+
+Observer = Callable[[Increment], object]
+
+
+@dataclass
+class Scene:
+    """A row of the table."""
+
+    name: str
+    """What is different from the default."""
+    model: Model
+    """Its model."""
+    observer: Callable[[], AbstractContextManager[Observer]] | None = None
+    """Opens what is told every increment of one run."""
+    evaluation_ms: float = np.inf
+    """Fused energy and gradient [ms]."""
+    seconds: float = np.inf
+    """Whole simulation after set-up, observer included [s]."""
+    linear_iterations: int = 0
+    """Of the whole simulation."""
+
+
+def scenes_table(problem: Problem, setting: Setting) -> str:
+    """The table of a problem: every scene, with its times also as ratios to the default's."""
+    scenes = make_scenes(problem, setting)
+    path = problem.bone_path()
+    for scene in scenes:  # compiles and loads
+        next(iter(simulate(scene.model, path)))
+    for _ in range(ROUNDS):
+        for scene in scenes:
+            gc.collect()
+            scene.evaluation_ms = min(scene.evaluation_ms, evaluation_ms(scene.model, path.at(0.5)))
+            _run(scene, problem)
+    default = scenes[0]
+    rows = [
+        [
+            scene.name,
+            number(scene.evaluation_ms),
+            f"{scene.evaluation_ms / default.evaluation_ms:.2f}",
+            number(scene.seconds),
+            f"{scene.seconds / default.seconds:.2f}",
+            str(scene.linear_iterations),
+            f"{scene.seconds / scene.linear_iterations / (default.seconds / default.linear_iterations):.2f}",
+        ]
+        for scene in scenes
+    ]
+    header = ["scene", "evaluation [ms]", "ratio", "simulation [s]", "ratio", "linear iterations"]
+    return markdown([*header, "ratio per iteration"], rows)
+
+
+def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
+    """The default and everything that is measured against it."""
+
+    def model(precision: str = setting.precision, gravity: float = 0.0, **tissue: float) -> Model:
+        return build_model(
+            problem.trunk,
+            replace(problem.tissue, **tissue),
+            gravity=gravity,
+            device=setting.device,
+            precision=precision,
+            threads=setting.threads,
+        )
+
+    default = model()
+    scenes = [
+        Scene("default", default),
+        Scene("no area term (epsilon 0)", model(epsilon=0.0)),
+        Scene("no volume term (theta 0)", model(theta=0.0)),
+        Scene("gravity", model(gravity=GRAVITY)),
+        Scene("float64", model(precision="float64")),
+        Scene("skin and measures after each increment", default, lambda: _measuring(problem)),
+    ]
+    if importlib.util.find_spec("rerun") is not None:
+        scenes.append(Scene("the same, recorded", default, lambda: _recording(problem)))
+    return scenes
+
+
+def evaluation_ms(model: Model, displacement: np.ndarray) -> float:
+    """Median time of energy and gradient at a displacement (nodes, 3) [ms]."""
+    state = State.pair(model)[0]
+    state.place(displacement)
+    state.evaluate()
+    spent = []
+    for _ in range(EVALUATIONS):
+        wp.synchronize_device(model.device)
+        start = time.perf_counter()
+        state.evaluate()
+        wp.synchronize_device(model.device)
+        spent.append(time.perf_counter() - start)
+    return 1e3 * float(np.median(spent))
+
+
+def _run(scene: Scene, problem: Problem) -> None:
+    seconds, linear_iterations = 0.0, 0
+    with nullcontext() if scene.observer is None else scene.observer() as observe:
+        for increment in simulate(scene.model, problem.bone_path(), SimulationOptions()):
+            seconds += increment.seconds
+            linear_iterations += increment.relaxation.linear_iterations
+            if observe is not None:
+                start = time.perf_counter()
+                observe(increment)
+                seconds += time.perf_counter() - start
+    scene.seconds = min(scene.seconds, seconds)
+    scene.linear_iterations = linear_iterations
+
+
+@contextmanager
+def _measuring(problem: Problem) -> Iterator[Observer]:
+    before = problem.skin(np.zeros_like(problem.trunk.nodes))
+    yield lambda increment: _measure(problem, increment, before)
+
+
+@contextmanager
+def _recording(problem: Problem) -> Iterator[Observer]:
+    before = problem.skin(np.zeros_like(problem.trunk.nodes))
+    landmarks = (problem.landmarks_before, problem.landmarks_after)
+    case = Case(problem.name, before, {}, *landmarks, tissue=problem.tissue)
+    change = float(np.linalg.norm(problem.bone_path().displacement, axis=1).max())
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Recording(Path(folder) / "a.rrd", case, problem.trunk, measure(before, landmarks[0]), change) as recording,
+    ):
+        yield lambda increment: recording.increment(increment, *_measure(problem, increment, before))
+
+
+def _measure(problem: Problem, increment: Increment, before: Surface) -> tuple[Surface, TrunkMeasures]:
+    skin = problem.skin(increment.displacement)
+    return skin, measure(skin, problem.landmarks_after, before)

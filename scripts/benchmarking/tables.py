@@ -1,0 +1,149 @@
+"""Tables in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from warp_trunk import InputError
+
+from .record import Record, Setting
+
+LEVELS = (1.0, 0.1, 0.01)
+"""Errors that a curve is asked for the time of [mm]."""
+
+
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; the first column is text, the others are numbers."""
+    lines = ["| " + " | ".join(header) + " |", "|---|" + "---:|" * (len(header) - 1)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
+
+
+def setting_of(record: Record) -> Setting:
+    """The curve a record belongs to."""
+    return Setting(method=record.method, threads=record.threads, precision=record.precision, device=record.device)
+
+
+def curves(records: Iterable[Record]) -> dict[Setting, list[Record]]:
+    """Records by curve, in the order they come.
+
+    Raises:
+        InputError: a curve with points of two machines or two meshes.
+    """
+    found: dict[Setting, list[Record]] = {}
+    for record in records:
+        points = found.setdefault(setting_of(record), [])
+        points.append(record)
+        for name in ("hardware", "tets"):
+            first, this = getattr(points[0], name), getattr(record, name)
+            if this != first:
+                raise InputError(
+                    f"records: {record.method} on {record.device} has '{name}' {first} and {this}; "
+                    "show them one by one"
+                )
+    return found
+
+
+def place(setting: Setting) -> str:
+    """Where a curve ran, in words."""
+    if setting.device != "cpu":
+        return setting.device
+    return f"{setting.threads} thread{'s' if setting.threads > 1 else ''}"
+
+
+def seconds_to(points: Iterable[Record], error: float) -> float | None:
+    """The least time in which a curve has a node error of at most `error` [mm]; None if it never does."""
+    return min((point.seconds for point in points if point.max_error_mm <= error), default=None)
+
+
+def short_table(records: Iterable[Record]) -> str:
+    """For every curve: seconds to each of LEVELS, and its last point."""
+    rows = []
+    for setting, points in curves(records).items():
+        reached = [seconds_to(points, level) for level in LEVELS]
+        end = points[-1]
+        rows.append(
+            [
+                setting.method,
+                place(setting),
+                setting.precision,
+                *("never" if seconds is None else number(seconds) for seconds in reached),
+                number(end.seconds),
+                number(end.max_error_mm),
+                number(end.mean_skin_error_mm),
+                number(end.bsr_error_deg),
+                str(end.linear_iterations),
+                str(end.evaluations),
+                f"{end.peak_memory_mb:.0f}",
+            ]
+        )
+    header = ["method", "where", "precision", *(f"{level:g} mm [s]" for level in LEVELS)]
+    ends = ["end [s]", "max [mm]", "skin mean [mm]", "BSR [degrees]", "linear iterations", "evaluations", "MB"]
+    return markdown([*header, *ends], rows)
+
+
+def long_table(records: Iterable[Record]) -> str:
+    """Every point."""
+    header = [
+        *("method", "where", "precision", "asked", "seconds", "max [mm]", "skin mean [mm]", "BSR [degrees]"),
+        *("estimated [mm]", "status", "steps", "linear iterations", "evaluations", "MB", "set-up [s]"),
+    ]
+    rows = [
+        [
+            record.method,
+            place(record),
+            record.precision,
+            f"{record.tolerance_mm:g} mm" if record.method == "newton" else f"{record.max_steps} steps",
+            *map(number, (record.seconds, record.max_error_mm, record.mean_skin_error_mm, record.bsr_error_deg)),
+            "none" if record.estimated_error_mm is None else number(record.estimated_error_mm),
+            record.status,
+            *map(str, (record.steps, record.linear_iterations, record.evaluations)),
+            f"{record.peak_memory_mb:.0f}",
+            number(record.setup_seconds),
+        ]
+        for record in records
+    ]
+    return markdown(header, rows)
+
+
+def comparison(records: Sequence[Record]) -> str:
+    """Newton to 0.01 mm against the gradient methods to 1 mm, and two threads against one, as ratios."""
+    by_setting = curves(records)
+    lines = []
+    for setting, points in by_setting.items():
+        if setting.method != "newton" or (mine := seconds_to(points, 0.01)) is None:
+            continue
+        lines.append(f"- newton, {place(setting)}, {setting.precision}: {number(mine)} s to 0.01 mm")
+        for other, theirs in by_setting.items():
+            same_place = (other.device, other.threads) == (setting.device, setting.threads)
+            if other.method == "newton" or not same_place or other.precision != setting.precision:
+                continue
+            reached = seconds_to(theirs, 1.0)
+            end = theirs[-1]
+            lines.append(
+                f"  - {other.method}: 1 mm in {number(reached)} s, {reached / mine:.0f} times as long"
+                if reached is not None
+                else f"  - {other.method}: {number(end.max_error_mm)} mm left after {number(end.seconds)} s, "
+                f"{end.seconds / mine:.0f} times as long"
+            )
+        single = Setting(method="newton", threads=1, precision=setting.precision, device="cpu")
+        alone = seconds_to(by_setting.get(single, []), 0.01)
+        if setting != single and alone is not None:
+            lines.append(f"  - newton on one thread: {number(alone)} s, {alone / mine:.2f} times as long")
+    checked = [record for record in records if record.estimated_error_mm]
+    if checked:
+        worst = max(checked, key=lambda record: record.max_error_mm / (record.estimated_error_mm or 1.0))
+        lines.append(
+            f"- true error over estimated error, largest of {len(checked)} points: "
+            f"{worst.max_error_mm / (worst.estimated_error_mm or 1.0):.2g} ({worst.method}, {worst.precision})"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def number(value: float) -> str:
+    """Three digits, without an exponent where it reads well."""
+    if value == 0.0:
+        return "0"
+    if 1e-3 <= abs(value) < 1000.0:
+        digits = f"{value:.3g}"
+        return digits if "e" not in digits else f"{value:.0f}"
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.1e}"
