@@ -13,6 +13,10 @@ from .reduction import adder, keep_largest
 
 CHANGE, LONGEST, SUM = range(3)
 """Columns of the extent of a solution."""
+LONG, LEFT, CHANGED = range(3)
+"""What is told of a solution: its longest vector, the error that may be left in one, the last change [mm]."""
+SLOWEST = wp.constant(0.95)
+"""Changes are taken to shrink at least this fast from window to window."""
 
 
 @wp.func
@@ -131,12 +135,18 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         ranges: int,
         most: int,
         limits: wp.array(dtype=wp.float64),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
         iteration: wp.array(dtype=wp.int32),
         extent: wp.array(dtype=wp.float64, ndim=2),
         outcome: wp.array(dtype=wp.float64),
         go_on: wp.array(dtype=wp.int32),
     ):
-        """Whether the solution still changes by more than the limits: in mm, or as a part of its length."""
+        """Whether the solution may be farther from its end than the limits: in mm, or as a part of its length.
+
+        What is left is judged by how the changes over two windows shrink: a sequence whose changes shrink
+        by q each time has change q / (1 - q) before it. The first window therefore never ends a solve, nor
+        does a plateau of a badly conditioned one, where the residual has not fallen by the same part.
+        """
         changed = wp.float64(0.0)
         longest = wp.float64(0.0)
         finite = wp.float64(0.0)
@@ -147,13 +157,23 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             extent[r, CHANGE] = wp.float64(0.0)
             extent[r, LONGEST] = wp.float64(0.0)
             extent[r, SUM] = wp.float64(0.0)
-        outcome[0] = wp.sqrt(longest)
-        outcome[1] = wp.sqrt(changed)
+        changed = wp.sqrt(changed)
+        longest = wp.sqrt(longest)
+        before = outcome[CHANGED]
+        ratio = wp.float64(SLOWEST)
+        if before > wp.float64(0.0):
+            ratio = wp.min(changed / before, wp.float64(SLOWEST))
+        left = changed * wp.max(wp.float64(1.0), ratio / (wp.float64(1.0) - ratio))
+        outcome[LONG] = longest
+        outcome[LEFT] = left
+        outcome[CHANGED] = changed
         if not wp.isfinite(finite):
-            outcome[0] = finite
+            outcome[LONG] = finite
         go_on[0] = 0
-        limit = wp.max(limits[0], limits[1] * wp.sqrt(longest))
-        if wp.isfinite(finite) and wp.sqrt(changed) > limit and iteration[0] < most:
+        limit = wp.max(limits[0], limits[1] * longest)
+        fallen = total(r_dot_z, iteration[0], ranges) <= limits[1] * limits[1] * total(r_dot_z, 0, ranges)
+        early = wp.float64(iteration[0]) < limits[2]
+        if wp.isfinite(finite) and (left > limit or early or not fallen) and iteration[0] < most:
             go_on[0] = 1
 
     return SimpleNamespace(

@@ -10,7 +10,7 @@ from .geometry import relative_volume_change
 @wp.func
 def volume_gradients(a: Any, b: Any, c: Any):
     """Gradient of the signed volume in a, b and c."""
-    sixth = type(a[0])(1.0 / 6.0)
+    sixth = type(a[0])(1.0) / type(a[0])(6.0)  # Warp would divide literals in single precision
     return sixth * wp.cross(b, c), sixth * wp.cross(c, a), sixth * wp.cross(a, b)
 
 

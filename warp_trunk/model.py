@@ -198,7 +198,7 @@ def check_mesh(trunk: TrunkMesh) -> None:
 
 
 def unheld_nodes(trunk: TrunkMesh) -> int:
-    """Number of free nodes in connected pieces of tissue with fewer than three prescribed nodes."""
+    """Number of free nodes in connected pieces of tissue whose prescribed nodes leave a rigid motion free."""
     label = np.arange(len(trunk.nodes))
     while True:
         lowest = label[trunk.tets].min(axis=1)
@@ -210,8 +210,17 @@ def unheld_nodes(trunk: TrunkMesh) -> int:
         label = new
     used = np.zeros(len(trunk.nodes), dtype=bool)
     used[trunk.tets] = True
-    held = np.bincount(label[trunk.prescribed & used], minlength=len(label)) >= 3
-    return int((~held[label] & ~trunk.prescribed).sum())
+    free_pieces = np.unique(label[~trunk.prescribed])
+    unheld = [piece for piece in free_pieces if not holds(trunk.nodes[(label == piece) & trunk.prescribed & used])]
+    return int((np.isin(label, unheld) & ~trunk.prescribed).sum())
+
+
+def holds(points: np.ndarray) -> bool:
+    """Whether fixing these points (n, 3) leaves no rigid motion: three of them not in line."""
+    if len(points) < 3:
+        return False
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > 1e-6 * spread[0])
 
 
 def face_areas(p: np.ndarray) -> np.ndarray:

@@ -75,6 +75,8 @@ class Parallel:
         commands = []
         for slab, (first, end) in enumerate(pairwise(bounds)):
             count = int(end - first)
+            if count == 0:
+                continue
             if self.is_cuda:
                 count = -(-count // CUDA_BLOCK) * CUDA_BLOCK
             commands.append(
@@ -88,6 +90,8 @@ class Parallel:
                     record_cmd=True,
                 )
             )
+        if not commands:
+            return lambda: None
         if self._pool is None or len(commands) == 1:
             return commands[0].launch
         pool, (own, *others) = self._pool, commands

@@ -11,8 +11,6 @@ from .products import Products
 
 DECREASE = 1e-4
 """Armijo: the part of the decrease that the slope promises which a step must give."""
-ROUNDING = 1e-9
-"""Relative resolution of the summed energy; below it the slopes decide."""
 MOST_TRIALS = 40
 """Halvings from a first length to one that moves nothing in float32."""
 
@@ -39,7 +37,12 @@ class Trial:
 
 
 def search(
-    attempt: Callable[[float], Trial], length: float, reference: float, slope: float, slope_ratio: float | None
+    attempt: Callable[[float], Trial],
+    length: float,
+    reference: float,
+    slope: float,
+    slope_ratio: float | None,
+    rounding: float = 1e-9,
 ) -> tuple[Trial | None, int]:
     """A length along a descent direction that lowers the energy and inverts nothing.
 
@@ -49,51 +52,45 @@ def search(
         reference: the energy to come below: the last, or the largest of the last few.
         slope: derivative of the energy along the direction at its start, negative.
         slope_ratio: go on until the slope has fallen to this part of the first; None takes the first decrease.
+        rounding: relative change of the energy below which the slopes decide.
 
     Returns:
         The trial, the last one attempted, or None where no length helps; and the number of attempts.
     """
-    low, high = 0.0, math.inf
-    low_slope = slope
+    low, high, low_slope = 0.0, math.inf, slope
     best: Trial | None = None
     attempts = 0
-    while attempts < MOST_TRIALS:
-        attempts += 1
+    while attempts < MOST_TRIALS and (math.isinf(high) or high - low > 1e-6 * high):
         trial = attempt(length)
-        good = trial.allowed and falls(trial, reference, slope)
+        attempts += 1
+        good = trial.allowed and falls(trial, reference, slope, rounding)
         if good and (slope_ratio is None or abs(trial.products.slope) <= slope_ratio * abs(slope)):
             return trial, attempts
         if good and (best is None or trial.energy.total < best.energy.total):
             best = trial
-        elif best is not None:
-            return attempt(best.length), attempts + 1
+        wanted = flat_length(trial, low, low_slope)
         if good and trial.products.slope < 0.0:
             low, low_slope = length, trial.products.slope
         else:
             high = length
-        length = next_length(trial, low, high, low_slope)
-        if high - low <= 1e-6 * high:
-            break
+        if math.isinf(high):
+            length = min(max(wanted, 1.5 * length), 10.0 * length)
+        else:
+            length = min(max(wanted, 0.9 * low + 0.1 * high), 0.1 * low + 0.9 * high)
     return (attempt(best.length), attempts + 1) if best is not None else (None, attempts)
 
 
-def falls(trial: Trial, reference: float, slope: float) -> bool:
+def falls(trial: Trial, reference: float, slope: float, rounding: float) -> bool:
     """Whether the energy falls enough; where its change is lost in rounding, whether the slope is flatter."""
     change = trial.energy.total - reference
     if change <= DECREASE * trial.length * slope:
         return True
-    return change <= ROUNDING * abs(reference) and abs(trial.products.slope) <= (1.0 - 2.0 * DECREASE) * abs(slope)
+    return change <= rounding * abs(reference) and abs(trial.products.slope) <= (1.0 - 2.0 * DECREASE) * abs(slope)
 
 
-def next_length(trial: Trial, low: float, high: float, low_slope: float) -> float:
-    """The zero of the slope by the secant through `low` and the trial, kept well inside the bracket."""
-    length, slope = trial.length, trial.products.slope
-    if math.isinf(high):
-        bend = slope - low_slope
-        wanted = low - low_slope * (length - low) / bend if bend > 0.0 and length > low else math.inf
-        return min(max(wanted, 1.5 * length), 10.0 * length)
+def flat_length(trial: Trial, low: float, low_slope: float) -> float:
+    """Where the slope is zero by the secant through `low` and the trial; halfway back from a trial not allowed."""
     if not trial.allowed:
-        return low + 0.5 * (high - low)
-    bend = slope - low_slope
-    wanted = low - low_slope * (length - low) / bend if bend > 0.0 and length != low else 0.5 * (low + high)
-    return min(max(wanted, low + 0.1 * (high - low)), low + 0.9 * (high - low))
+        return 0.5 * (low + trial.length)
+    bend = trial.products.slope - low_slope
+    return low - low_slope * (trial.length - low) / bend if bend > 0.0 else math.inf

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.conjugate_gradient import conjugate_gradient_kernels
+from warp_trunk.kernels.conjugate_gradient import LEFT, LONG, conjugate_gradient_kernels
 from warp_trunk.kernels.elements import element_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
@@ -33,8 +33,8 @@ class LinearSolution:
     """Products with the matrix."""
     longest: float
     """Length of the solution's longest vector [mm]; not finite where a vector is not."""
-    change: float
-    """By how much a vector changed at most over the last WINDOW iterations [mm]: about the error left."""
+    left: float
+    """Error that may be left in a vector [mm], from how the changes over WINDOW iterations shrank."""
 
 
 class LinearSystem:
@@ -64,8 +64,8 @@ class LinearSystem:
         self._p_dot_q = model.array(None, wp.float64, rows)
         self._iteration = model.array(None, wp.int32, (1,))
         self._go_on = model.array(None, wp.int32, (1,))
-        self._limits = model.array(None, wp.float64, (2,))
-        self._outcome = model.array(None, wp.float64, (2,))
+        self._limits = model.array(None, wp.float64, (3,))
+        self._outcome = model.array(None, wp.float64, (3,))
         extent = model.array(None, wp.float64, (ranges, PADDING))
         self._assemblies: dict[State, Callable[[], None]] = {}
         self._solves: dict[State, Callable[[], None]] = {}
@@ -115,7 +115,7 @@ class LinearSystem:
         self._decide = model.parallel.record_whole(
             kernels.decide,
             1,
-            [ranges, self.most_iterations, self._limits, self._iteration],
+            [ranges, self.most_iterations, self._limits, self._r_dot_z, self._iteration],
             [extent, self._outcome, self._go_on],
         )
 
@@ -146,18 +146,19 @@ class LinearSystem:
             self._gather()
         self._invert_diagonal()
 
-    def solve(self, state: State, absolute: float, relative: float) -> LinearSolution:
+    def solve(self, state: State, absolute: float, relative: float, least: float) -> LinearSolution:
         """Solves H d = -g for the gathered gradient of the state.
 
-        It ends when the longest vector of d changed over WINDOW iterations by less than `absolute` [mm] or
-        `relative` of its length: a residual falls long before the long waves of the solution have come.
+        It ends when no vector of d is judged to be wrong by more than `absolute` [mm] or `relative` of the
+        longest, and not before `least` iterations: a residual falls long before the long waves of the solution
+        have come.
         """
-        self._limits.assign(np.array([absolute, relative]))
+        self._limits.assign(np.array([absolute, relative, least]))
         if state not in self._solves:
             self._solves[state] = self._record_solve(state)
         self._solves[state]()
-        longest, change = self._outcome.numpy()
-        return LinearSolution(int(self._iteration.numpy()[0]), float(longest), float(change))
+        outcome = self._outcome.numpy()
+        return LinearSolution(int(self._iteration.numpy()[0]), float(outcome[LONG]), float(outcome[LEFT]))
 
     def _record_solve(self, state: State) -> Callable[[], None]:
         """The whole solve for the state's gradient: a loop here on the CPU, one graph with its loop on CUDA."""
@@ -169,7 +170,7 @@ class LinearSystem:
         )
 
         def begin() -> None:
-            for array in (self._r_dot_z, self._p_dot_q, self._iteration):
+            for array in (self._r_dot_z, self._p_dot_q, self._iteration, self._outcome):
                 array.zero_()
             start()
             self._preconditioner.apply(ahead=0)

@@ -24,6 +24,8 @@ from .products import ProductReader, Products
 
 ESTIMATE_EVERY = 50
 """Steps of a gradient method between two Newton solves that tell how far the equilibrium is."""
+ROUNDING = {"float32": 1e-7, "float64": 1e-14}
+"""Relative change of the energy that the precision does not resolve."""
 PATIENCE = 8
 """Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
 
@@ -41,11 +43,14 @@ class Relaxer:
         self.options = options or RelaxOptions()
         self.states = states = State.pair(model)
         self.state, self._other = states
+        if not model.free:
+            return
         self._newton = Newton(LinearSystem(model, self.state))
         methods = {"newton": lambda _: self._newton, "conjugate": Conjugate, "gradient": Gradient}
         self._method: Newton | Conjugate | Gradient = methods[self.options.method](model)
         self._reader = ProductReader(model, states, self._method.direction)
         self._length = model.array(None, wp.float64, (1,))
+        self._rounding = ROUNDING[model.precision]
         self._step = {
             start: model.parallel.record(
                 loop_kernels(*model.variant).step,
@@ -68,7 +73,6 @@ class Relaxer:
         wp.copy(self._other.displacement, self.state.displacement)
         self.state.evaluate()
         energy, inverted, _ = self.state.read()
-        self._reader.read(self.state)
         history: list[RelaxStep] = []
         linear_iterations, evaluations = 0, 1
         estimate = math.inf
@@ -80,6 +84,10 @@ class Relaxer:
 
         if not math.isfinite(energy.total):
             return report(RelaxStatus.NOT_FINITE)
+        if not self.model.free:
+            estimate = 0.0
+            return report(RelaxStatus.CONVERGED)
+        self._reader.read(self.state)  # gathers the gradient
         newton, method = self._newton, self._method
         newton.begin(tolerance)
         energies = [energy.total]
@@ -88,17 +96,18 @@ class Relaxer:
         for step in range(self.options.max_steps):
             length, spent = method.propose(self.state, products, length)
             if method is not newton and step % ESTIMATE_EVERY == 0:
+                newton.begin(tolerance)
                 spent += newton.propose(self.state, None, 1.0)[1]
             linear_iterations += spent
             if method is newton or step % ESTIMATE_EVERY == 0:
                 estimate = newton.distance
                 waited = 0 if estimate < 0.9 * least else waited + 1
                 least = min(least, estimate)
-                if waited >= PATIENCE and not resolved(energies):
+                if waited >= PATIENCE and not self._resolved(energies):
                     return report(RelaxStatus.STALLED)
             slope = self._reader.read(self.state).slope
             reference = max(energies[-method.memory :])
-            trial, attempts = search(self._attempt, length, reference, slope, method.slope_ratio)
+            trial, attempts = search(self._attempt, length, reference, slope, method.slope_ratio, self._rounding)
             evaluations += attempts
             if trial is None:
                 return report(RelaxStatus.CONVERGED if estimate <= tolerance else RelaxStatus.STALLED)
@@ -110,6 +119,12 @@ class Relaxer:
                 return report(RelaxStatus.CONVERGED)
         return report(RelaxStatus.STEP_LIMIT)
 
+    def _resolved(self, energies: list[float]) -> bool:
+        """Whether the steps of the last PATIENCE estimates lowered the energy by more than its rounding."""
+        steps = PATIENCE * (1 if self._method is self._newton else ESTIMATE_EVERY)
+        fall = min(energies[:-steps], default=math.inf) - min(energies[-steps:])
+        return fall > self._rounding * abs(energies[-1])
+
     def _attempt(self, length: float) -> Trial:
         """Evaluates the other state at a length along the direction."""
         self._length.fill_(length)
@@ -117,10 +132,3 @@ class Relaxer:
         self._other.evaluate()
         energy, inverted, newly_inverted = self._other.read()
         return Trial(length, energy, inverted, newly_inverted, self._reader.read(self._other))
-
-
-def resolved(energies: list[float]) -> bool:
-    """Whether the last few steps lowered the energy by more than its rounding."""
-    if len(energies) <= PATIENCE:
-        return True
-    return energies[-PATIENCE - 1] - energies[-1] > 1e-7 * abs(energies[-1])

@@ -14,6 +14,8 @@ ACCURACY = 0.1
 """A linear solve may leave this part of the distance to equilibrium, or of the tolerance."""
 CONTRACTION = 0.2
 """A step that leaves more than this part of the distance calls for the curvature of where it led."""
+SLOWEST = 0.95
+"""Steps are taken to shrink at least this fast from one to the next."""
 
 
 class Newton:
@@ -21,7 +23,8 @@ class Newton:
 
     Its direction is the vector to the equilibrium, as far as the linear solve and the curvature go, so
     the length of its longest arrow is the distance [mm]. The curvature is that of an earlier step as long
-    as the steps shrink fast.
+    as the steps shrink fast. Once the line search had to cut a step, solves no longer end early: stiff
+    motions then hide soft ones, and a short solve of what a step along the soft ones left would look converged.
     """
 
     memory = 1
@@ -41,14 +44,23 @@ class Newton:
     def begin(self, tolerance: float) -> None:
         """Begins a relaxation to a tolerance [mm]."""
         self._tolerance = tolerance
-        self._last_distance = 0.0
+        self._longest_solve = 0
+        self._cut = False
+        self._length = self._shrink = math.inf
         self.distance = math.inf
 
     def propose(self, state: State, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
-        if not self.distance <= CONTRACTION * self._last_distance:
+        self._cut = self._cut or (products is not None and last_length < 1.0)
+        if not self._shrink <= CONTRACTION:
             self.linear.assemble(state)
-        self._last_distance = self.distance
-        solution = self.linear.solve(state, ACCURACY * self._tolerance, ACCURACY)
-        self.distance = solution.longest + solution.change
+        solution = self.linear.solve(
+            state, ACCURACY * self._tolerance, ACCURACY, self._longest_solve if self._cut else 0
+        )
+        self._longest_solve = max(self._longest_solve, solution.iterations)
+        length = solution.longest + solution.left
+        self._shrink = length / self._length if 0.0 < self._length < math.inf else math.inf
+        steady = min(self._shrink, SLOWEST) if self._length < math.inf else 0.0
+        self._length = length
+        self.distance = length * max(1.0, steady / (1.0 - steady))
         return 1.0, solution.iterations

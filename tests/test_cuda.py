@@ -1,0 +1,63 @@
+"""The same kernels on CUDA: run where there is a device, skipped elsewhere."""
+
+import numpy as np
+import pytest
+import warp as wp
+from meshes import block_with_bone, rotation
+from reference import Reference
+
+from warp_trunk.bone_path import BonePath
+from warp_trunk.energy import State
+from warp_trunk.model import build_model
+from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.simulation import SimulationOptions, simulate
+from warp_trunk.tissue import Tissue
+
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+
+TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
+
+
+def turning_path() -> BonePath:
+    """One of two bones turns by 20 degrees about its middle."""
+    displacement = np.zeros_like(TRUNK.nodes)
+    on_bone = TRUNK.bone == 1
+    around = TRUNK.nodes[on_bone] - TRUNK.nodes[on_bone].mean(axis=0)
+    displacement[on_bone] = around @ rotation(20.0, (1.0, 2.0, 0.5)).T - around
+    return BonePath(displacement)
+
+
+@pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-5), ("float64", 1e-12)])
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_energies_are_those_of_numpy(precision: str, tolerance: float, gravity: float) -> None:
+    model = build_model(TRUNK, gravity=gravity, device="cuda:0", precision=precision)
+    displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
+    state, _ = State.pair(model)
+    state.place(displacement)
+    state.evaluate()
+    energy, inverted, _ = state.read()
+    expected = Reference(TRUNK, Tissue(), gravity).energies(displacement)
+    assert inverted == 0
+    for term in ("distance", "area", "volume", "gravity"):
+        assert getattr(energy, term) == pytest.approx(expected[term], rel=tolerance, abs=1e-12)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("method", ["newton", "conjugate", "gradient"])
+def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, method: str) -> None:
+    path = turning_path()
+    model = build_model(TRUNK, device="cuda:0", precision=precision)
+    options = SimulationOptions(increments=2, relax=RelaxOptions(method=method, tolerance=0.01, max_steps=3000))
+    *_, last = simulate(model, path, options)
+    equilibrium = Reference(TRUNK).downhill(last.displacement, 2000)
+    assert last.relaxation.status is RelaxStatus.CONVERGED
+    assert np.abs(equilibrium - last.displacement).max() < 0.02
+    held = path.at(1.0)[TRUNK.prescribed].astype(precision)
+    assert np.array_equal(last.displacement[TRUNK.prescribed], held)
+
+
+def test_says_stalled_where_float32_cannot_reach_the_tolerance() -> None:
+    relaxer = Relaxer(build_model(TRUNK, device="cuda:0"), RelaxOptions(tolerance=1e-9))
+    relaxer.state.place(turning_path().at(1.0))
+    assert relaxer.relax().status is RelaxStatus.STALLED
