@@ -112,7 +112,7 @@ def print_tables(records: Sequence[Record]) -> None:
 
 def scale(given: argparse.Namespace) -> None:
     """Prints the tables of mesh sizes and of increments."""
-    measured = scaling.sizes(given.what, given.tets, _setting(given), given.limit)
+    measured = scaling.sizes(given.what, given.tets, _setting(given))
     for name, group in itertools.groupby(measured, key=lambda size: size.name):
         print(f"\n{name}, {given.device}, {given.precision}\n")
         print(scaling.size_table(list(group)))
@@ -179,7 +179,6 @@ def _parser() -> argparse.ArgumentParser:
     one = add("scale", scale, "growth of time and memory with the mesh, and the mesh's error")
     one.add_argument("what", nargs="+", help="a case folder, phantom, or files made by prepare")
     one.add_argument("--tets", nargs="+", type=int, default=[150_000, 225_000, 500_000, 1_000_000])
-    one.add_argument("--limit", type=float, default=60.0, help="runs over a tenth of this are not repeated [s]")
     add_place(one)
 
     one = add("increments", increments, "the error of the number of increments")

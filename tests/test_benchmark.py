@@ -183,7 +183,7 @@ def test_exponent_of_a_power() -> None:
 def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
     write_problem(tmp_path / "problem.npz", problem())
     setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
-    size = measure_size(tmp_path / "problem.npz", setting, limit=0.0)
+    size = measure_size(tmp_path / "problem.npz", setting)
     assert size.converged
     assert np.abs(size.skin.vertices - problem().skin(problem().truth).vertices).max() < 2e-3
     larger = replace(size, tets=4 * size.tets, seconds=8.0 * size.seconds, skin=replace(size.skin))

@@ -18,7 +18,7 @@ from .timing import Timed, make_model, run_least, warm_up
 
 TOLERANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.001, 1e-4)
 """Points of Newton's curve [mm]."""
-FIRST_STEPS = 30
+FIRST_STEPS = 10
 """Steps for each increment at the first point of a gradient method's curve."""
 GROWTH = math.sqrt(10.0)
 """Ratio of the steps of two points."""
@@ -91,7 +91,7 @@ def points(problem: Problem, setting: Setting, limit: float) -> Iterator[tuple[R
         warm_up(model, path, RelaxOptions(tolerance=TOLERANCES[0]))
         for tolerance in TOLERANCES:
             relax = RelaxOptions(tolerance=tolerance)
-            timed = run_least(model, path, relax, limit)
+            timed = run_least(model, path, relax)
             yield relax, model_seconds, timed
             if timed.seconds > limit or timed.last.status is not RelaxStatus.CONVERGED:
                 return
@@ -100,7 +100,7 @@ def points(problem: Problem, setting: Setting, limit: float) -> Iterator[tuple[R
     steps = FIRST_STEPS
     while True:
         relax = RelaxOptions(method=method, max_steps=steps)
-        timed = run_least(model, path, relax, limit)
+        timed = run_least(model, path, relax)
         yield relax, model_seconds, timed
         # what a run costs follows its steps: the last one is made to take just the limit
         growth = min(GROWTH, limit / timed.seconds)

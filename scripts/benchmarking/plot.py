@@ -41,6 +41,7 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
     by_setting = curves(records)
     figure, axes = plt.subplots(figsize=(8.0, 5.4), layout="constrained")
     for setting, points in by_setting.items():
+        points = sorted(points, key=lambda point: point.seconds)  # times jitter where points lie close
         axes.loglog(
             [point.seconds for point in points],
             [point.max_error_mm for point in points],

@@ -51,12 +51,12 @@ class Size:
     """Those after surgery."""
 
 
-def sizes(what: Sequence[str], tets: Sequence[int], setting: Setting, limit: float) -> list[Size]:
+def sizes(what: Sequence[str], tets: Sequence[int], setting: Setting) -> list[Size]:
     """Measures every problem file of `what`, and every case of it (or the phantom) at each number of tets."""
     measured = []
     with tempfile.TemporaryDirectory() as folder:
         for file in _files(what, tets, Path(folder)):
-            size = fresh(measure_size, file, setting, limit)
+            size = fresh(measure_size, file, setting)
             measured.append(size)
             print(f"{size.name}, {size.tets} tets: {number(size.seconds)} s", flush=True)
     return sorted(measured, key=lambda size: (size.name, size.tets))
@@ -78,7 +78,7 @@ def _files(what: Sequence[str], tets: Sequence[int], folder: Path) -> Iterator[P
             yield folder / "problem.npz"
 
 
-def measure_size(file: str | Path, setting: Setting, limit: float) -> Size:
+def measure_size(file: str | Path, setting: Setting) -> Size:
     """One mesh, in a process of its own."""
     problem = read_problem(file)
     path = problem.bone_path()
@@ -86,7 +86,7 @@ def measure_size(file: str | Path, setting: Setting, limit: float) -> Size:
     start = time.perf_counter()
     model = make_model(problem, setting)
     model_seconds = time.perf_counter() - start
-    timed = run_least(model, path, RelaxOptions(), limit)
+    timed = run_least(model, path, RelaxOptions())
     memory = peak_memory(setting.device)
     end = run(model, path, RelaxOptions(tolerance=REFERENCE_TOLERANCE))
     return Size(
@@ -158,7 +158,7 @@ def increments_table(problem: Problem, setting: Setting, counts: Sequence[int]) 
     model, path = make_model(problem, setting), problem.bone_path()
     relax = RelaxOptions(tolerance=REFERENCE_TOLERANCE)
     warm_up(model, path, relax)
-    runs = {count: run_least(model, path, relax, limit=0.0, increments=count) for count in counts}
+    runs = {count: run_least(model, path, relax, increments=count) for count in counts}
     reference = problem.skin(runs[counts[-1]].displacement)
     rows = []
     for count, timed in runs.items():

@@ -119,12 +119,16 @@ def comparison(records: Sequence[Record]) -> str:
                 continue
             reached = seconds_to(theirs, 1.0)
             end = theirs[-1]
-            lines.append(
+            words = (
                 f"  - {other.method}: 1 mm in {number(reached)} s, {reached / mine:.0f} times as long"
                 if reached is not None
                 else f"  - {other.method}: {number(end.max_error_mm)} mm left after {number(end.seconds)} s, "
                 f"{end.seconds / mine:.0f} times as long"
             )
+            if end.linear_iterations:  # its estimates of the error, at what an iteration costs Newton in all
+                estimates = end.linear_iterations * min(p.seconds / p.linear_iterations for p in points)
+                words += f"; at most {100.0 * estimates / end.seconds:.0f} % of the last run went to estimates"
+            lines.append(words)
         single = Setting(method="newton", threads=1, precision=setting.precision, device="cpu")
         alone = seconds_to(by_setting.get(single, []), 0.01)
         if setting != single and alone is not None:
