@@ -2,8 +2,16 @@
 
 import sys
 
-from warp_trunk import build_model, build_trunk, measure, read_case, simulate, spline_path
-from warp_trunk.results import skin_after, write_result
+from warp_trunk import (
+    build_model,
+    build_trunk,
+    measure,
+    read_case,
+    simulate,
+    skin_after,
+    spline_path,
+    write_result,
+)
 
 case = read_case(sys.argv[1])
 trunk = build_trunk(case.skin, case.bones)
