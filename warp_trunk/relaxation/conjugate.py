@@ -29,5 +29,7 @@ class Conjugate:
             steer(self.model, state, 0.0, self._keep, self.direction)
             return first_length(self.model, state), 0
         beta = max(0.0, products.gradient_change / products.previous_squared)
+        if beta * products.slope >= products.gradient_squared:  # -g + beta d would not descend
+            beta = 0.0
         steer(self.model, state, beta, self._keep, self.direction)
         return last_length, 0
