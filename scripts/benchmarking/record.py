@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import resource
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from importlib import metadata
@@ -77,9 +78,12 @@ def peak_memory(device: str) -> float:
     """Highest use so far [MB, 1e6 bytes]: of the process on the CPU, of the memory pool on CUDA."""
     if device != "cpu":
         return wp.get_mempool_used_mem_high(device) / 1e6
-    status = Path("/proc/self/status").read_text()
-    (line,) = [line for line in status.splitlines() if line.startswith("VmHWM:")]
-    return float(line.split()[1]) * 1024.0 / 1e6
+    status = Path("/proc/self/status")
+    for line in status.read_text().splitlines() if status.exists() else ():
+        if line.startswith("VmHWM:"):
+            return float(line.split()[1]) * 1024.0 / 1e6
+    # elsewhere; on Linux it would count what the parent held as well
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0 / 1e6
 
 
 def hardware(device: str) -> str:
