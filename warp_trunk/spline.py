@@ -12,6 +12,7 @@ import warp as wp
 from warp_trunk.kernels.spline import spline_displacement, spline_gradient
 
 from .errors import InputError
+from .parallel import choose_device
 
 _VECTOR: Any = wp.vec3d  # Any: warp's stubs know scalar types only
 _MATRIX: Any = wp.mat33d
@@ -46,22 +47,22 @@ class Spline:
 
     def displacement(self, points: np.ndarray) -> np.ndarray:
         """How far each point moves, shape (m, 3) [mm] -> (m, 3) [mm], float64."""
-        out = wp.empty(len(points), dtype=_VECTOR, device="cpu")
+        out = wp.empty(len(points), dtype=_VECTOR, device=choose_device("auto"))
         inputs = [*self._arrays(points), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
-        wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device="cpu")
+        wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device=choose_device("auto"))
         return out.numpy().copy()
 
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """Gradient of the map at points, shape (m, 3) [mm] -> (m, 3, 3); a determinant <= 0 is a fold."""
-        out = wp.empty(len(points), dtype=_MATRIX, device="cpu")
+        out = wp.empty(len(points), dtype=_MATRIX, device=choose_device("auto"))
         inputs = [*self._arrays(points), _MATRIX(*self.linear.ravel())]
-        wp.launch(spline_gradient, dim=len(points), inputs=inputs, outputs=[out], device="cpu")
+        wp.launch(spline_gradient, dim=len(points), inputs=inputs, outputs=[out], device=choose_device("auto"))
         return out.numpy() + np.eye(3)
 
     def _arrays(self, points: np.ndarray) -> list[wp.array]:
         shifted = np.asarray(points, dtype=np.float64) - self.origin
         host = (shifted, self.centres, self.weights)
-        return [wp.array(np.ascontiguousarray(a), dtype=_VECTOR, device="cpu") for a in host]
+        return [wp.array(np.ascontiguousarray(a), dtype=_VECTOR, device=choose_device("auto")) for a in host]
 
 
 def fit_spline(
