@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .reduction import adder
+from .reduction import adder, keep_largest
 
 SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)
 """Columns of the products."""
@@ -16,7 +16,7 @@ SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PRE
 
 @cache
 def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `step`, `products`, `steer` and `extrapolate` in one precision."""
+    """The kernels of the loop, in one precision."""
     add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
 
@@ -103,6 +103,23 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         if i < end:
             ahead[i] = now[i] + (now[i] - last[i])
 
+    @wp.kernel(module="unique", enable_backward=False)
+    def longest_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        vectors: wp.array(dtype=vec3),
+        longest: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """Largest squared length of a vector."""
+        i = first + wp.tid()
+        if i < end:
+            keep_largest(longest, slab, 0, wp.float64(wp.length_sq(vectors[i])))
+
     return SimpleNamespace(
-        step=step_kernel, products=products_kernel, steer=steer_kernel, extrapolate=extrapolate_kernel
+        step=step_kernel,
+        products=products_kernel,
+        steer=steer_kernel,
+        extrapolate=extrapolate_kernel,
+        longest=longest_kernel,
     )

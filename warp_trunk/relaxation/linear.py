@@ -69,8 +69,9 @@ class LinearSystem:
         extent = model.array(None, wp.float64, (ranges, PADDING))
         self._assemblies: dict[State, Callable[[], None]] = {}
         self._solves: dict[State, Callable[[], None]] = {}
-        self._gather = model.parallel.record(
-            sparse_kernels(*model.variant).add_slabs, self.sparsity.blocks, [ranges], [self.blocks]
+        self._clear, self._gather = (
+            model.parallel.record(kernel, self.sparsity.blocks, [ranges], [self.blocks])
+            for kernel in (sparse_kernels(*model.variant).clear, sparse_kernels(*model.variant).add_slabs)
         )
         self._invert_diagonal = model.parallel.record(
             sparse_kernels(*model.variant).invert_diagonal,
@@ -140,7 +141,7 @@ class LinearSystem:
                 ],
                 [self.blocks],
             )
-        self.blocks.zero_()
+        self._clear()
         self._assemblies[state]()
         if m.parallel.ranges > 1:
             self._gather()

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import warp as wp
 
+from warp_trunk.kernels.elements import COLUMNS
 from warp_trunk.kernels.loop import loop_kernels
 
 from ..energy import State
@@ -26,6 +28,8 @@ ESTIMATE_EVERY = 50
 """Steps of a gradient method between two Newton solves that tell how far the equilibrium is."""
 ROUNDING = {"float32": 1e-7, "float64": 1e-14}
 """Relative change of the energy that the precision does not resolve."""
+ROUNDING_STEPS = 10.0
+"""Roundings of the largest displacement that a force summed over a node's tetrahedra may hide."""
 PATIENCE = 8
 """Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
 
@@ -51,6 +55,13 @@ class Relaxer:
         self._reader = ProductReader(model, states, self._method.direction)
         self._length = model.array(None, wp.float64, (1,))
         self._rounding = ROUNDING[model.precision]
+        self._longest = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
+        self._find_longest = {
+            state: model.parallel.record(
+                loop_kernels(*model.variant).longest, len(model.order), [state.displacement], [self._longest]
+            )
+            for state in states
+        }
         self._step = {
             start: model.parallel.record(
                 loop_kernels(*model.variant).step,
@@ -89,14 +100,15 @@ class Relaxer:
             return report(RelaxStatus.CONVERGED)
         self._reader.read(self.state)  # gathers the gradient
         newton, method = self._newton, self._method
-        newton.begin(tolerance)
+        floor = ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * self._largest_displacement()
+        newton.begin(tolerance, floor)
         energies = [energy.total]
         products: Products | None = None
         length, least, waited = 0.0, math.inf, 0
         for step in range(self.options.max_steps):
             length, spent = method.propose(self.state, products, length)
             if method is not newton and step % ESTIMATE_EVERY == 0:
-                newton.begin(tolerance)
+                newton.begin(tolerance, floor)
                 spent += newton.propose(self.state, None, 1.0)[1]
             linear_iterations += spent
             if method is newton or step % ESTIMATE_EVERY == 0:
@@ -118,6 +130,12 @@ class Relaxer:
             if estimate <= tolerance:
                 return report(RelaxStatus.CONVERGED)
         return report(RelaxStatus.STEP_LIMIT)
+
+    def _largest_displacement(self) -> float:
+        """Largest displacement of a node from rest [mm]."""
+        self._longest.zero_()
+        self._find_longest[self.state]()
+        return float(self._longest.numpy().max()) ** 0.5
 
     def _resolved(self, energies: list[float]) -> bool:
         """Whether the steps of the last PATIENCE estimates lowered the energy by more than its rounding."""

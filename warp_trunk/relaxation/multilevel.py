@@ -76,7 +76,11 @@ class Multilevel:
             coarse_correction = model.array(None, model.vec3, (size + STRIP,))  # room for a whole last strip
             lanes = LANES if model.parallel.is_cuda else 1
             gather = model.parallel.record(
-                kernels.restrict, size * lanes, [*transfer.by_vertex, fine[1]], [coarse_residual]
+                kernels.restrict,
+                size * lanes,
+                [*transfer.by_vertex, fine[1]],
+                [coarse_residual],
+                least=1024,  # a vertex gathers from tens of points
             )
             self._restrict.append((coarse_residual, gather))
             diagonal, fine_residual, fine_correction = fine

@@ -14,6 +14,9 @@ ACCURACY = 0.1
 """A linear solve may leave this part of the distance to equilibrium, or of the tolerance."""
 CONTRACTION = 0.2
 """A step that leaves more than this part of the distance calls for the curvature of where it led."""
+FIRST = 2.0 / 3.0
+"""What the first step of a relaxation is taken to leave of the distance: its curvature, made positive, is too
+stiff where edges are compressed, and nothing has been seen of how steps shrink."""
 SLOWEST = 0.95
 """Steps are taken to shrink at least this fast from one to the next."""
 
@@ -34,16 +37,16 @@ class Newton:
 
     def __init__(self, linear: LinearSystem) -> None:
         self.linear = linear
-        self.begin(math.inf)
+        self.begin(math.inf, 0.0)
 
     @property
     def direction(self) -> wp.array:
         """d [mm], shape (free,), vec3."""
         return self.linear.solution
 
-    def begin(self, tolerance: float) -> None:
-        """Begins a relaxation to a tolerance [mm]."""
-        self._tolerance = tolerance
+    def begin(self, tolerance: float, floor: float) -> None:
+        """Begins a relaxation to a tolerance, where rounding leaves `floor` of every distance [mm]."""
+        self._tolerance, self.floor = tolerance, floor
         self._longest_solve = 0
         self._cut = False
         self._length = self._shrink = math.inf
@@ -60,7 +63,7 @@ class Newton:
         self._longest_solve = max(self._longest_solve, solution.iterations)
         length = solution.longest + solution.left
         self._shrink = length / self._length if 0.0 < self._length < math.inf else math.inf
-        steady = min(self._shrink, SLOWEST) if self._length < math.inf else 0.0
+        steady = min(self._shrink, SLOWEST) if self._length < math.inf else FIRST
         self._length = length
-        self.distance = length * max(1.0, steady / (1.0 - steady))
+        self.distance = self.floor + length * max(1.0, steady / (1.0 - steady))
         return 1.0, solution.iterations
