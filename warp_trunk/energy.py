@@ -79,19 +79,7 @@ class State:
         self._evaluate = m.parallel.record(
             element_kernels(*m.variant, *m.terms).gradient,
             len(m.corners),
-            [
-                m.tets,
-                m.rest_edge,
-                m.rest_length,
-                m.rest_area,
-                m.rest_volume,
-                m.edge_weight,
-                m.face_weight,
-                m.scalar(m.tissue.theta),
-                m.scalar(m.gravity_per_volume),
-                other.inverted,
-                self.displacement,
-            ],
+            [*m.elements, m.scalar(m.gravity_per_volume), other.inverted, self.displacement],
             [self.gradient, self.inverted, self.sums],
         )
 

@@ -73,6 +73,20 @@ class Model:
         return self.parallel.device
 
     @property
+    def elements(self) -> list[Any]:
+        """The tetrahedra, as the first arguments of every kernel over them."""
+        return [
+            self.tets,
+            self.rest_edge,
+            self.rest_length,
+            self.rest_area,
+            self.rest_volume,
+            self.edge_weight,
+            self.face_weight,
+            self.scalar(self.tissue.theta),
+        ]
+
+    @property
     def vec3(self) -> Any:
         """Vector type of positions in the model's precision."""
         return wp.types.vector(3, self.scalar)

@@ -29,12 +29,12 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
         InputError: matplotlib is not installed, or there is nothing to draw.
     """
     try:
-        import matplotlib  # pyright: ignore[reportMissingImports]  (not needed to measure)
+        import matplotlib
     except ImportError as error:
         raise InputError("plot: needs matplotlib; run with 'uv run --with matplotlib'") from error
     matplotlib.use("Agg")
-    from matplotlib import pyplot as plt  # pyright: ignore[reportMissingImports]
-    from matplotlib.lines import Line2D  # pyright: ignore[reportMissingImports]
+    from matplotlib import pyplot as plt
+    from matplotlib.lines import Line2D
 
     if not records:
         raise InputError("plot: there are no records to draw")

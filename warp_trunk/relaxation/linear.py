@@ -127,18 +127,7 @@ class LinearSystem:
             self._assemblies[state] = m.parallel.record(
                 element_kernels(*m.variant, *m.terms).curvature,
                 len(m.corners),
-                [
-                    m.tets,
-                    m.rest_edge,
-                    m.rest_length,
-                    m.rest_area,
-                    m.rest_volume,
-                    m.edge_weight,
-                    m.face_weight,
-                    m.scalar(m.tissue.theta),
-                    self.sparsity.block_of,
-                    state.displacement,
-                ],
+                [*m.elements, self.sparsity.block_of, state.displacement],
                 [self.blocks],
             )
         self._clear()
