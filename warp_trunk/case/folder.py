@@ -1,0 +1,136 @@
+"""The folder that holds a case: reading and writing it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import InputError
+from ..landmarks import Landmarks, read_landmarks, write_landmarks
+from ..surface import Surface, read_surface, write_surface
+from .axes import Axes
+from .checks import CaseSource, CheckOptions, check_case, check_names
+from .header import CaseHeader, header_text, read_header
+from .record import Case
+
+
+def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
+    """Read and check a case folder; everything that comes back is in LPS axes and mm.
+
+    The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
+    `landmarks_before.csv`, `landmarks_after.csv` and perhaps `skin_after.ply`. Surfaces may be in any format
+    that trimesh reads. A bone is named after its file.
+
+    Args:
+        folder: the case folder.
+        checks: limits of the checks (`check_case`); the defaults when left out.
+
+    Raises:
+        InputError: a file is missing, cannot be read or breaks a rule; the text names file, rule, value and
+            cure.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; a case folder with case.toml was expected")
+    header = read_header(folder / "case.toml")
+    files = {"case": folder / "case.toml"}
+
+    def read(key: str, path: Path) -> Surface:
+        files[key] = path
+        return header.axes.surface_to_lps(read_surface(path), header.units)
+
+    def points(key: str) -> Landmarks:
+        files[key] = folder / f"{key}.csv"
+        raw = read_landmarks(files[key])
+        return Landmarks(raw.names, header.axes.points_to_lps(raw.points, header.units))
+
+    before, after = points("landmarks_before"), points("landmarks_after")
+    source = CaseSource(files, header.units, header.axes.code)
+    check_names(before, after, source)
+    after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
+
+    skin_file, after_file = (_surface_files(folder, stem).get(stem) for stem in ("skin", "skin_after"))
+    bone_files = _surface_files(folder / "bones")
+    if skin_file is None:
+        raise InputError(
+            f"{folder / 'skin.ply'}: there is no such file, nor one of another surface format; add it"
+        )
+    if not bone_files:
+        raise InputError(f"{folder / 'bones'}: there is no surface in it; give each bone as bones/<name>.ply")
+    if header.skin_after_is_placeholder and after_file is None:
+        raise InputError(
+            f"{folder / 'skin_after.ply'}: there is no such file, but case.toml calls it a placeholder; "
+            "add it or set skin_after_is_placeholder = false"
+        )
+    case = Case(
+        name=header.name,
+        skin=read("skin", skin_file),
+        bones={name: read(name, path) for name, path in bone_files.items()},
+        landmarks_before=before,
+        landmarks_after=after,
+        skin_after=None if after_file is None else read("skin_after", after_file),
+        skin_after_is_placeholder=header.skin_after_is_placeholder,
+        tissue=header.tissue,
+    )
+    check_case(case, checks, source)
+    return case
+
+
+def write_case(folder: str | Path, case: Case) -> None:
+    """Write a complete case folder, in LPS and mm, which `read_case` reads back to the last bit.
+
+    Bones come back in the order of their names.
+
+    Raises:
+        InputError: the folder holds surfaces that are not part of the case and would be read with it, or a
+            bone's name cannot be a file's.
+    """
+    folder = Path(folder)
+    surfaces = {folder / "skin.ply": case.skin}
+    if case.skin_after is not None:
+        surfaces[folder / "skin_after.ply"] = case.skin_after
+    for name, surface in case.bones.items():
+        if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
+            raise InputError(f"write_case: '{name}' names a bone and must serve as a file name; rename the bone")
+        surfaces[folder / "bones" / f"{name}.ply"] = surface
+    for found in (
+        _surface_files(folder, "skin"),
+        _surface_files(folder, "skin_after"),
+        _surface_files(folder / "bones"),
+    ):
+        for path in found.values():
+            if path not in surfaces:
+                raise InputError(
+                    f"{path}: stands where case {case.name!r} goes and would be read as part of it; "
+                    "remove it or write to another folder"
+                )
+    (folder / "bones").mkdir(parents=True, exist_ok=True)
+    for path, surface in surfaces.items():
+        write_surface(path, surface)
+    write_landmarks(folder / "landmarks_before.csv", case.landmarks_before)
+    write_landmarks(folder / "landmarks_after.csv", case.landmarks_after)
+    header = CaseHeader(
+        name=case.name,
+        axes=Axes("LPS"),
+        skin_after_is_placeholder=case.skin_after_is_placeholder,
+        tissue=case.tissue,
+    )
+    (folder / "case.toml").write_text(header_text(header), encoding="utf-8")
+
+
+def _surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
+    """The surface files of a folder by name without ending, sorted; only those called `stem` where given."""
+    from trimesh.exchange.load import mesh_formats  # heavy
+
+    endings = {f".{name}" for name in mesh_formats()} - {".svg", ".wkt"}  # those two are drawings in a plane
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        ours = path.is_file() and path.suffix.lower() in endings and not path.name.startswith(".")
+        if not ours or (stem is not None and path.stem != stem):
+            continue
+        if path.stem in found:
+            raise InputError(
+                f"{path}: there is {found[path.stem].name} beside it; give '{path.stem}' in one file "
+                "and remove the other"
+            )
+        found[path.stem] = path
+    return found
