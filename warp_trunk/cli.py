@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -206,12 +208,34 @@ def _is_rule(row: str) -> bool:
     return set(row) <= {"─", "-"}
 
 
+def start_warp() -> None:
+    """Starts Warp without the line that its native part prints on every machine without CUDA.
+
+    It writes past Python's streams, so the file descriptor is turned aside; anything else it says is passed on.
+    """
+    sys.stderr.flush()
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as aside:
+        os.dup2(aside.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+        aside.seek(0)
+        for line in aside.read().decode(errors="replace").splitlines():
+            if "Could not find or load the NVIDIA CUDA driver" not in line:
+                print(line, file=sys.stderr)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status, 0 only for a simulation that converged."""
     wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        return parse(Command, arguments).run(arguments[1:])
+        command = parse(Command, arguments)
+        start_warp()
+        return command.run(arguments[1:])
     except InputError as error:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return BAD_INPUT
