@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 from small_trunk import made_up_increments, small_case
 
-from warp_trunk import cli, run
-from warp_trunk.cli import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK, find_recording, main, one_line
+from warp_trunk import run
+from warp_trunk.cli import demo, main, make_case, view
+from warp_trunk.cli import simulate as simulate_command
+from warp_trunk.cli.arguments import one_line
+from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
+from warp_trunk.cli.view import find_recording
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import TrunkBuild
 from warp_trunk.relaxation import RelaxStatus
@@ -35,8 +39,10 @@ def quick(monkeypatch):
         asked["mesh"] = options
         return TrunkBuild(trunk, False, 1.0, 2.0, 1, 4.0)
 
-    monkeypatch.setattr(cli, "read_case", lambda path: replace(case, tissue=Tissue(theta=3.0, epsilon=0.5)))
-    monkeypatch.setattr(cli, "phantom_case", lambda: case)
+    monkeypatch.setattr(
+        simulate_command, "read_case", lambda path: replace(case, tissue=Tissue(theta=3.0, epsilon=0.5))
+    )
+    monkeypatch.setattr(demo, "phantom_case", lambda: case)
     monkeypatch.setattr(run, "make_trunk", make_trunk)
     monkeypatch.setattr(run, "simulate", simulate)
     return asked
@@ -157,7 +163,7 @@ def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeyp
     class Done:
         returncode = 0
 
-    monkeypatch.setattr(cli.subprocess, "run", lambda command, check: started.append(command) or Done())
+    monkeypatch.setattr(view.subprocess, "run", lambda command, check: started.append(command) or Done())
     assert main(["view", str(tmp_path)]) == OK
     (command,) = started
     assert command[command.index("--bind") + 1] == "127.0.0.1"
@@ -175,8 +181,8 @@ def test_make_case_hands_on_what_was_asked(tmp_path, monkeypatch, capsys):
         asked.update(bones=set(bones), curve=curve, correction=correction, placeholder=placeholder)
         return case
 
-    monkeypatch.setattr(cli, "read_surface", lambda path: case.skin)
-    monkeypatch.setattr(cli, "make_case", make)
+    monkeypatch.setattr(make_case, "read_surface", lambda path: case.skin)
+    monkeypatch.setattr(make_case, "make_case", make)
     flags = ["--curve=double_major", "--cobb=45", "--correction=0.6", "--direction=left", "--placeholder"]
     files = ["--skin", "skin.ply", "--bones", str(tmp_path / "bones"), "--out", str(tmp_path / "case")]
     assert main(["make-case", *files, *flags]) == OK

@@ -1,0 +1,66 @@
+"""From the words of a command line to a command, and from its end to an exit status."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+from typing import Annotated
+
+import warp as wp
+from tyro.conf import subcommand
+
+from ..errors import InputError
+from .arguments import parse
+from .demo import Demo
+from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
+from .make_case import MakeCase
+from .simulate import Simulate
+from .view import View
+
+Command = (
+    Annotated[Demo, subcommand("demo")]
+    | Annotated[MakeCase, subcommand("make-case")]
+    | Annotated[Simulate, subcommand("simulate")]
+    | Annotated[View, subcommand("view")]
+)
+
+
+def start_warp() -> None:
+    """Starts Warp without the line that its native part prints on every machine without CUDA.
+
+    It writes past Python's streams, so the file descriptor is turned aside; anything else it says is passed on.
+    """
+    sys.stderr.flush()
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as aside:
+        os.dup2(aside.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+        aside.seek(0)
+        for line in aside.read().decode(errors="replace").splitlines():
+            if "Could not find or load the NVIDIA CUDA driver" not in line:
+                print(line, file=sys.stderr)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command; returns its exit status, 0 only for a simulation that converged."""
+    wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        command = parse(Command, arguments)
+        start_warp()
+        return command.run(arguments[1:])
+    except InputError as error:
+        print(f"warp-trunk: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except OSError as error:
+        print(f"warp-trunk: {error}", file=sys.stderr)
+        return NOT_CONVERGED
+    except KeyboardInterrupt:
+        print("warp-trunk: interrupted", file=sys.stderr)
+        return INTERRUPTED

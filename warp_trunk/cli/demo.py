@@ -1,0 +1,39 @@
+"""warp-trunk demo"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from ..meshing import MeshOptions
+from ..phantom import phantom_case
+from ..progress import Progress
+from ..run import RunOptions, run_case
+from ..simulation import SimulationOptions
+from .ending import tell
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demo:
+    """Simulate the built-in case, a synthetic trunk with a thoracic scoliosis; needs no file."""
+
+    out: Path = Path("results/demo")
+    """Result folder."""
+    options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(
+        default_factory=lambda: RunOptions(
+            mesh=MeshOptions(tets=60_000), simulation=SimulationOptions(increments=5)
+        )
+    )
+    """How the case is simulated."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Simulates the phantom and says how to look at the result."""
+        with Progress() as progress:
+            with progress.stage("load", "making the synthetic trunk"):
+                case = phantom_case()
+            result = run_case(case, self.out, self.options, progress)
+        return tell(result)

@@ -1,0 +1,17 @@
+"""What is printed when a simulation has ended, and the exit status that says how."""
+
+from __future__ import annotations
+
+from ..relaxation import RelaxStatus
+from ..results import RECORDING
+from ..results.summary_text import plain
+from ..run import RunResult
+from .exit_status import NOT_CONVERGED, OK
+
+
+def tell(result: RunResult) -> int:
+    """Prints how a run ended and what to do next; returns the exit status."""
+    print(plain(result))
+    if (result.folder / RECORDING).is_file():
+        print(f"See it: warp-trunk view {result.folder}")
+    return OK if result.status is RelaxStatus.CONVERGED else NOT_CONVERGED

@@ -1,0 +1,61 @@
+"""warp-trunk make-case"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ..case import write_case
+from ..deformity import SpineCurve, make_case
+from ..errors import InputError
+from ..progress import Progress
+from ..surface import read_surface
+from .exit_status import OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class MakeCase:
+    """Make a case from straight anatomy: impose a scoliosis and plan its correction."""
+
+    skin: Path
+    """The straight trunk, a closed surface in mm and LPS axes."""
+    bones: Path
+    """Folder with one surface for each bone, named after it: T7.ply, rib_left_01.ply, hip_left.ply."""
+    out: Path
+    """Case folder to write."""
+    curve: Literal["thoracic", "thoracolumbar", "double_major"] = "thoracic"
+    """Where the curve is."""
+    cobb: float = 60.0
+    """Cobb angle [degrees]."""
+    rotation: float | None = None
+    """Axial rotation of the apical vertebra [degrees]; 0.32 of the Cobb angle when left out."""
+    direction: Literal["right", "left"] = "right"
+    """The side to which the curve is convex; of a double major, its thoracic curve."""
+    correction: float = 0.7
+    """Fraction of Cobb angle and axial rotation that surgery takes away, 0 to 1."""
+    placeholder: bool = False
+    """Also write skin_after.ply, the spline's image of the skin; marked as a placeholder, no truth."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the case folder."""
+        curve = SpineCurve(
+            kind=self.curve, cobb=self.cobb, apical_rotation=self.rotation, direction=self.direction
+        )
+        if not self.bones.is_dir():
+            raise InputError(f"{self.bones}: there is no such folder; --bones is a folder of bone surfaces")
+        files = sorted(
+            path for path in self.bones.iterdir() if path.suffix.lower() in {".ply", ".stl", ".obj", ".off"}
+        )
+        with Progress() as progress:
+            with progress.stage("load", f"reading {len(files)} bones and the skin"):
+                bones = {path.stem: read_surface(path) for path in files}
+                skin = read_surface(self.skin)
+            with progress.stage("make", f"imposing a {self.curve} curve of {self.cobb:g} degrees"):
+                case = make_case(skin, bones, curve, self.correction, placeholder=self.placeholder)
+            with progress.stage("write", f"writing {self.out}"):
+                write_case(self.out, case)
+        print(f"Case '{case.name}' written to {self.out}")
+        print(f"Simulate it: warp-trunk simulate {self.out}")
+        return OK

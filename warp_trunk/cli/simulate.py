@@ -1,0 +1,42 @@
+"""warp-trunk simulate"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from ..case import read_case
+from ..progress import Progress
+from ..run import RunOptions, run_case
+from ..tissue import Tissue
+from .arguments import parse
+from .ending import tell
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulate:
+    """Predict the trunk after surgery for a case folder."""
+
+    case: Positional[Path]
+    """Case folder."""
+    out: Path | None = None
+    """Result folder; results/ and the name of the case folder when left out."""
+    options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
+    """How the case is simulated."""
+    tissue: Tissue = field(default_factory=Tissue)
+    """What the soft tissue is made of; what is not given here is taken from case.toml."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Simulates the case and writes its result."""
+        out = self.out or Path("results") / self.case.resolve().name
+        with Progress() as progress:
+            with progress.stage("load", f"reading {self.case}"):
+                case = read_case(self.case)
+            given = parse(Simulate, arguments, replace(self, tissue=case.tissue))
+            result = run_case(replace(case, tissue=given.tissue), out, self.options, progress)
+        return tell(result)

@@ -1,0 +1,38 @@
+"""warp-trunk view"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from ..errors import InputError
+from ..results import RECORDING, partial
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Open the recording of a result in the viewer."""
+
+    result: Positional[Path]
+    """Result folder, or a recording."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Starts the native viewer, which other machines cannot reach, and waits for its end."""
+        recording = find_recording(self.result)
+        command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)]
+        return subprocess.run(command, check=False).returncode
+
+
+def find_recording(result: Path) -> Path:
+    """The recording in a result folder, also one that was cut short; InputError where there is none."""
+    if result.is_file():
+        return result
+    for path in (result / RECORDING, partial(result / RECORDING)):
+        if path.is_file():
+            return path
+    raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")
