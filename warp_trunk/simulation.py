@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from warp_trunk.kernels.loop import loop_kernels
 from .energy import State, to_mesh_order
 from .errors import InputError
 from .model import Model
-from .relaxation import Relaxation, Relaxer, RelaxOptions
+from .relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStep
 
 if TYPE_CHECKING:
     from .bone_path import BonePath
@@ -67,11 +67,16 @@ class Increment:
         return to_mesh_order(self._model, self._on_device)
 
 
-def simulate(model: Model, bone_path: BonePath, options: SimulationOptions | None = None) -> Iterator[Increment]:
+def simulate(
+    model: Model,
+    bone_path: BonePath,
+    options: SimulationOptions | None = None,
+    watch: Callable[[RelaxStep, State], None] | None = None,
+) -> Iterator[Increment]:
     """Carries the trunk along the path of its bones and yields it after every increment.
 
     The rest state is always the mesh before surgery. All increments but the last are relaxed to ten
-    times the tolerance.
+    times the tolerance. `watch` is told of every accepted step of every relaxation, see `Relaxer.relax`.
 
     Raises:
         InputError: the path does not belong to the model's mesh.
@@ -89,7 +94,7 @@ def simulate(model: Model, bone_path: BonePath, options: SimulationOptions | Non
         load_factor = number / options.increments
         carrier.carry(load_factor)  # phi_t of eq. 4.5
         final = number == options.increments
-        relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0))  # phi~ of eq. 4.3
+        relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0), watch)  # phi~ of eq. 4.3
         yield Increment(number, load_factor, relaxer.state, relaxation, start)
 
 

@@ -7,6 +7,8 @@ prescribed ones, so a node on bone never moves by a bit (the mappings U of eq. 4
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -72,14 +74,18 @@ class Relaxer:
             for start, end in (states, states[::-1])
         }
 
-    def relax(self, tolerance: float | None = None) -> Relaxation:
+    def relax(
+        self, tolerance: float | None = None, watch: Callable[[RelaxStep, State], None] | None = None
+    ) -> Relaxation:
         """Relaxes `state` until the estimated distance to equilibrium is below the tolerance [mm].
 
         The estimate is that of the state before the last step, which is taken all the same.
 
         The energy falls at every accepted step (over ten for `gradient`), no tetrahedron is inverted
-        that was not inverted at the start, and the number of steps is bounded.
+        that was not inverted at the start, and the number of steps is bounded. `watch` is told of each
+        accepted step and sees the state after it, to read and not to change.
         """
+        start = time.perf_counter()
         tolerance = self.options.tolerance if tolerance is None else tolerance
         wp.copy(self._other.displacement, self.state.displacement)
         self.state.evaluate()
@@ -90,7 +96,7 @@ class Relaxer:
 
         def report(status: RelaxStatus) -> Relaxation:
             return Relaxation(
-                status, energy, len(history), linear_iterations, evaluations, estimate, inverted, history
+                status, energy, len(history), linear_iterations, evaluations, estimate, inverted, tuple(history)
             )
 
         if not math.isfinite(energy.total):
@@ -126,7 +132,9 @@ class Relaxer:
             self.state, self._other = self._other, self.state
             energy, inverted, products, length = trial.energy, trial.inverted, trial.products, trial.length
             energies.append(energy.total)
-            history.append(RelaxStep(energy.total, estimate, length, spent))
+            history.append(RelaxStep(energy, estimate, length, spent, time.perf_counter() - start))
+            if watch is not None:
+                watch(history[-1], self.state)
             if estimate <= tolerance:
                 return report(RelaxStatus.CONVERGED)
         return report(RelaxStatus.STEP_LIMIT)

@@ -49,14 +49,16 @@ class RelaxStatus(Enum):
 class RelaxStep:
     """One accepted step."""
 
-    energy: float
-    """Total energy after it."""
+    energy: Energy
+    """Energy after it, by term."""
     estimated_error: float
     """Estimated largest distance of a node from its equilibrium after it [mm]; infinite if unknown."""
     step_length: float
     """Fraction of the proposed direction that was taken."""
     linear_iterations: int
     """Iterations of the linear solver spent on it."""
+    seconds: float = field(compare=False)
+    """Time from the start of the relaxation to its end [s]; steps that differ only in it are equal."""
 
 
 @dataclass(frozen=True)
@@ -77,5 +79,5 @@ class Relaxation:
     """Estimated largest distance of a node from its equilibrium at the end [mm]."""
     inverted_tets: int
     """Tetrahedra without positive volume at the end."""
-    history: list[RelaxStep] = field(default_factory=list)
+    history: tuple[RelaxStep, ...] = ()
     """Every accepted step in order."""
