@@ -11,14 +11,15 @@ from small_trunk import made_up_increments, small_case
 
 from warp_trunk.errors import InputError
 from warp_trunk.model import build_model
-from warp_trunk.relaxation import RelaxStatus
+from warp_trunk.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.results import folder as result_folder
 from warp_trunk.results import prepare_folder, read_summary, skin_after, write_result
+from warp_trunk.results.reading import SUMMARY_KEYS
 from warp_trunk.surface import Surface, read_surface
 
-KEYS = {
-    "status", "tets", "nodes", "free_nodes", "inverted_tets", "device", "precision", "parameters",
-    "increments", "bsr_deg", "cobb_deg", "seconds", "peak_memory_mb", "versions",
+WHOLE = {
+    "landmarks_after.csv", "landmarks_before.csv", "skin_after.ply", "skin_before.ply",
+    "summary.json", "trunk.vtu",
 }  # fmt: skip
 
 
@@ -50,7 +51,7 @@ def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
     _, trunk, _, _ = simulated
     summary = write_result(tmp_path, *simulated, parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0})
     assert read_summary(tmp_path) == summary
-    assert set(summary) == KEYS
+    assert set(summary) == SUMMARY_KEYS
     assert summary["status"] == "CONVERGED"
     assert summary["tets"] == len(trunk.tets)
     assert summary["free_nodes"] == len(trunk.nodes) - int((trunk.bone >= 0).sum())
@@ -60,6 +61,7 @@ def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
         "distance": 2.0, "area": 4.0, "volume": 6.0, "gravity": 0.0, "total": 12.0,
     }  # fmt: skip
     assert summary["increments"][2]["linear_iterations"] == 150
+    assert summary["terms"] == ["distance", "area", "volume"]
     assert set(summary["seconds"]) == {"load", "surface", "mesh", "compile", "relax", "record", "total"}
     assert summary["seconds"]["relax"] == pytest.approx(0.75)
     assert summary["seconds"]["mesh"] == 1.5
@@ -106,12 +108,43 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
 
 def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_path):
     (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
+    (tmp_path / "skin_actual.ply").write_bytes(b"of another patient")
     write_result(tmp_path, *simulated)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["skin_after.ply", "summary.json", "trunk.vtu"]
+    assert {path.name for path in tmp_path.iterdir()} == WHOLE
     (tmp_path / "recording.partial.rrd").write_bytes(b"new")
     write_result(tmp_path, *simulated, recording=tmp_path / "recording.partial.rrd")
     assert (tmp_path / "recording.rrd").read_bytes() == b"new"
     assert not (tmp_path / "recording.partial.rrd").exists()
+
+
+def test_steps_of_every_relaxation_are_told_by_term_and_time(simulated, tmp_path):
+    case, trunk, model, increments = simulated
+    step = RelaxStep(increments[0].relaxation.energy, math.inf, 0.5, 12, 0.1)
+    watched = replace(increments[0], relaxation=replace(increments[0].relaxation, history=(step,)))
+    rows = write_result(tmp_path, case, trunk, model, [watched, increments[-1]])["increments"]
+    assert rows[0]["history"] == [
+        {
+            "energy": {"distance": 1.0, "area": 2.0, "volume": 3.0, "gravity": 0.0, "total": 6.0},
+            "estimated_error_mm": None,
+            "step_length": 0.5,
+            "linear_iterations": 12,
+            "seconds": 0.1,
+        }
+    ]
+    assert rows[1]["history"] == []
+
+
+def test_no_summary_stands_beside_files_that_are_being_changed(simulated, tmp_path, monkeypatch):
+    """Killed between two moves, the folder must not look whole."""
+    write_result(tmp_path, *simulated)
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(result_folder.os, "replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        write_result(tmp_path, *simulated)
+    assert not (tmp_path / "summary.json").exists()
 
 
 def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, monkeypatch):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .phantom import TrunkSize, phantom_case
     from .recording import Recording
     from .relaxation import Relaxation, RelaxOptions, RelaxStatus
-    from .results import read_summary, skin_after, write_result
+    from .results import Result, read_result, read_summary, skin_after, write_result
     from .run import RunOptions, RunResult, run_case
     from .simulation import Increment, SimulationOptions, simulate
     from .surface import Surface, read_surface, write_surface
@@ -53,6 +53,8 @@ _MODULE = {
     "Relaxation": "relaxation",
     "RelaxOptions": "relaxation",
     "RelaxStatus": "relaxation",
+    "Result": "results",
+    "read_result": "results",
     "read_summary": "results",
     "skin_after": "results",
     "write_result": "results",
@@ -85,6 +87,7 @@ __all__ = [
     "RelaxOptions",
     "RelaxStatus",
     "Relaxation",
+    "Result",
     "RunOptions",
     "RunResult",
     "SimulationOptions",
@@ -103,6 +106,7 @@ __all__ = [
     "phantom_case",
     "read_case",
     "read_landmarks",
+    "read_result",
     "read_summary",
     "read_surface",
     "read_trunk",

@@ -1,5 +1,15 @@
-"""The result folder of a simulation, and its end in words."""
+"""The result folder of a simulation, written and read, and its end in words."""
 
-from .folder import RECORDING, partial, prepare_folder, read_summary, skin_after, write_result
+from .folder import RECORDING, partial, prepare_folder, skin_after, write_result
+from .reading import Result, read_result, read_summary
 
-__all__ = ["RECORDING", "partial", "prepare_folder", "read_summary", "skin_after", "write_result"]
+__all__ = [
+    "RECORDING",
+    "Result",
+    "partial",
+    "prepare_folder",
+    "read_result",
+    "read_summary",
+    "skin_after",
+    "write_result",
+]

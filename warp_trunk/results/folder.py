@@ -1,25 +1,22 @@
-"""The result folder: what a simulation leaves behind for viewers, for ParaView and for other programs."""
+"""The result folder: what a simulation leaves behind for viewers, reports, ParaView and other programs."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import math
 import os
-import platform
 import shutil
-import sys
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import InputError
-from ..measures import TrunkMeasures, measure
+from ..landmarks import write_landmarks
+from ..measures import measure
 from ..surface import Surface, write_surface
 from ..trunk_mesh import TrunkMesh, write_trunk
+from .summary import summarize
 
 if TYPE_CHECKING:
     from ..case import Case
@@ -27,11 +24,10 @@ if TYPE_CHECKING:
     from ..simulation import Increment
 
 RECORDING = "recording.rrd"
-SKIN_AFTER = "skin_after.ply"
+SKIN_BEFORE, SKIN_AFTER, SKIN_ACTUAL = "skin_before.ply", "skin_after.ply", "skin_actual.ply"
+LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
 TRUNK = "trunk.vtu"
 SUMMARY = "summary.json"
-STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
-"""The parts of a run whose seconds a summary gives."""
 LEAST_SPACE = 200e6
 """A result folder needs this much free space [bytes]; the largest results seen take a third of it."""
 
@@ -81,10 +77,14 @@ def write_result(
     seconds: Mapping[str, float] | None = None,
     recording: Path | None = None,
 ) -> dict[str, Any]:
-    """Write the result of a simulation: skin_after.ply, trunk.vtu, summary.json and the recording.
+    """Write the result of a simulation, with all of the case that its report needs.
 
-    Every file is written under another name and moved when it is complete, summary.json last; a folder that
-    has one is whole. A recording of an earlier simulation in the same folder is removed.
+    That is `skin_before.ply` and `skin_after.ply` (the same vertices and faces), `skin_actual.ply` where the
+    case has an actual skin after surgery (a placeholder is none), `landmarks_before.csv`,
+    `landmarks_after.csv`, `trunk.vtu`, `summary.json` and the recording.
+
+    Every file is written under another name and moved when all are complete, summary.json last; a folder that
+    has one is whole. A recording or an actual skin of an earlier simulation in the same folder is removed.
 
     Args:
         folder: where to; made if it does not exist.
@@ -105,10 +105,9 @@ def write_result(
     if not increments:
         raise InputError("write_result: 'increments' is empty; give all that simulate() yielded")
     folder = prepare_folder(folder)
-    last = increments[-1]
-    skin = skin_after(case, trunk, last.displacement)
-    write_surface(partial(folder / SKIN_AFTER), skin)
-    write_trunk(partial(folder / TRUNK), trunk, last.displacement)
+    displacement = increments[-1].displacement
+    skin = skin_after(case, trunk, displacement)
+    actual = None if case.skin_after_is_placeholder else case.skin_after
     summary = summarize(
         case,
         trunk,
@@ -116,127 +115,26 @@ def write_result(
         increments,
         before=measure(case.skin, case.landmarks_before),
         after=measure(skin, case.landmarks_after, case.skin),
+        actual=None if actual is None else measure(actual, case.landmarks_after),
         parameters=parameters,
         seconds=seconds,
     )
+    surfaces = {SKIN_BEFORE: case.skin, SKIN_AFTER: skin}
+    if actual is not None:
+        surfaces[SKIN_ACTUAL] = actual
+    landmarks = {LANDMARKS_BEFORE: case.landmarks_before, LANDMARKS_AFTER: case.landmarks_after}
+    for name, surface in surfaces.items():
+        write_surface(partial(folder / name), surface)
+    for name, points in landmarks.items():
+        write_landmarks(partial(folder / name), points)
+    write_trunk(partial(folder / TRUNK), trunk, displacement)
     text = json.dumps(summary, indent=2, allow_nan=False)
     partial(folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
-    if recording is None:
-        (folder / RECORDING).unlink(missing_ok=True)
-    else:
+
+    for name in (SUMMARY, RECORDING, SKIN_ACTUAL):  # without a summary, what lies there is no whole result
+        (folder / name).unlink(missing_ok=True)
+    if recording is not None:
         os.replace(recording, folder / RECORDING)
-    for name in (SKIN_AFTER, TRUNK, SUMMARY):
+    for name in (*surfaces, *landmarks, TRUNK, SUMMARY):
         os.replace(partial(folder / name), folder / name)
     return summary
-
-
-def read_summary(folder: str | Path) -> dict[str, Any]:
-    """The summary of a result folder.
-
-    Raises:
-        InputError: there is none, or it is not JSON.
-    """
-    path = Path(folder) / SUMMARY
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); give a folder that `simulate` wrote"
-        ) from error
-    except ValueError as error:
-        raise InputError(f"{path}: is not JSON ({error}); simulate the case again") from error
-
-
-def summarize(
-    case: Case,
-    trunk: TrunkMesh,
-    model: Model,
-    increments: Sequence[Increment],
-    *,
-    before: TrunkMeasures,
-    after: TrunkMeasures,
-    parameters: Mapping[str, Any] | None = None,
-    seconds: Mapping[str, float] | None = None,
-) -> dict[str, Any]:
-    """The summary of a simulation in plain JSON types; what is not known or not finite is None."""
-    last = increments[-1].relaxation
-    actual = None
-    if case.skin_after is not None and not case.skin_after_is_placeholder:
-        actual = measure(case.skin_after, case.landmarks_after).bsr
-    known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
-    return _plain(
-        {
-            "status": last.status.name,
-            "tets": len(trunk.tets),
-            "nodes": len(trunk.nodes),
-            "free_nodes": int((~trunk.prescribed).sum()),
-            "inverted_tets": last.inverted_tets,
-            "device": model.device,
-            "precision": model.precision,
-            "parameters": {
-                "case": case.name,
-                **dataclasses.asdict(model.tissue),
-                "gravity": model.gravity,
-                **(parameters or {}),
-            },
-            "increments": [_increment(increment) for increment in increments],
-            "bsr_deg": {"before": before.bsr, "after": after.bsr, "actual": actual},
-            "cobb_deg": {
-                when: [dataclasses.asdict(curve) for curve in measures.cobb]
-                for when, measures in (("before", before), ("after", after))
-            },
-            "seconds": {stage: known.get(stage) for stage in STAGES},
-            "peak_memory_mb": peak_memory(),
-            "versions": versions(),
-        }
-    )
-
-
-def peak_memory() -> float | None:
-    """Largest resident memory of this process or one of its children so far [MB]; None where not known."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    unit = 1.0 if sys.platform == "darwin" else 1024.0
-    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return max(resource.getrusage(w).ru_maxrss for w in who) * unit / 1e6
-
-
-def versions() -> dict[str, str | None]:
-    """Versions of this program and of what its numbers depend on."""
-    found: dict[str, str | None] = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh", "rerun-sdk"):
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = None
-    return found
-
-
-def _increment(increment: Increment) -> dict[str, Any]:
-    relaxation = increment.relaxation
-    return {
-        "load_factor": increment.load_factor,
-        "status": relaxation.status.name,
-        "energy": {**dataclasses.asdict(relaxation.energy), "total": relaxation.energy.total},
-        "steps": relaxation.steps,
-        "linear_iterations": relaxation.linear_iterations,
-        "estimated_error_mm": relaxation.estimated_error,
-        "seconds": increment.seconds,
-    }
-
-
-def _plain(value: Any) -> Any:
-    """The same in types of JSON, which has no NaN and no infinity: those become None."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value if value is None or isinstance(value, str) else str(value)

@@ -1,0 +1,119 @@
+"""A result folder read back, without the case it came from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..landmarks import Landmarks, read_landmarks
+from ..relaxation import RelaxStatus
+from ..surface import Surface, read_surface
+from .folder import LANDMARKS_AFTER, LANDMARKS_BEFORE, SKIN_ACTUAL, SKIN_AFTER, SKIN_BEFORE, SUMMARY
+
+AGAIN = "simulate the case again"
+SUMMARY_KEYS = frozenset(
+    {
+        "status", "tets", "nodes", "free_nodes", "inverted_tets", "device", "precision", "parameters",
+        "terms", "increments", "bsr_deg", "cobb_deg", "seconds", "peak_memory_mb", "versions",
+    }
+)  # fmt: skip
+"""What a summary holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a simulation left in its folder."""
+
+    skin_before: Surface
+    """The skin before surgery."""
+    skin_after: Surface
+    """The predicted skin, same vertices and faces."""
+    skin_actual: Surface | None
+    """The actual skin after surgery, with triangles of its own, where it is known."""
+    landmarks_before: Landmarks
+    """Points on the bones before surgery."""
+    landmarks_after: Landmarks
+    """The same points after surgery, same names in the same order."""
+    summary: dict[str, Any]
+    """The contents of summary.json, see `SUMMARY_KEYS`."""
+
+
+def read_result(folder: str | Path) -> Result:
+    """Read and check a result folder.
+
+    Raises:
+        InputError: it is no result folder, a file is missing or damaged, or files do not belong together.
+    """
+    folder = Path(folder)
+    summary = read_summary(folder)
+    missing = sorted(SUMMARY_KEYS - summary.keys())
+    if missing:
+        raise InputError(
+            f"{folder / SUMMARY}: '{missing[0]}' is missing, so another version of the program wrote it; {AGAIN}"
+        )
+    if summary["status"] not in RelaxStatus.__members__ or not summary["increments"]:
+        raise InputError(
+            f"{folder / SUMMARY}: has status {summary['status']!r} and {len(summary['increments'])} increments; "
+            f"a result has a known status and at least one increment; {AGAIN}"
+        )
+    before, after = (_surface(folder / name) for name in (SKIN_BEFORE, SKIN_AFTER))
+    if not np.array_equal(before.faces, after.faces) or before.vertices.shape != after.vertices.shape:
+        raise InputError(
+            f"{folder / SKIN_AFTER}: {len(after.vertices)} vertices and {len(after.faces)} triangles are not "
+            f"those of {SKIN_BEFORE} ({len(before.vertices)} and {len(before.faces)}); {AGAIN}"
+        )
+    planned, reached = (_landmarks(folder / name) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
+    if planned.names != reached.names:
+        raise InputError(
+            f"{folder / LANDMARKS_AFTER}: its {len(reached.names)} names are not the {len(planned.names)} of "
+            f"{LANDMARKS_BEFORE} in their order; {AGAIN}"
+        )
+    known = summary["bsr_deg"].get("actual") is not None
+    return Result(
+        skin_before=before,
+        skin_after=after,
+        skin_actual=_surface(folder / SKIN_ACTUAL) if known else None,
+        landmarks_before=planned,
+        landmarks_after=reached,
+        summary=summary,
+    )
+
+
+def read_summary(folder: str | Path) -> dict[str, Any]:
+    """The summary of a result folder.
+
+    Raises:
+        InputError: there is none, or it is not a JSON object.
+    """
+    path = Path(folder) / SUMMARY
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}); give a folder that `simulate` wrote"
+        ) from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON ({error}); {AGAIN}") from error
+    if not isinstance(summary, dict):
+        raise InputError(f"{path}: must hold a JSON object, not {type(summary).__name__}; {AGAIN}")
+    return summary
+
+
+def _surface(path: Path) -> Surface:
+    _expect(path)
+    return read_surface(path)
+
+
+def _landmarks(path: Path) -> Landmarks:
+    _expect(path)
+    return read_landmarks(path)
+
+
+def _expect(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"{path}: is missing, though {SUMMARY} says that the result is whole; {AGAIN}")
