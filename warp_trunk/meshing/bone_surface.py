@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import warp as wp
 
 from ..errors import InputError
 from ..surface import Surface, check_surface
 from .coarsening import coarsen
 from .distance_field import Box, Grid, SurfaceDistance, connected
+from .isosurface import zero_surface
 from .surface_checks import crossings, manifold_fault
 
 _BAND = 2.0
@@ -98,8 +97,6 @@ def _isosurface(
     distances: list[SurfaceDistance], skin_distance: SurfaceDistance, margin: float, voxel: float
 ) -> Surface | None:
     """The zero surface of max(min over bones, skin + margin), without cavities and specks."""
-    import warp.geometry as geometry  # its kernels compile on first use
-
     field, grid = _field(distances, skin_distance, margin, voxel)
     # marching cubes join diagonal neighbours inside, so pieces are counted in that way
     pieces = connected(field < 0.0, diagonally=True)
@@ -109,16 +106,7 @@ def _isosurface(
     if not (field < 0.0).any():
         return None
     field[(outside > 0) & (outside != outside[0, 0, 0])] = -voxel  # cavities in bone are no soft tissue
-    # a crossing too near a grid node would make slivers
-    nudge = 0.05 * voxel
-    field = np.where(np.abs(field) < nudge, np.where(field < 0.0, -nudge, nudge), field)
-    upper = (np.array(grid.shape) - 1) * voxel
-    values: Any = wp.array(field, dtype=wp.float32, device="cpu")
-    vertices, corners = geometry.IsoSurfaceMarchingCubes.extract(
-        values, 0.0, lower=wp.vec3(0.0), upper=wp.vec3(*upper.tolist())
-    )
-    faces = corners.numpy().reshape(-1, 3)
-    return Surface(vertices.numpy().astype(np.float64) + grid.lower, faces)
+    return zero_surface(field, grid)
 
 
 def _field(
