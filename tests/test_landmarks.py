@@ -40,8 +40,9 @@ def test_reads_what_spreadsheets_write(tmp_path):
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
-        ("x,y,z,name\n", "the first line must be name,x,y,z, not x,y,z,name"),
-        ("", "the first line must be name,x,y,z, not an empty file"),
+        ("x,y,name\n", "the first line must name the columns name,x,y,z once each, not x,y,name"),
+        ("name,x,x,y,z\n", "once each, not name,x,x,y,z"),
+        ("", "the first line must name the columns name,x,y,z once each, not an empty file"),
         ("name,x,y,z\n", "there is no landmark in it"),
         ("name,x,y,z\nT1_a,1,2\n", "line 2: a landmark is name,x,y,z, not 'T1_a,1,2'"),
         ("name,x,y,z\n,1,2,3\n", "line 2: a landmark is name,x,y,z, not ',1,2,3'"),

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..axes import MILLIMETRES
 from ..errors import InputError
 from ..landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from ..meshing.distance_field import SurfaceDistance
 from ..meshing.surface_checks import check_solid, components, enclosed_volume
 from ..surface import Surface, check_surface
-from .axes import MILLIMETRES
 
 if TYPE_CHECKING:
     from .record import Case

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..axes import Axes
 from ..errors import InputError
-from ..landmarks import Landmarks, read_landmarks, write_landmarks
+from ..landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from ..surface import Surface, read_surface, write_surface
-from .axes import Axes
 from .checks import CaseSource, CheckOptions, check_case, check_names
 from .header import CaseHeader, header_text, read_header
 from .record import Case
@@ -18,7 +18,7 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
     `landmarks_before.csv`, `landmarks_after.csv` and perhaps `skin_after.ply`. Surfaces may be in any format
-    that trimesh reads. A bone is named after its file.
+    that trimesh reads, landmarks also in those of 3D Slicer. A bone is named after its file.
 
     Args:
         folder: the case folder.
@@ -39,9 +39,8 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
         return header.axes.surface_to_lps(read_surface(path), header.units)
 
     def points(key: str) -> Landmarks:
-        files[key] = folder / f"{key}.csv"
-        raw = read_landmarks(files[key])
-        return Landmarks(raw.names, header.axes.points_to_lps(raw.points, header.units))
+        files[key] = landmark_file(folder, key)
+        return read_landmarks(files[key], header.axes, header.units, header.landmark_columns)
 
     before, after = points("landmarks_before"), points("landmarks_after")
     source = CaseSource(files, header.units, header.axes.code)

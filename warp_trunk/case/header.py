@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..axes import MILLIMETRES, Axes
 from ..errors import InputError
+from ..landmarks import COLUMNS
 from ..tissue import Tissue
-from .axes import MILLIMETRES, Axes
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,8 @@ class CaseHeader:
     """Unit of every length in the folder: mm, cm or m."""
     axes: Axes = dataclasses.field(default_factory=lambda: Axes("LPS"))
     """Patient axes of every position in the folder."""
+    landmark_columns: tuple[str, ...] = COLUMNS
+    """Columns of the CSV files of landmarks that hold name, x, y and z."""
     skin_after_is_placeholder: bool = False
     """True when skin_after.ply is the spline's own image of the skin, and no truth."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
@@ -51,6 +54,7 @@ def read_header(path: Path) -> CaseHeader:
         ("name", str, "text"),
         ("units", str, "text"),
         ("axes", str, "text"),
+        ("landmark_columns", list, "a list of four column names"),
         ("skin_after_is_placeholder", bool, "true or false"),
         ("tissue", dict, "a table, [tissue]"),
     ):
@@ -63,6 +67,8 @@ def read_header(path: Path) -> CaseHeader:
             f"{path}: 'units' must be one of {', '.join(MILLIMETRES)}, not '{values['units']}'; "
             "write the unit of the surfaces and landmarks"
         )
+    if "landmark_columns" in values:
+        values["landmark_columns"] = _columns(path, values["landmark_columns"])
     try:
         if "axes" in values:
             values["axes"] = Axes(values["axes"])
@@ -72,6 +78,19 @@ def read_header(path: Path) -> CaseHeader:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
     return CaseHeader(**values)
+
+
+def _columns(path: Path, names: list[Any]) -> tuple[str, ...]:
+    if (
+        len(names) != 4
+        or len(set(map(str, names))) != 4
+        or not all(isinstance(name, str) and name for name in names)
+    ):
+        raise InputError(
+            f"{path}: 'landmark_columns' must be four different names of columns, those of name, x, y and z, "
+            f"not {str(names)[:60]}; correct it"
+        )
+    return tuple(names)
 
 
 def _tissue(path: Path, table: dict[str, Any]) -> Tissue:

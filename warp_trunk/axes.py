@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from ..surface import Surface
+from .errors import InputError
+from .surface import Surface
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 """The length of each unit a file may be in [mm]."""
