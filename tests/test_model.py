@@ -95,16 +95,16 @@ def test_weights_count_every_edge_and_face_once(mesh: TrunkMesh) -> None:
     tets = mesh.tets.tolist()
     edges = {pair for tet in tets for pair in combinations(sorted(tet), 2)}
     faces = {triple for tet in tets for triple in combinations(sorted(tet), 3)}
-    assert model.edge_weight.numpy().sum() == pytest.approx(len(edges), rel=1e-12)
-    assert model.face_weight.numpy().sum() == pytest.approx(0.25 * len(faces), rel=1e-12)
+    assert model.elements.edge_weight.numpy().sum() == pytest.approx(len(edges), rel=1e-12)
+    assert model.elements.face_weight.numpy().sum() == pytest.approx(0.25 * len(faces), rel=1e-12)
 
 
 def test_rest_measures_by_hand() -> None:
     """The right-angled corner of 10 mm: three edges of 10, three of 10 sqrt 2; faces of 50 and of 50 sqrt 3."""
     model = build_model(single_tet(), device="cpu", precision="float64", threads=1)
-    np.testing.assert_allclose(np.sort(model.rest_length.numpy()[0]), [10.0] * 3 + [10.0 * 2**0.5] * 3)
-    np.testing.assert_allclose(np.sort(model.rest_area.numpy()[0]), [50.0] * 3 + [50.0 * 3**0.5])
-    np.testing.assert_allclose(model.rest_volume.numpy(), [1000.0 / 6.0])
+    np.testing.assert_allclose(np.sort(model.elements.rest_length.numpy()[0]), [10.0] * 3 + [10.0 * 2**0.5] * 3)
+    np.testing.assert_allclose(np.sort(model.elements.rest_area.numpy()[0]), [50.0] * 3 + [50.0 * 3**0.5])
+    np.testing.assert_allclose(model.elements.rest_volume.numpy(), [1000.0 / 6.0])
 
 
 def test_alpha_by_hand() -> None:
@@ -113,8 +113,8 @@ def test_alpha_by_hand() -> None:
     model = build_model(single_tet(), tissue, gravity=9.81, device="cpu", threads=1)
     cubic_metres = 0.01**3 / 6.0
     k_d = 5.0 * 20e3 * cubic_metres / 6.0
-    assert model.alpha == pytest.approx(2.0 * 9.81 * 900.0 * cubic_metres * 0.01 / k_d, rel=1e-12)
-    assert build_model(single_tet(), tissue, device="cpu", threads=1).alpha == 0.0
+    assert model.elements.alpha == pytest.approx(2.0 * 9.81 * 900.0 * cubic_metres * 0.01 / k_d, rel=1e-12)
+    assert build_model(single_tet(), tissue, device="cpu", threads=1).elements.alpha == 0.0
 
 
 @pytest.mark.parametrize(
@@ -123,4 +123,10 @@ def test_alpha_by_hand() -> None:
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_terms_follow_the_scene(tissue: Tissue, gravity: float) -> None:
     model: Any = build_model(BLOCK, tissue, gravity=gravity, device="cpu")
-    assert model.terms == (tissue.epsilon > 0.0, tissue.theta > 0.0, gravity != 0.0)
+    used = {
+        "distance": True,
+        "area": tissue.epsilon > 0.0,
+        "volume": tissue.theta > 0.0,
+        "gravity": gravity != 0.0,
+    }
+    assert model.elements.terms == tuple(name for name in used if used[name])

@@ -1,4 +1,4 @@
-"""Energy and gradient of a configuration (eq. 4.6 to 4.15 of [2])."""
+"""Energy and gradient of a configuration."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from warp_trunk.kernels.elements import (
     GRAVITY,
     INVERTED,
     NEWLY_INVERTED,
+    SHAPE,
     VOLUME,
-    element_kernels,
 )
 
 from .model import Model
@@ -23,21 +23,26 @@ from .model import Model
 
 @dataclass(frozen=True)
 class Energy:
-    """The terms of eq. 4.6, each with its factor; dimensionless, in units of k_D / 2."""
+    """The terms of an energy, each with its factor, in the unit of the model's elements.
+
+    The seeds' energy, eq. 4.6 of [2], has distance, area and volume; the neo-Hookean one shape and volume.
+    """
 
     distance: float
     """Edges, eq. 4.8."""
     area: float
     """Faces, epsilon times eq. 4.9."""
     volume: float
-    """Tetrahedra, theta times eq. 4.10."""
+    """Tetrahedra, theta times eq. 4.10; or lambda/2 (J - 1)^2 of a continuum."""
     gravity: float
-    """alpha times eq. 4.7, with the sign of physics: +m g z."""
+    """alpha times eq. 4.7, or the potential m g z; with the sign of physics."""
+    shape: float = 0.0
+    """What a continuum's change of shape costs, the terms in mu."""
 
     @property
     def total(self) -> float:
         """Their sum, which the relaxation makes least."""
-        return self.distance + self.area + self.volume + self.gravity
+        return self.distance + self.area + self.volume + self.gravity + self.shape
 
 
 class State:
@@ -77,9 +82,9 @@ class State:
         """Records the launch of the evaluation."""
         m = self.model
         self._evaluate = m.parallel.record(
-            element_kernels(*m.variant, *m.terms).gradient,
+            m.elements.kernels.gradient,
             len(m.corners),
-            [*m.elements, m.scalar(m.gravity_per_volume), other.inverted, self.displacement],
+            [m.tets, *m.elements.arguments, other.inverted, self.displacement],
             [self.gradient, self.inverted, self.sums],
         )
 
@@ -100,7 +105,8 @@ class State:
             distance=float(sums[DISTANCE]),
             area=float(sums[AREA]),
             volume=float(sums[VOLUME]),
-            gravity=float(sums[GRAVITY]) + self.model.gravity_at_rest,
+            gravity=float(sums[GRAVITY]) + self.model.elements.gravity_at_rest,
+            shape=float(sums[SHAPE]),
         )
         return energy, int(sums[INVERTED]), int(sums[NEWLY_INVERTED])
 

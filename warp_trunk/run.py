@@ -13,7 +13,7 @@ import numpy as np
 from .bone_path import BonePath, spline_path
 from .measures import TrunkMeasures, measure
 from .meshing import MeshOptions, make_trunk
-from .model import build_model
+from .model import EnergyName, WeightsName, build_model
 from .progress import Progress
 from .recording import Recording
 from .results import RECORDING, partial, prepare_folder, skin_after, write_result
@@ -35,6 +35,11 @@ class RunOptions:
     """How the trunk is meshed."""
     simulation: SimulationOptions = field(default_factory=SimulationOptions)
     """How the correction is applied."""
+    energy: EnergyName = "itmsm"
+    """Energy of the tissue: itmsm (the seeds' springs on edges, faces, volumes) or neo-hookean (a continuum)."""
+    weights: WeightsName = "count"
+    """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the seeds) or volume (what it
+    stands for, so that tissue is not stiffer where tetrahedra are small)."""
     device: str = "auto"
     """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
     precision: Literal["float32", "float64"] = "float32"
@@ -94,6 +99,8 @@ def run_case(
         model = build_model(
             trunk,
             case.tissue,
+            energy=options.energy,
+            weights=options.weights,
             gravity=options.gravity,
             device=options.device,
             precision=options.precision,

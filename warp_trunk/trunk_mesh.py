@@ -29,6 +29,8 @@ class TrunkMesh:
     """Names of the bones, in the order of the case."""
     bone_faces: np.ndarray
     """Triangles of the bone surface, in node numbers, outward from the bone, shape (faces, 3), int32."""
+    tissue: np.ndarray | None = None
+    """Which tissue each tetrahedron is of, from 0, shape (tets,), int8; None where all are of one."""
 
     @property
     def prescribed(self) -> np.ndarray:
@@ -55,6 +57,13 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
             raise InputError(f"{name}: '{field}' must have shape {shape}, not {array.shape}; mesh again")
     if not np.isfinite(trunk.nodes).all():
         raise InputError(f"{name}: every node must have a finite position; mesh again")
+    if trunk.tissue is not None and (
+        trunk.tissue.shape != (len(trunk.tets),) or not np.issubdtype(trunk.tissue.dtype, np.integer)
+    ):
+        raise InputError(
+            f"{name}: 'tissue' must be one whole number for each of {len(trunk.tets)} tetrahedra, not "
+            f"{trunk.tissue.dtype} of shape {trunk.tissue.shape}; label them again"
+        )
     ranges = (
         ("tets", trunk.tets, 0, count),
         ("skin_nodes", trunk.skin_nodes, 0, count),

@@ -105,11 +105,11 @@ def test_no_force_and_no_torque_but_the_weight() -> None:
             quarter = np.zeros(len(points))
             np.add.at(quarter, state.model.corners.ravel(), 0.25)
             assert gradient[:, 2].sum() == pytest.approx(
-                state.model.alpha * total_mass / (mean_mass * height), rel=1e-10
+                state.model.elements.alpha * total_mass / (mean_mass * height), rel=1e-10
             )
             masses = np.zeros(len(trunk.nodes))
             np.add.at(masses, trunk.tets.ravel(), np.repeat(tissue.density * volume / 4.0, 4))
-            weight[:, 2] = state.model.alpha * masses[state.model.order] / (mean_mass * height)
+            weight[:, 2] = state.model.elements.alpha * masses[state.model.order] / (mean_mass * height)
         scale = np.abs(gradient).max()
         np.testing.assert_allclose((gradient - weight).sum(axis=0), 0.0, atol=1e-11 * scale)
         np.testing.assert_allclose(np.cross(points, gradient - weight).sum(axis=0), 0.0, atol=1e-9 * scale)

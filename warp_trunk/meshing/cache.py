@@ -20,7 +20,7 @@ from ..trunk_mesh import TrunkMesh, check_trunk
 
 FORMAT = 3
 """Raised whenever the same input would give another mesh or another file, so that old files are not used."""
-_ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name != "bone_names")
+_ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name not in ("bone_names", "tissue"))
 
 
 def cache_folder() -> Path:

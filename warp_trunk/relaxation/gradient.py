@@ -5,6 +5,7 @@ The baseline. It shrinks the gradient long before it nears the equilibrium of a 
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.loop import loop_kernels
@@ -50,5 +51,5 @@ def first_length(model: Model, state: State) -> float:
     """A length that moves the node of largest gradient by a hundredth of a mean edge."""
     gradient = state.gradient.numpy()[0, : model.free]
     steepest = float((gradient.astype("float64") ** 2).sum(axis=1).max(initial=0.0) ** 0.5)
-    edge = float(model.rest_length.numpy().mean())
+    edge = float(np.linalg.norm(model.rest[model.corners[:, 1]] - model.rest[model.corners[:, 0]], axis=1).mean())
     return 0.01 * edge / steepest if steepest > 0.0 else 1.0

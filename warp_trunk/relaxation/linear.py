@@ -9,7 +9,6 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.conjugate_gradient import LEFT, LONG, conjugate_gradient_kernels
-from warp_trunk.kernels.elements import element_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..energy import State
@@ -125,9 +124,9 @@ class LinearSystem:
         m = self.model
         if state not in self._assemblies:
             self._assemblies[state] = m.parallel.record(
-                element_kernels(*m.variant, *m.terms).curvature,
+                m.elements.kernels.curvature,
                 len(m.corners),
-                [*m.elements, self.sparsity.block_of, state.displacement],
+                [m.tets, *m.elements.arguments, self.sparsity.block_of, state.displacement],
                 [self.blocks],
             )
         self._clear()

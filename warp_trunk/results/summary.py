@@ -39,7 +39,6 @@ def summarize(
 ) -> dict[str, Any]:
     """The summary of a simulation in plain JSON types; what is not known or not finite is None."""
     last = increments[-1].relaxation
-    terms = zip(("distance", "area", "volume", "gravity"), (True, *model.terms), strict=True)
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     return _plain(
         {
@@ -56,7 +55,7 @@ def summarize(
                 "gravity": model.gravity,
                 **(parameters or {}),
             },
-            "terms": [name for name, on in terms if on],
+            "terms": list(model.elements.terms),
             "increments": [_increment(increment) for increment in increments],
             "bsr_deg": {"before": before.bsr, "after": after.bsr, "actual": actual and actual.bsr},
             "cobb_deg": {
