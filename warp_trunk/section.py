@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .errors import InputError
@@ -21,34 +23,26 @@ def section(surface: Surface, height: float) -> list[np.ndarray]:
 
     Raises InputError when the surface is open, or oriented in more than one way, at the plane.
     """
-    vertices, faces = surface.vertices, surface.faces.astype(np.int64)
-    above = vertices[:, 2] >= height
-    count = above[faces].sum(axis=1)
-    cut = faces[(count == 1) | (count == 2)]
+    return sections(surface, [height])[0]
+
+
+def sections(surface: Surface, heights: Sequence[float]) -> list[list[np.ndarray]]:
+    """Cut a closed surface by planes, all in one pass over its triangles; for each plane what `section` gives."""
+    order = np.argsort(heights)
+    planes = np.asarray(heights, dtype=np.float64)[order]
+    cut = _cut_edges(surface, planes)
+    loops: list[list[np.ndarray]] = [[] for _ in heights]
     if len(cut) == 0:
-        return []
-    # turn each triangle so that its lonely corner comes first: the cut joins the two edges at that corner
-    up = above[cut]
-    lonely = np.where((up.sum(axis=1) == 1)[:, None], up, ~up).argmax(axis=1)
-    a, b, c = np.take_along_axis(cut, (lonely[:, None] + np.arange(3)) % 3, axis=1).T
-    rising = above[a]
-    # the inside is to the left of the direction of travel, the face normal to the right
-    leave = np.where(rising, _edge_key(a, b, len(vertices)), _edge_key(a, c, len(vertices)))
-    enter = np.where(rising, _edge_key(a, c, len(vertices)), _edge_key(a, b, len(vertices)))
-    keys = np.unique(leave)
-    if len(keys) < len(leave) or not np.array_equal(keys, np.unique(enter)):
-        raise InputError(
-            f"section: the surface must be closed and oriented where it is cut, at z = {height:g} mm; "
-            "repair the surface"
-        )
-    following = np.empty(len(keys), dtype=np.int64)
-    following[np.searchsorted(keys, leave)] = np.searchsorted(keys, enter)
-    low, high = vertices[keys // len(vertices)], vertices[keys % len(vertices)]
-    share = (height - low[:, 2]) / (high[:, 2] - low[:, 2])
-    points = low[:, :2] + share[:, None] * (high[:, :2] - low[:, :2])
-    points[high[:, 2] == height] = high[high[:, 2] == height, :2]  # to the bit, so that repeats are seen
-    loops = [_without_repeats(points[loop]) for loop in _cycles(following)]
-    return [loop for loop in loops if len(loop) >= 3]
+        return loops
+    count = len(surface.vertices)
+    plane, edge = np.divmod(cut[:, 0], count * count)
+    points = _crossing_points(surface.vertices, edge // count, edge % count, planes[plane])
+    repeated = (points[cut[:, 1]] == points).all(axis=1)
+    for cycle in _cycles(cut[:, 1]):
+        kept = cycle[~repeated[cycle]]
+        if len(kept) >= 3:
+            loops[order[plane[cycle[0]]]].append(points[kept])
+    return loops
 
 
 def outer_loop(loops: list[np.ndarray]) -> np.ndarray:
@@ -61,32 +55,94 @@ def outer_loop(loops: list[np.ndarray]) -> np.ndarray:
     return max(loops, key=lambda loop: abs(enclosed_area(loop)))
 
 
+def trunk_loop(loops: list[np.ndarray], spine: np.ndarray) -> np.ndarray | None:
+    """Of several loops (arms give some too) the largest around the spine (2,) [mm]; None if none is.
+
+    A single loop is taken as it is.
+    """
+    around = loops if len(loops) == 1 else [loop for loop in loops if encloses(loop, spine)]
+    return around[0] if len(around) == 1 else max(around, key=lambda loop: abs(enclosed_area(loop)), default=None)
+
+
 def enclosed_area(loop: np.ndarray) -> float:
     """Area inside a closed loop (k, 2) [mm^2], positive if it turns counterclockwise."""
     x, y = (loop - loop.mean(axis=0)).T
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def _edge_key(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
-    """One number for an edge, the same from both of its faces."""
-    return np.minimum(first, second) * count + np.maximum(first, second)
+def encloses(loop: np.ndarray, point: np.ndarray) -> bool:
+    """Whether a loop (k, 2) goes round a point (2,): a ray from there crosses it an odd number of times."""
+    x, y = (loop - point).T
+    after_x, after_y = np.roll(x, -1), np.roll(y, -1)
+    crossing = (y < 0.0) != (after_y < 0.0)
+    x, y, after_x, after_y = x[crossing], y[crossing], after_x[crossing], after_y[crossing]
+    return bool(np.count_nonzero(x - y * (after_x - x) / (after_y - y) > 0.0) % 2)
+
+
+def _cut_edges(surface: Surface, planes: np.ndarray) -> np.ndarray:
+    """Every edge that a plane cuts, and the one that follows it around the section.
+
+    Returns (edges, 2) int64, sorted: a number for plane and edge, (plane * n + low vertex) * n + high vertex,
+    and the row of the next.
+    """
+    vertices, faces = surface.vertices, surface.faces
+    count = len(vertices)
+    # a vertex is above the first `above` planes, so those cut a triangle that lie between its least and its most
+    above = np.searchsorted(planes, vertices[:, 2], side="right")
+    corners = above[faces[:, 0]], above[faces[:, 1]], above[faces[:, 2]]
+    least = np.minimum(np.minimum(corners[0], corners[1]), corners[2])
+    most = np.maximum(np.maximum(corners[0], corners[1]), corners[2])
+    face = np.flatnonzero(most > least)
+    times = (most - least)[face]
+    plane = np.arange(times.sum()) + np.repeat(least[face] - (np.cumsum(times) - times), times)
+    cut = np.repeat(faces[face], times, axis=0).astype(np.int64)
+    # turn each triangle so that its lonely corner comes first: the cut joins the two edges at that corner
+    up = above[cut] > plane[:, None]
+    rising = up.sum(axis=1) == 1
+    lonely = (up == rising[:, None]).argmax(axis=1)
+    row = np.arange(len(cut))
+    a, b, c = cut[row, lonely], cut[row, (lonely + 1) % 3], cut[row, (lonely + 2) % 3]
+    # the inside is to the left of the direction of travel, the face normal to the right
+    first = (plane * count + np.minimum(a, b)) * count + np.maximum(a, b)
+    second = (plane * count + np.minimum(a, c)) * count + np.maximum(a, c)
+    leave, enter = np.where(rising, first, second), np.where(rising, second, first)
+    by_leave, by_enter = np.argsort(leave), np.argsort(enter)
+    keys = leave[by_leave]
+    wrong = keys != enter[by_enter]
+    wrong[1:] |= keys[1:] == keys[:-1]
+    if wrong.any():
+        height = planes[keys[wrong.argmax()] // (count * count)]
+        raise InputError(
+            f"section: the surface must be closed and oriented where it is cut, at z = {height:g} mm; "
+            "repair the surface"
+        )
+    rank = np.empty(len(keys), dtype=np.int64)
+    rank[by_enter] = row
+    return np.column_stack([keys, rank[by_leave]])
+
+
+def _crossing_points(vertices: np.ndarray, low: np.ndarray, high: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Where edges cross a height each, x and y, shape (edges, 2)."""
+    start, end = vertices[low], vertices[high]
+    share = (height - start[:, 2]) / (end[:, 2] - start[:, 2])
+    points = start[:, :2] + share[:, None] * (end[:, :2] - start[:, :2])
+    at_end = end[:, 2] == height
+    points[at_end] = end[at_end, :2]  # to the bit, so that repeats are seen
+    return points
 
 
 def _cycles(following: np.ndarray) -> list[np.ndarray]:
     """The cycles of a permutation."""
-    left = np.ones(len(following), dtype=bool)
+    after: list[int] = following.tolist()  # Python reads its own lists several times faster than arrays
+    left = [True] * len(after)
     cycles = []
-    for start in range(len(following)):
+    for start in range(len(after)):
         if not left[start]:
             continue
         cycle, here = [], start
         while left[here]:
             left[here] = False
             cycle.append(here)
-            here = int(following[here])
+            here = after[here]
         cycles.append(np.array(cycle))
     return cycles
-
-
-def _without_repeats(loop: np.ndarray) -> np.ndarray:
-    return loop[(loop != np.roll(loop, 1, axis=0)).any(axis=1)]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
-from ..section import outer_loop, section
+from ..section import sections, trunk_loop
+from .spine import Spine, asis_axis, spine_of
 
 if TYPE_CHECKING:
     from ..landmarks import Landmarks
@@ -36,49 +35,52 @@ class DualTangent:
     """Back surface rotation [degrees], positive where the right side of the back stands further back."""
     outline: np.ndarray
     """The section of the trunk, x and y [mm], shape (points, 2), counterclockwise seen from above."""
+    spine: np.ndarray
+    """Centroid of the vertebra, x and y [mm], shape (2,)."""
+    across: np.ndarray
+    """Unit vector of the pelvis' axis to the patient's left, x and y, shape (2,)."""
 
 
 def back_surface_rotation(surface: Surface, landmarks: Landmarks) -> dict[str, DualTangent | None]:
     """The angle between the dual tangent to the posterior side of the section at each vertebra and the
     axis through the anterior superior iliac spines, in the axial plane (section 4.3.5 of [2]).
 
-    A section lies at the height of its vertebra's centroid, the mean of the vertebra's landmarks. Positive is
-    a hump on the right: the right side of the back stands further back (+y) than the left, as seen in the
-    axes of the pelvis. Turning the whole patient about z changes nothing.
+    A section lies at the height of its vertebra's centroid, the mean of the vertebra's landmarks; of several
+    loops (arms beside the trunk) the one around the vertebra counts. Positive is a hump on the right: the
+    right side of the back stands further back (+y) than the left, as seen in the axes of the pelvis. Turning
+    the whole patient about z changes nothing.
 
     Args:
-        surface: the skin [mm].
+        surface: the skin [mm], closed.
         landmarks: those of the spine and the pelvis that go with this skin [mm].
 
     Returns:
-        By level, top to bottom; None where the plane misses the trunk or finds no back behind the spine.
+        By level, top to bottom; None where it is missing (`tangents_of` also says why).
 
     Raises:
-        InputError: 'asis_left' or 'asis_right' is missing or they coincide in the axial plane.
+        InputError: 'asis_left' or 'asis_right' is missing or they coincide in the axial plane, or the surface
+            is open where it is cut.
     """
-    across = asis_axis(landmarks)
+    return tangents_of(surface, spine_of(landmarks), asis_axis(landmarks))[0]
+
+
+def tangents_of(
+    surface: Surface, spine: Spine, across: np.ndarray
+) -> tuple[dict[str, DualTangent | None], dict[str, str]]:
+    """`back_surface_rotation`, and why it is missing by level, for the levels where it is."""
     tangents: dict[str, DualTangent | None] = {}
-    for level in landmarks.vertebrae():
-        centroid = landmarks.of_bone(level).points.mean(axis=0)
-        loops = section(surface, float(centroid[2]))
-        outline = outer_loop(loops) if loops else None
+    missing: dict[str, str] = {}
+    cuts = sections(surface, spine.centroids[:, 2].tolist())
+    for level, centroid, loops in zip(spine.levels, spine.centroids, cuts, strict=True):
+        outline = trunk_loop(loops, centroid[:2])
         tangents[level] = None if outline is None else _measured(outline, centroid, across)
-    return tangents
-
-
-def asis_axis(landmarks: Landmarks) -> np.ndarray:
-    """Unit vector in the axial plane from the right to the left anterior superior iliac spine, shape (2,)."""
-    for name in ("asis_left", "asis_right"):
-        if name not in landmarks.names:
-            raise InputError(f"landmarks: '{name}' is missing; back surface rotation is measured against it")
-    axis = landmarks.points[landmarks.index("asis_left")] - landmarks.points[landmarks.index("asis_right")]
-    length = float(np.hypot(axis[0], axis[1]))
-    if length < 1.0:
-        raise InputError(
-            f"landmarks: 'asis_left' and 'asis_right' are {length:.3g} mm apart seen from above; "
-            "at least 1 mm is needed for an axis"
-        )
-    return axis[:2] / length
+        if not loops:
+            missing[level] = f"the plane at z = {centroid[2]:.0f} mm misses the skin"
+        elif outline is None:
+            missing[level] = f"no part of the section at z = {centroid[2]:.0f} mm goes round the vertebra"
+        elif tangents[level] is None:
+            missing[level] = "no line within 60 degrees of the pelvis touches the back on both sides"
+    return tangents, missing
 
 
 def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> np.ndarray | None:
@@ -86,9 +88,9 @@ def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> 
 
     With a groove along the spine it is the edge of the section's convex hull that bridges the spine, that is,
     the one met by the perpendicular from the spine. Where no edge of `SPAN` length bridges it, the back is
-    convex there and every line of support touches it once; then it is the line that touches what remains of
-    the section with `SPAN`/2 taken out on either side of that perpendicular. So a section that is symmetric
-    about an axis through the spine gives exactly the perpendicular of that axis, groove or not.
+    convex there and every line of support touches it once; then it is the line through the points of the hull
+    that lie `SPAN`/2 to either side of that perpendicular. So a section that is symmetric about an axis
+    through the spine gives exactly the perpendicular of that axis, groove or not.
 
     Args:
         outline: closed loop without its first point repeated, shape (points, 2) [mm].
@@ -98,21 +100,29 @@ def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> 
     Returns:
         Left and right points of contact, shape (2, 2), or None where there is no such line.
     """
-    start = direction = across
+    hull = _back_of_hull(outline - spine, across)
+    if hull is None:
+        return None
+    direction = across
     touching = None
     for _ in range(100):  # the perpendicular depends on the tangent: a fixed point, reached in a few steps
-        touching = _bridge(outline, spine, direction)
+        touching = _bridge(hull, direction)
         if touching is None:
             return None
         tangent = touching[0] - touching[1]
-        tangent = tangent / np.hypot(*tangent)
-        turned = _angle(direction, tangent)
+        tangent = tangent / math.hypot(*tangent)
+        turned = turn(direction, tangent)
         direction = tangent
-        if abs(_angle(start, direction)) > STEEPEST:
+        if abs(turn(across, direction)) > STEEPEST:
             return None
         if abs(turned) < 1e-10:
             break
-    return touching
+    return None if touching is None else touching + spine
+
+
+def turn(a: np.ndarray, b: np.ndarray) -> float:
+    """Angle from a to b, counterclockwise [radians]."""
+    return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
 
 
 def _measured(outline: np.ndarray, centroid: np.ndarray, across: np.ndarray) -> DualTangent | None:
@@ -120,52 +130,56 @@ def _measured(outline: np.ndarray, centroid: np.ndarray, across: np.ndarray) -> 
     if touching is None:
         return None
     left, right = touching
-    angle = -math.degrees(_angle(across, left - right))
-    return DualTangent(float(centroid[2]), left, right, angle, outline)
+    angle = -math.degrees(turn(across, left - right))
+    return DualTangent(float(centroid[2]), left, right, angle, outline, centroid[:2], across)
 
 
-def _bridge(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> np.ndarray | None:
-    """Left and right points of the hull's edge behind the spine, the back being perpendicular to `across`."""
-    axes = np.array([across, [-across[1], across[0]]])  # to the left and to the back
-    points = (outline - spine) @ axes.T
-    edge = _edge_over_zero(points)
-    if edge is not None and np.hypot(*(edge[0] - edge[1])) < SPAN:
-        half = SPAN / 2.0
-        cuts = np.concatenate([_crossings(points, -half), _crossings(points, half)])
-        edge = _edge_over_zero(np.concatenate([points[np.abs(points[:, 0]) >= half], cuts]))
-    return None if edge is None else spine + edge @ axes
+def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:
+    """Corners of the convex hull of points (n, 2) where it faces the back within `STEEPEST`, left to right."""
+    aside, back = points @ across, points @ np.array([-across[1], across[0]])
+    sideways, backward = math.sin(STEEPEST) * aside, math.cos(STEEPEST) * back
+    first, last = int(np.argmax(backward + sideways)), int(np.argmax(backward - sideways))
+    if aside[first] <= aside[last]:
+        return None
+    slope = (back[first] - back[last]) / (aside[first] - aside[last])
+    behind = np.flatnonzero(back - slope * aside >= back[last] - slope * aside[last])
+    behind = behind[(aside[behind] <= aside[first]) & (aside[behind] >= aside[last])]
+    behind = behind[np.lexsort((back[behind], -aside[behind]))]
+    return points[behind[_upper_chain(-aside[behind], back[behind])]]
 
 
-def _edge_over_zero(points: np.ndarray) -> np.ndarray | None:
-    """The edge of the upper hull that spans x = 0, the end of larger x first, or None."""
-    points = points[np.lexsort((points[:, 1], points[:, 0]))]
-    hull: list[np.ndarray] = []
-    for point in points:
-        while len(hull) > 1 and _turns_left(hull[-2], hull[-1], point):
-            hull.pop()
-        hull.append(point)
-    for before, after in pairwise(hull):
-        if before[0] <= 0.0 < after[0]:
-            return np.array([after, before])
-    return None
+def _upper_chain(x: np.ndarray, y: np.ndarray) -> list[int]:
+    """Which points, sorted by x and then y, are corners of the upper convex hull (Andrew 1979)."""
+    chain: list[int] = []
+    xs, ys = x.tolist(), y.tolist()
+    for i, (px, py) in enumerate(zip(xs, ys, strict=True)):
+        while len(chain) > 1:
+            a, b = chain[-2], chain[-1]
+            if (xs[b] - xs[a]) * (py - ys[a]) < (ys[b] - ys[a]) * (px - xs[a]):
+                break
+            chain.pop()
+        chain.append(i)
+    return chain
 
 
-def _turns_left(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> bool:
-    """Whether b lies below, or on, the line from a to c: then it is no corner of the upper hull."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) >= 0.0
+def _bridge(hull: np.ndarray, across: np.ndarray) -> np.ndarray | None:
+    """Left and right points of contact, the spine being the origin and the back perpendicular to `across`."""
+    aside = hull @ across  # positive to the left; along the back the hull runs from left to right
+    edge = _crossed(hull, aside, 0.0)
+    if edge is not None and math.dist(*hull[edge : edge + 2]) >= SPAN:
+        return hull[edge : edge + 2]
+    sides = []
+    for x in (SPAN / 2.0, -SPAN / 2.0):
+        edge = _crossed(hull, aside, x)
+        if edge is None:
+            return None
+        share = (aside[edge] - x) / (aside[edge] - aside[edge + 1])
+        sides.append(hull[edge] + share * (hull[edge + 1] - hull[edge]))
+    return np.array(sides)
 
 
-def _crossings(points: np.ndarray, x: float) -> np.ndarray:
-    """Where the closed loop crosses a line of constant x, shape (crossings, 2)."""
-    after = np.roll(points, -1, axis=0)
-    crossing = (points[:, 0] < x) != (after[:, 0] < x)
-    a, b = points[crossing], after[crossing]
-    part = (x - a[:, :1]) / (b[:, :1] - a[:, :1])
-    crossings = a + part * (b - a)
-    crossings[:, 0] = x
-    return crossings
-
-
-def _angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Angle from a to b, counterclockwise [radians]."""
-    return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
+def _crossed(hull: np.ndarray, aside: np.ndarray, x: float) -> int | None:
+    """The edge of the back's side of the hull that crosses `aside` = x, by its left end; None if none does."""
+    left = aside > x
+    edge = int(np.argmax(left[:-1] & ~left[1:]))
+    return edge if left[edge] and not left[edge + 1] else None

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from .spine import Spine, spine_of
+
 if TYPE_CHECKING:
     from ..landmarks import Landmarks
 
@@ -40,17 +42,19 @@ def cobb_angles(landmarks: Landmarks) -> tuple[CobbAngle, ...]:
     lower end vertebra. End vertebrae are where the tilt turns round, so that each curve is as large as it can
     be. Vertebrae without both endplates are passed over.
     """
-    levels = [
-        level
-        for level in landmarks.vertebrae()
-        if {f"{level}_superior_endplate", f"{level}_inferior_endplate"} <= set(landmarks.names)
-    ]
-    if len(levels) < 2:
+    return curves_of(spine_of(landmarks))
+
+
+def curves_of(spine: Spine) -> tuple[CobbAngle, ...]:
+    """`cobb_angles` of a spine."""
+    known = np.flatnonzero(np.isfinite(spine.endplates).all(axis=(1, 2)))
+    if len(known) < 2:
         return ()
-    tilt = vertebral_tilt(landmarks, levels)
-    centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in levels])
+    levels = [spine.levels[i] for i in known]
+    tilt = vertebral_tilt(spine.endplates[known])
+    centroids = spine.centroids[known]
     curves = []
-    ends = _turning_points(tilt)
+    ends = _turning_points(tilt.tolist())
     for upper, lower in pairwise(ends):
         apex, convex = _apex(centroids[upper : lower + 1, [0, 2]])
         curves.append(
@@ -65,15 +69,16 @@ def cobb_angles(landmarks: Landmarks) -> tuple[CobbAngle, ...]:
     return tuple(curves)
 
 
-def vertebral_tilt(landmarks: Landmarks, levels: list[str]) -> np.ndarray:
-    """Coronal tilt of each vertebra's axis [degrees], positive to the patient's left, shape (levels,)."""
-    top = np.array([landmarks.points[landmarks.index(f"{level}_superior_endplate")] for level in levels])
-    bottom = np.array([landmarks.points[landmarks.index(f"{level}_inferior_endplate")] for level in levels])
-    axis = top - bottom
+def vertebral_tilt(endplates: np.ndarray) -> np.ndarray:
+    """Coronal tilt of each vertebra's axis [degrees], positive to the patient's left, shape (levels,).
+
+    endplates: superior and inferior endplate centres [mm], shape (levels, 2, 3).
+    """
+    axis = endplates[:, 0] - endplates[:, 1]
     return np.degrees(np.arctan2(axis[:, 0], axis[:, 2]))
 
 
-def _turning_points(tilt: np.ndarray) -> list[int]:
+def _turning_points(tilt: list[float]) -> list[int]:
     """Indices where the tilt turns round by at least `LEAST_CURVE`, its two ends included; or none."""
     low = high = 0
     ends: list[int] = []

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
-from .back_rotation import DualTangent, back_surface_rotation
-from .cobb import CobbAngle, cobb_angles
+from .axial_rotation import axial_rotation
+from .back_rotation import DualTangent, tangents_of
+from .cobb import CobbAngle, curves_of
+from .flanks import FlankAsymmetry, flank_asymmetry
+from .hump import hump_height
+from .spine import asis_axis, spine_of
+from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift
 
 if TYPE_CHECKING:
     from ..landmarks import Landmarks
@@ -19,7 +26,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrunkMeasures:
-    """Measures of one skin with the spine that goes with it."""
+    """Measures of one skin with the spine that goes with it.
+
+    What is known to one side is positive to the patient's right: a hump there, a shift there, the right side of
+    skin or vertebra turned back. A measure that cannot be taken is None, and `missing` says why.
+    """
 
     tangents: dict[str, DualTangent | None]
     """Section and dual tangent by vertebral level, top to bottom; None where the plane misses the trunk."""
@@ -29,6 +40,14 @@ class TrunkMeasures:
     """Largest displacement of a skin vertex from the skin compared with [mm]; None if there was none."""
     skin_change_mean: float | None
     """Mean of the same over the vertices [mm]."""
+    axial_rotation: dict[str, float | None]
+    """Rotation of each vertebra against the pelvis [degrees], see `axial_rotation`."""
+    trunk_shift: TrunkShift | None
+    """Coronal balance; None without landmarks of C7 or T1."""
+    sacral_line: SacralLine
+    """The line that trunk shift and flanks are measured from."""
+    missing: dict[str, str] = field(default_factory=dict)
+    """Why a measure is missing, by level or by the name of the measure."""
 
     @property
     def bsr(self) -> dict[str, float | None]:
@@ -38,34 +57,56 @@ class TrunkMeasures:
     @property
     def max_thoracic_bsr(self) -> float | None:
         """The rotation of largest size from T1 to T12, with its sign [degrees]; None if all are missing."""
-        return self._largest("T")
+        return _largest({level: a for level, a in self.bsr.items() if re.match(r"T\d", level)})
 
     @property
     def max_lumbar_bsr(self) -> float | None:
         """The rotation of largest size from L1 to L5, with its sign [degrees]; None if all are missing."""
-        return self._largest("L")
+        return _largest({level: a for level, a in self.bsr.items() if re.match(r"L\d", level)})
 
     @property
     def worst_level(self) -> str | None:
         """The level of the rotation of largest size; None if all are missing."""
-        known = {level: abs(angle) for level, angle in self.bsr.items() if angle is not None}
-        return max(known, key=known.__getitem__, default=None)
+        return _largest_at(self.bsr)
 
-    def _largest(self, region: str) -> float | None:
-        angles = [a for level, a in self.bsr.items() if a is not None and re.match(rf"{region}\d", level)]
-        return max(angles, key=abs, default=None)
+    @cached_property
+    def hump_height(self) -> dict[str, float | None]:
+        """Height of the hump [mm] by level, positive on the right, see `hump_height`; None where missing."""
+        return {level: None if t is None else hump_height(t) for level, t in self.tangents.items()}
+
+    @property
+    def max_hump(self) -> float | None:
+        """The hump of largest size, with its sign [mm]; None if all are missing."""
+        return _largest(self.hump_height)
+
+    @property
+    def hump_level(self) -> str | None:
+        """The level of the hump of largest size; None if all are missing."""
+        return _largest_at(self.hump_height)
+
+    @cached_property
+    def flanks(self) -> dict[str, FlankAsymmetry | None]:
+        """Widths to either side of the sacral line by level, see `flank_asymmetry`; None where missing."""
+        return {
+            level: None if t is None else flank_asymmetry(t, self.sacral_line)
+            for level, t in self.tangents.items()
+        }
 
 
 def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) -> TrunkMeasures:
-    """Measure a skin: back surface rotation at each level, the Cobb angles of its spine, its change.
+    """Measure a skin: back surface rotation at each level, its change, the Cobb angles and rotations of its spine.
+
+    Cheap enough for every increment of a simulation; hump heights and flanks are worked out when they are asked
+    for.
 
     Args:
-        skin: the surface to measure, predicted, scanned or before surgery [mm].
+        skin: the surface to measure, predicted, scanned or before surgery [mm], closed.
         landmarks: those that go with this skin: before surgery for the skin before, after for the others.
         before: the same skin before surgery, with the same vertices in the same order.
 
     Raises:
-        InputError: no ASIS among the landmarks, or `before` with another number of vertices.
+        InputError: no ASIS among the landmarks, or `before` with another number of vertices, or a skin that is
+            open at a level.
     """
     change = None
     if before is not None:
@@ -74,10 +115,30 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
                 f"before: has {len(before.vertices)} vertices and the skin {len(skin.vertices)}; "
                 "the change of a skin is measured between the same vertices"
             )
-        change = np.linalg.norm(skin.vertices - before.vertices, axis=1)
+        moved = skin.vertices - before.vertices
+        change = np.sqrt(np.einsum("vi,vi->v", moved, moved))
+    across, spine, line = asis_axis(landmarks), spine_of(landmarks), sacral_line(landmarks)
+    tangents, missing = tangents_of(skin, spine, across)
+    shift = trunk_shift(spine, line, across)
+    if shift is None:
+        missing["trunk_shift"] = "no landmarks of C7 or T1"
     return TrunkMeasures(
-        tangents=back_surface_rotation(skin, landmarks),
-        cobb=cobb_angles(landmarks),
+        tangents=tangents,
+        cobb=curves_of(spine),
         skin_change_max=None if change is None else float(change.max()),
         skin_change_mean=None if change is None else float(change.mean()),
+        axial_rotation=axial_rotation(spine, across),
+        trunk_shift=shift,
+        sacral_line=line,
+        missing=missing,
     )
+
+
+def _largest_at(values: Mapping[str, float | None]) -> str | None:
+    sizes = {level: abs(value) for level, value in values.items() if value is not None}
+    return max(sizes, key=sizes.__getitem__, default=None)
+
+
+def _largest(values: Mapping[str, float | None]) -> float | None:
+    level = _largest_at(values)
+    return None if level is None else values[level]

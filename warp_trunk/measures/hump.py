@@ -1,0 +1,36 @@
+"""Height of the rib hump or lumbar hump."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .back_rotation import SPAN, DualTangent
+
+
+def hump_height(tangent: DualTangent) -> float | None:
+    """Height of the top of the hump over the other side of the back, as far from the spine [mm].
+
+    The top is the point furthest back, perpendicular to the pelvis' axis, from `SPAN`/2 beside the vertebra to
+    where the first side of the back turns by 45 degrees towards the flank. Its height over the opposite side is
+    the hump and the depression added up (Thulbourne and Gillespie, J Bone Joint Surg Br 1976, 58:64), what the
+    level bar of a humpmeter reads (Ferraro et al., Eur J Phys Rehabil Med 2017, 53:377); standing here, and not
+    bending forward.
+
+    Returns:
+        Millimetres, positive for a hump on the right; None where the back is narrower than `SPAN`.
+    """
+    points = tangent.outline - tangent.spine
+    aside = points @ tangent.across
+    back = points @ np.array([-tangent.across[1], tangent.across[0]])
+    first, last = int(np.argmax(back + aside)), int(np.argmax(back - aside))
+    reach = min(aside[first], -aside[last])
+    if reach < SPAN / 2.0:
+        return None
+    along = np.arange(first, last + 1 if last >= first else last + 1 + len(points)) % len(points)
+    to_right = np.maximum.accumulate(-aside[along])  # where the outline folds back on itself, its outer part
+    back = back[along]
+    corners = np.abs(to_right)
+    distances = np.append(corners[(corners > SPAN / 2.0) & (corners < reach)], [SPAN / 2.0, reach])
+    right, left = np.interp(distances, to_right, back), np.interp(-distances, to_right, back)
+    top = int(np.argmax(np.maximum(right, left)))
+    return float(right[top] - left[top])

@@ -1,0 +1,67 @@
+"""Trunk shift: how far the top of the spine stands beside the sacrum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..landmarks import Landmarks
+    from .spine import Spine
+
+
+@dataclass(frozen=True, eq=False)
+class SacralLine:
+    """The vertical line through the middle of the sacrum, which the trunk ought to stand over."""
+
+    point: np.ndarray
+    """Where it is seen from above, x and y [mm], shape (2,)."""
+    landmark: str
+    """What it goes through: S1, sacrum, L5 (its lower endplate), or pelvis (midway between the iliac spines)."""
+
+
+@dataclass(frozen=True)
+class TrunkShift:
+    """Coronal balance."""
+
+    lateral: float
+    """Distance of the upper vertebra from the sacral line along the pelvis' axis [mm], positive to the right."""
+    upper: str
+    """The vertebra at the top, C7 or T1."""
+    lower: str
+    """What the sacral line goes through, see `SacralLine`."""
+
+
+def sacral_line(landmarks: Landmarks) -> SacralLine:
+    """The central sacral vertical line, through the best landmark there is of those that `SacralLine` names.
+
+    It is drawn through the middle of S1's upper endplate; the lower endplate of L5 is the nearest to it of the
+    landmarks that every case has.
+    """
+    for name, start in (("S1", "S1_superior_endplate"), ("S1", "S1_"), ("sacrum", "sacrum_")):
+        rows = [row for row, full in enumerate(landmarks.names) if full.startswith(start)]
+        if rows:
+            return SacralLine(landmarks.points[rows, :2].mean(axis=0), name)
+    if "L5_inferior_endplate" in landmarks.names:
+        return SacralLine(landmarks.point("L5_inferior_endplate")[:2], "L5")
+    return SacralLine((landmarks.point("asis_left") + landmarks.point("asis_right"))[:2] / 2.0, "pelvis")
+
+
+def trunk_shift(spine: Spine, line: SacralLine, across: np.ndarray) -> TrunkShift | None:
+    """Distance of the plumb line of C7 from the central sacral vertical line in the coronal plane.
+
+    Coronal balance of the Scoliosis Research Society, positive to the patient's right. Without landmarks of C7
+    the centroid of T1 stands in for it; without those the measure is missing.
+
+    Args:
+        spine: vertebrae [mm].
+        line: see `sacral_line`.
+        across: unit vector of the pelvis' axis to the patient's left, shape (2,).
+    """
+    upper = next((level for level in ("C7", "T1") if level in spine.levels), None)
+    if upper is None:
+        return None
+    aside = spine.centroids[spine.levels.index(upper), :2] - line.point
+    return TrunkShift(lateral=-float(aside @ across), upper=upper, lower=line.landmark)
