@@ -11,8 +11,9 @@ def signed_distance(
     points: wp.array(dtype=wp.vec3),
     reach: wp.float32,
     distance: wp.array(dtype=wp.float32),
+    face: wp.array(dtype=wp.int32),
 ):
-    """Distance [mm], negative inside; NaN where the mesh is farther away than `reach`.
+    """Distance [mm], negative inside, and the nearest triangle; NaN and -1 farther away than `reach`.
 
     The winding number gives the right sign inside overlapping and self-intersecting parts too.
     """
@@ -21,5 +22,7 @@ def signed_distance(
     if query.result:
         nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
         distance[i] = query.sign * wp.length(points[i] - nearest)
+        face[i] = query.face
     else:
         distance[i] = wp.nan
+        face[i] = -1

@@ -1,7 +1,27 @@
-"""What is measured on a trunk: back surface rotation, the spine's Cobb angles, and the change of the skin."""
+"""What is measured on a trunk, each with its definition: the back, the spine, and one skin against another."""
 
+from .asymmetry import mirror_asymmetry
 from .back_rotation import DualTangent, back_surface_rotation
 from .cobb import CobbAngle, cobb_angles
+from .comparison import BsrError, SkinComparison, compare_skins
+from .flanks import FlankAsymmetry
 from .measures import TrunkMeasures, measure
+from .skin_distance import DistanceStatistics
+from .trunk_shift import SacralLine, TrunkShift
 
-__all__ = ["CobbAngle", "DualTangent", "TrunkMeasures", "back_surface_rotation", "cobb_angles", "measure"]
+__all__ = [
+    "BsrError",
+    "CobbAngle",
+    "DistanceStatistics",
+    "DualTangent",
+    "FlankAsymmetry",
+    "SacralLine",
+    "SkinComparison",
+    "TrunkMeasures",
+    "TrunkShift",
+    "back_surface_rotation",
+    "cobb_angles",
+    "compare_skins",
+    "measure",
+    "mirror_asymmetry",
+]

@@ -15,6 +15,7 @@ from ..surface import Surface
 Box = tuple[slice, slice, slice]
 """The nodes of a block of a grid."""
 _FLOAT: Any = wp.float32
+_INT: Any = wp.int32
 
 
 @dataclass(frozen=True)
@@ -61,18 +62,22 @@ class SurfaceDistance:
 
     def at(self, points: np.ndarray, reach: float | None = None) -> np.ndarray:
         """Signed distance [mm] of points (n, 3); NaN where the surface is farther away than reach [mm]."""
+        return self.nearest(points, reach)[0]
+
+    def nearest(self, points: np.ndarray, reach: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distance [mm] of points (n, 3) and the nearest triangle; NaN and -1 beyond reach [mm]."""
         if reach is None:
             off = np.abs(points - self._middle).max(initial=0.0)
             reach = 2.0 * (self._size + float(off)) + 1.0
-        distance = wp.empty(len(points), dtype=_FLOAT, device="cpu")
+        distance, face = (wp.empty(len(points), dtype=kind, device="cpu") for kind in (_FLOAT, _INT))
         wp.launch(
             signed_distance,
             dim=len(points),
             inputs=[self._mesh.id, wp.array(points - self._middle, dtype=wp.vec3, device="cpu"), reach],
-            outputs=[distance],
+            outputs=[distance, face],
             device="cpu",
         )
-        return distance.numpy()
+        return distance.numpy(), face.numpy()
 
     def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
         """Signed distance [mm] in a block of a grid, cut off at -band and +band.

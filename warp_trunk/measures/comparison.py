@@ -1,0 +1,105 @@
+"""How well a predicted skin agrees with the actual one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .back_rotation import back_surface_rotation
+from .skin_distance import DistanceStatistics, distance_statistics, skin_distance
+
+if TYPE_CHECKING:
+    from ..landmarks import Landmarks
+    from ..surface import Surface
+
+DETECTABLE = 2.5
+"""Smallest detectable difference of the maximum back surface rotation [degrees] (section 4.5 of [2])."""
+_SPINE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
+RANGES = {
+    f"{first}-{last}": _SPINE[_SPINE.index(first) : _SPINE.index(last) + 1]
+    for first, last in (("T4", "T12"), ("T3", "L5"), ("T3", "T12"), ("L1", "L5"))
+}
+"""Levels over which the papers judge: T4-T12 in [2]; T3-L5, and of it the thoracic and lumbar part, in [1]."""
+
+
+@dataclass(frozen=True)
+class BsrError:
+    """Error of the back surface rotation over some levels [degrees]."""
+
+    levels: tuple[str, ...]
+    """Levels where both skins have a rotation."""
+    mean: float
+    """Mean absolute difference."""
+    sd: float | None
+    """Standard deviation of the absolute differences (of a sample, n - 1); None for one level."""
+    of_maximum: float
+    """Difference of the largest rotations, each by its size, predicted less actual: what the threshold is of."""
+
+    @property
+    def undetectable(self) -> bool:
+        """Whether the mean is below the smallest detectable difference, which both papers ask for."""
+        return self.mean < DETECTABLE
+
+
+@dataclass(frozen=True, eq=False)
+class SkinComparison:
+    """A predicted skin against the actual one."""
+
+    bsr_difference: dict[str, float | None]
+    """Back surface rotation by level, predicted less actual [degrees]; None where one of them is missing."""
+    bsr_error: dict[str, BsrError | None]
+    """Error by the ranges of `RANGES`; None where no level of a range is known."""
+    distance: dict[str, DistanceStatistics | None]
+    """Distances by region (`Regions.masks`), positive where the prediction lies outside the actual skin."""
+    signed_distance: np.ndarray
+    """Distance [mm] of each vertex of the prediction from the actual skin, positive outside, shape (n,)."""
+    counted: np.ndarray
+    """False for vertices that the statistics leave out: cut planes, and what is above T1 or below L5; (n,)."""
+
+
+def compare_skins(predicted: Surface, actual: Surface, landmarks: Landmarks) -> SkinComparison:
+    """Judge a predicted skin by the actual one, as both papers do and in millimetres.
+
+    Both must be closed and in one frame; they need not share vertices or triangles, nor be cut at the same
+    neck, arms and thighs (`skin_distance`). Nothing is registered here: a difference in posture counts.
+
+    Args:
+        predicted: the simulated skin [mm].
+        actual: the skin as scanned after surgery [mm].
+        landmarks: those after surgery, used for both skins [mm].
+
+    Raises:
+        InputError: no ASIS, or no vertebra, among the landmarks, or a skin that is open at a level.
+    """
+    there = back_surface_rotation(predicted, landmarks)
+    here = back_surface_rotation(actual, landmarks)
+    angles = {
+        level: None if tangent is None or here[level] is None else (tangent.angle, here[level].angle)
+        for level, tangent in there.items()
+    }
+    distance = skin_distance(predicted, actual, landmarks)
+    return SkinComparison(
+        bsr_difference={level: None if pair is None else pair[0] - pair[1] for level, pair in angles.items()},
+        bsr_error={name: bsr_error(angles, levels) for name, levels in RANGES.items()},
+        distance=distance_statistics(distance, skin_distance(actual, predicted, landmarks)),
+        signed_distance=distance.signed,
+        counted=distance.counted,
+    )
+
+
+def bsr_error(angles: Mapping[str, tuple[float, float] | None], levels: tuple[str, ...]) -> BsrError | None:
+    """Error of the predicted rotations over some levels, from predicted and actual by level [degrees]."""
+    known = {level: pair for level in levels if (pair := angles.get(level)) is not None}
+    if not known:
+        return None
+    predicted, actual = np.abs(np.array(list(known.values()))).T
+    size = np.abs([pair[0] - pair[1] for pair in known.values()])
+    return BsrError(
+        levels=tuple(known),
+        mean=float(size.mean()),
+        sd=float(size.std(ddof=1)) if len(size) > 1 else None,
+        of_maximum=float(predicted.max() - actual.max()),
+    )

@@ -1,0 +1,110 @@
+"""Distance between two skins of one patient, by region."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .regions import Regions, regions_of
+
+if TYPE_CHECKING:
+    from ..landmarks import Landmarks
+    from ..surface import Surface
+
+_SAME_WAY = 0.5
+"""Skin that has turned by more than 60 degrees (its cosine) against its nearest point is not the same skin."""
+
+
+@dataclass(frozen=True)
+class DistanceStatistics:
+    """Distances of one region of a skin from another skin [mm], each vertex weighted by its area."""
+
+    area: float
+    """How much of the first skin counts [cm2]."""
+    signed_mean: float
+    """Mean with its sign, positive where the first skin lies outside the second."""
+    mean: float
+    """Mean of the sizes."""
+    rms: float
+    """Root mean square."""
+    p95: float
+    """Of the area, 95 % is nearer than this."""
+    maximum: float
+    """Largest size."""
+    symmetric_mean: float
+    """Mean of the sizes over both skins, each measured from the other."""
+    symmetric_maximum: float
+    """Largest size over both: the Hausdorff distance of what counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class SkinDistance:
+    """Distances of the vertices of one skin from another."""
+
+    signed: np.ndarray
+    """Distance [mm] of each vertex, positive outside the other skin, shape (n,)."""
+    counted: np.ndarray
+    """True where the vertex lies in a region and its nearest point is the same skin, shape (n,)."""
+    regions: Regions
+    """Where the vertices lie."""
+
+
+def skin_distance(skin: Surface, other: Surface, landmarks: Landmarks) -> SkinDistance:
+    """Signed distance from each vertex of a skin to the nearest point of another skin, whatever its triangles.
+
+    Cut planes are not skin and must not count. Those through neck and thighs face up and down, which no region
+    does; the arms' lie in the flanks, so that back and front are free of them. A vertex whose nearest point
+    faces another way by more than 60 degrees has met a cut plane or an edge and is left out (the rule of
+    compatible normals in registration, Rusinkiewicz and Levoy 2001).
+
+    Args:
+        skin: whose vertices are measured [mm].
+        other: closed [mm], in the same frame.
+        landmarks: those that go with both [mm].
+
+    Raises:
+        InputError: no ASIS, or no vertebra, among the landmarks.
+    """
+    from ..meshing.distance_field import SurfaceDistance  # heavy
+
+    regions = regions_of(skin, landmarks)
+    distance, face = SurfaceDistance(other).nearest(skin.vertices)
+    a, b, c = (other.vertices[other.faces[face, k]] for k in range(3))
+    towards = np.cross(b - a, c - a)
+    same = np.einsum("vi,vi->v", towards, regions.normals) > _SAME_WAY * np.linalg.norm(towards, axis=1)
+    in_region = np.logical_or.reduce(list(regions.masks.values()))
+    return SkinDistance(signed=distance.astype(np.float64), counted=same & in_region, regions=regions)
+
+
+def distance_statistics(there: SkinDistance, back: SkinDistance) -> dict[str, DistanceStatistics | None]:
+    """Statistics by region, from the distances of one skin to the other and back again; None for empty regions."""
+    found: dict[str, DistanceStatistics | None] = {}
+    for region, mask in there.regions.masks.items():
+        first = _counted(there, mask)
+        second = _counted(back, back.regions.masks[region])
+        found[region] = _statistics(*first, *second) if len(first[0]) and len(second[0]) else None
+    return found
+
+
+def _counted(distance: SkinDistance, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    mask = mask & distance.counted & (distance.regions.area > 0.0)
+    return distance.signed[mask], distance.regions.area[mask]
+
+
+def _statistics(
+    signed: np.ndarray, area: np.ndarray, other_signed: np.ndarray, other_area: np.ndarray
+) -> DistanceStatistics:
+    size, other_size = np.abs(signed), np.abs(other_signed)
+    both = np.average(np.append(size, other_size), weights=np.append(area, other_area))
+    return DistanceStatistics(
+        area=float(area.sum()) / 100.0,
+        signed_mean=float(np.average(signed, weights=area)),
+        mean=float(np.average(size, weights=area)),
+        rms=float(np.sqrt(np.average(size**2, weights=area))),
+        p95=float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
+        maximum=float(size.max()),
+        symmetric_mean=float(both),
+        symmetric_maximum=float(max(size.max(), other_size.max())),
+    )
