@@ -1,0 +1,106 @@
+"""Ways to solve with the stiffness of the free nodes. Each takes a matrix apart and returns what solves with it.
+
+A matrix is symmetric and ordered by component, then node. All but SciPy's own solvers are optional packages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+Solve = Callable[[np.ndarray], np.ndarray]
+"""From a right-hand side to the solution, both of shape (3 nodes,)."""
+Factorise = Callable[[scipy.sparse.csr_array, np.ndarray], Solve]
+"""From a matrix and the places of its nodes (nodes, 3) to what solves with it; Cholesky factors raise
+ArithmeticError where the matrix is not positive definite."""
+RESIDUAL = 1e-6
+"""Relative residual at which conjugate gradients end."""
+
+
+class Pardiso:
+    """Cholesky factors by Intel's MKL on all cores, through pypardiso."""
+
+    def __init__(self) -> None:
+        # real, symmetric, positive definite: it takes the upper triangle
+        self._package = import_module("pypardiso")
+        self._solver = self._package.PyPardisoSolver(mtype=2)
+
+    def __call__(self, matrix: scipy.sparse.csr_array, places: np.ndarray) -> Solve:
+        upper = scipy.sparse.triu(matrix, format="csr")
+        try:
+            self._solver.factorize(upper)
+        except self._package.pardiso_wrapper.PyPardisoError as error:
+            raise ArithmeticError("not positive definite") from error
+        return lambda b: self._solver.solve(upper, b)
+
+
+def cholmod(matrix: scipy.sparse.csr_array, places: np.ndarray) -> Solve:
+    """Supernodal Cholesky factors by SuiteSparse, through CVXOPT."""
+    cvxopt, cholesky = import_module("cvxopt"), import_module("cvxopt.cholmod")
+    lower = scipy.sparse.tril(matrix, format="coo")
+    stored = cvxopt.spmatrix(lower.data, lower.row.astype(int), lower.col.astype(int), lower.shape)
+    factors = cholesky.symbolic(stored)
+    cholesky.numeric(stored, factors)
+
+    def solve(b: np.ndarray) -> np.ndarray:
+        x = cvxopt.matrix(b)
+        cholesky.solve(factors, x)
+        return np.array(x).ravel()
+
+    return solve
+
+
+def superlu(matrix: scipy.sparse.csr_array, places: np.ndarray) -> Solve:
+    """LU factors by SuperLU, which SciPy holds, in the order of least degree of a symmetric matrix."""
+    options = {"SymmetricMode": True}
+    return scipy.sparse.linalg.splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+    ).solve
+
+
+def multigrid(matrix: scipy.sparse.csr_array, places: np.ndarray) -> Solve:
+    """Conjugate gradients with smoothed aggregation on the rigid motions, by PyAMG."""
+    by_node = np.arange(3 * len(places)).reshape(3, -1).T.ravel()
+    blocks = scipy.sparse.csr_array(matrix[by_node][:, by_node]).tobsr((3, 3))
+    levels = import_module("pyamg").smoothed_aggregation_solver(blocks, B=rigid_motions(places))
+
+    def solve(b: np.ndarray) -> np.ndarray:
+        x = np.empty_like(b)
+        x[by_node] = levels.solve(b[by_node], tol=RESIDUAL, accel="cg", maxiter=500)
+        return x
+
+    return solve
+
+
+def jacobi(matrix: scipy.sparse.csr_array, places: np.ndarray) -> Solve:
+    """SciPy's conjugate gradients with the diagonal."""
+    inverse = scipy.sparse.diags_array(np.reciprocal(matrix.diagonal()))
+
+    def solve(b: np.ndarray) -> np.ndarray:
+        return scipy.sparse.linalg.cg(matrix, b, rtol=RESIDUAL, M=inverse)[0]
+
+    return solve
+
+
+def rigid_motions(places: np.ndarray) -> np.ndarray:
+    """Three shifts and three rotations of the nodes, by node, then component, shape (3 nodes, 6)."""
+    shifts = np.tile(np.eye(3), (len(places), 1, 1))
+    turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None])
+    return np.concatenate([shifts, turns], axis=1).transpose(0, 2, 1).reshape(-1, 6)
+
+
+def available() -> dict[str, Factorise]:
+    """The solvers whose packages are installed, by name; SciPy's always are."""
+    solvers: dict[str, Factorise] = {"SciPy SuperLU": superlu, "SciPy CG, Jacobi": jacobi}
+    if find_spec("pyamg"):
+        solvers["PyAMG CG, smoothed aggregation"] = multigrid
+    if find_spec("cvxopt"):
+        solvers["CVXOPT CHOLMOD"] = cholmod
+    if find_spec("pypardiso"):
+        solvers["MKL PARDISO"] = Pardiso()
+    return solvers

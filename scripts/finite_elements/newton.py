@@ -1,0 +1,143 @@
+"""The equilibrium of a solid whose bones are held, by Newton's method with a line search on the energy."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from .linear import Factorise, Solve
+from .solid import Solid
+
+MOST_STEPS = 100
+"""Newton steps after which a solve counts as failed."""
+SHORTENED = tuple(0.5**k for k in range(12))
+"""Parts of a direction that the line search tries."""
+
+
+class NotConvergedError(Exception):
+    """The equilibrium was not found; the text says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A solution and what it cost."""
+
+    displacement: np.ndarray
+    """Of every node [mm], shape (nodes, 3)."""
+    steps: int
+    """Newton steps."""
+    factorisations: int
+    """Stiffness matrices assembled and factorised."""
+    left: float
+    """How far the equilibrium is estimated to be yet [mm]."""
+    assembly_seconds: float
+    """Energies, forces and stiffness [s]."""
+    solve_seconds: float
+    """Factors and solves [s]."""
+
+    @property
+    def seconds(self) -> float:
+        """Both [s]."""
+        return self.assembly_seconds + self.solve_seconds
+
+
+def equilibrium(
+    solid: Solid,
+    start: np.ndarray,
+    held: np.ndarray,
+    factorise: Factorise,
+    *,
+    tolerance: float = 1e-8,
+    keep: float = 0.0,
+) -> Equilibrium:
+    """Relaxes the free nodes from `start` (nodes, 3) [mm]; the held ones (mask) stay where it has them.
+
+    Args:
+        solid: what is relaxed.
+        start: displacement of every node, with the held ones at their place.
+        held: which nodes are prescribed, shape (nodes,).
+        factorise: how to solve with the stiffness.
+        tolerance: estimated distance to the equilibrium at which to end [mm].
+        keep: factors serve further steps as long as each is at most this part of the one before;
+            0 is Newton's method, with new factors for every step.
+
+    Raises:
+        NotConvergedError: no step lowers the energy, or too many steps.
+    """
+    clock = _Clock()
+    free = np.flatnonzero(~held)
+    unknown = np.concatenate([free + component * len(start) for component in range(3)])
+    places = solid.basis.mesh.p.T[free]
+    displacement, energy = start.copy(), solid.energy(start)
+    solve: Solve | None = None
+    factorisations, last = 0, np.inf
+
+    def curvature(positive: bool) -> Solve | None:
+        nonlocal factorisations
+        factorisations += 1
+        matrix = solid.stiffness(displacement, positive)[unknown][:, unknown]
+        clock.assembled()
+        try:
+            return factorise(matrix, places)
+        except ArithmeticError:
+            return None
+        finally:
+            clock.solved()
+
+    def direct(solve: Solve | None) -> tuple[np.ndarray, float, float]:
+        """A direction, how much of it lowers the energy (0: nothing), and the energy there."""
+        direction = np.zeros_like(start)
+        if solve is None:
+            return direction, 0.0, energy
+        clock.assembled()
+        direction[free] = -solve(forces.T.ravel()).reshape(3, -1).T
+        clock.solved()
+        if (direction[free] * forces).sum() < 0.0:
+            for length in SHORTENED:
+                trial = solid.energy(displacement + length * direction)
+                if trial <= energy + solid.rounding:
+                    return direction, length, trial
+        return direction, 0.0, energy
+
+    for step in range(1, MOST_STEPS + 1):
+        forces = solid.forces(displacement)[free]
+        solve = solve or curvature(positive=False)
+        direction, length, trial = direct(solve)
+        if length == 0.0:
+            solve = curvature(positive=True)
+            direction, length, trial = direct(solve)
+        longest = float(np.linalg.norm(direction, axis=1).max())
+        if length == 0.0:
+            raise NotConvergedError(f"no step lowers the energy in step {step}, of {longest:.3g} mm")
+        displacement, energy = displacement + length * direction, trial
+        shrink = longest / last if length == 1.0 and step > 1 else 1.0  # the first tells nothing yet
+        last = longest
+        left = longest * shrink / (1.0 - shrink) if shrink < 1.0 else np.inf
+        clock.assembled()
+        if left <= tolerance:
+            return Equilibrium(
+                displacement, step, factorisations, left, clock.assembly_seconds, clock.solve_seconds
+            )
+        if shrink > keep:
+            solve = None
+    raise NotConvergedError(f"{MOST_STEPS} steps, the last of {last:.3g} mm")
+
+
+class _Clock:
+    """Shares the time that has passed between assembly and solve."""
+
+    def __init__(self) -> None:
+        self.assembly_seconds = self.solve_seconds = 0.0
+        self._at = time.perf_counter()
+
+    def assembled(self) -> None:
+        self.assembly_seconds += self._lap()
+
+    def solved(self) -> None:
+        self.solve_seconds += self._lap()
+
+    def _lap(self) -> float:
+        before, self._at = self._at, time.perf_counter()
+        return self._at - before
