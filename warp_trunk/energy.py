@@ -65,7 +65,7 @@ class State:
     def __init__(self, model: Model) -> None:
         self.model = model
         nodes, tets = len(model.order), len(model.corners)
-        self.displacement = model.array(None, model.vec3, (nodes,))
+        self.displacement = model.array(model.scan, model.vec3, (nodes,))
         self.gradient = model.array(None, model.vec3, (model.parallel.ranges, nodes))
         self.inverted = model.array(None, wp.int8, (tets,))
         self.sums = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
@@ -111,16 +111,19 @@ class State:
         return energy, int(sums[INVERTED]), int(sums[NEWLY_INVERTED])
 
     def host_displacement(self) -> np.ndarray:
-        """Displacement in the mesh's own order [mm], shape (nodes, 3), float64."""
+        """Displacement from before surgery in the mesh's own order [mm], shape (nodes, 3), float64."""
         return to_mesh_order(self.model, self.displacement)
 
     def place(self, displacement: np.ndarray) -> None:
-        """Sets the displacement from the mesh's own order [mm], shape (nodes, 3)."""
-        self.displacement.assign(displacement[self.model.order].astype(wp.dtype_to_numpy(self.model.scalar)))
+        """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""
+        moved = displacement[self.model.order]
+        if self.model.scan is not None:
+            moved = moved + self.model.scan
+        self.displacement.assign(moved.astype(wp.dtype_to_numpy(self.model.scalar)))
 
 
 def to_mesh_order(model: Model, values: wp.array) -> np.ndarray:
-    """Vectors of the model's nodes (nodes,) on the device as a float64 array in the mesh's order (nodes, 3)."""
+    """Displacements from rest (nodes,) on the device as those from before surgery in mesh order (nodes, 3)."""
     result = np.empty((len(model.order), 3))
-    result[model.order] = values.numpy()
+    result[model.order] = values.numpy() if model.scan is None else values.numpy() - model.scan
     return result

@@ -60,6 +60,10 @@ class Itmsm:
             self.gravity_weight,
         ]
 
+    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
+        """What the arrays of these names hold for a rest state; the weights are those of the first."""
+        return measures(rest, "area" in self.terms)
+
 
 def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itmsm:
     """Measures the rest state and uploads it.
@@ -91,14 +95,15 @@ def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itms
         "gravity": gravity != 0.0,
     }
     vec4, vec6 = wp.types.vector(4, scalar), wp.types.vector(6, scalar)
-    p, none = rest.positions, np.empty((0, 4))
+    none = np.empty((0, 4))
+    measured = measures(rest, used["area"])
     return Itmsm(
         kernels=itmsm_kernels(scalar, cuda, len(theta) > 1, used["gravity"], used["area"], used["volume"]),
         terms=tuple(name for name in used if used[name]),
-        rest_edge=rest.upload(rest.edges, wp.types.vector(3, scalar)),
-        rest_length=rest.upload(np.linalg.norm(p[:, EDGES[:, 1]] - p[:, EDGES[:, 0]], axis=2), vec6),
-        rest_area=rest.upload(face_areas(p) if used["area"] else none, vec4),
-        rest_volume=rest.upload(rest.volume, scalar),
+        rest_edge=rest.upload(measured["rest_edge"], wp.types.vector(3, scalar)),
+        rest_length=rest.upload(measured["rest_length"], vec6),
+        rest_area=rest.upload(measured["rest_area"], vec4),
+        rest_volume=rest.upload(measured["rest_volume"], scalar),
         edge_weight=rest.upload(stiffness[:, None] * edge_weight, vec6),
         face_weight=rest.upload(epsilon[:, None] * face_weight if used["area"] else none, vec4),
         theta=rest.upload(theta, scalar),
@@ -106,6 +111,17 @@ def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itms
         alpha=alpha,
         gravity_at_rest=rest.height_energy(gravity_weight),
     )
+
+
+def measures(rest: RestMesh, area: bool) -> dict[str, np.ndarray]:
+    """Edge vectors, lengths, areas (none without their term) and volumes, as the fields of `Itmsm`."""
+    p = rest.positions
+    return {
+        "rest_edge": rest.edges,
+        "rest_length": np.linalg.norm(p[:, EDGES[:, 1]] - p[:, EDGES[:, 0]], axis=2),
+        "rest_area": face_areas(p) if area else np.empty((0, 4)),
+        "rest_volume": rest.volume,
+    }
 
 
 def gravity_weights(rest: RestMesh, gravity: float, edges: float) -> tuple[float, np.ndarray]:

@@ -47,6 +47,9 @@ class Model:
     """The same on the device, shape (tets,), vec4i."""
     elements: Itmsm | NeoHookean
     """What the energy reads of every tetrahedron, on the device, and its kernels."""
+    scan: np.ndarray | None = None
+    """Displacement from rest of the trunk before surgery, in model order [mm], shape (nodes, 3), 0 on bone; None
+    where the trunk before surgery is at rest."""
 
     @property
     def precision(self) -> str:

@@ -41,27 +41,37 @@ class NeoHookean:
         """The first arguments of its kernels after the tetrahedra."""
         return [self.shape_gradient, self.rest_volume, self.moduli, self.gravity_weight]
 
+    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
+        """What the arrays of these names hold for a rest state."""
+        return measures(rest)
+
 
 def make_neo_hookean(rest: RestMesh, gravity: float, cuda: bool) -> NeoHookean:
     """Measures the rest state and uploads it."""
     scalar = rest.scalar
     layered = rest.label is not None
-    a, b, c = np.moveaxis(rest.edges, 1, 0)
-    areas = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    measured = measures(rest)
     mu, bulk = zip(*map(stable_moduli, rest.tissues), strict=True)
     density = rest.by_tissue([tissue.density for tissue in rest.tissues])
     gravity_weight = 0.25 * gravity * density * 1e-9  # m/s^2 kg/m^3 = 1e-9 N/mm^3
     return NeoHookean(
         kernels=neo_hookean_kernels(scalar, cuda, layered, gravity != 0.0),
         terms=("shape", "volume", "gravity") if gravity else ("shape", "volume"),
-        shape_gradient=rest.upload(areas / (6.0 * rest.volume[:, None, None]), wp.types.vector(3, scalar)),
-        rest_volume=rest.upload(rest.volume, scalar),
+        shape_gradient=rest.upload(measured["shape_gradient"], wp.types.vector(3, scalar)),
+        rest_volume=rest.upload(measured["rest_volume"], scalar),
         moduli=rest.upload(
             np.stack([rest.by_tissue(mu), rest.by_tissue(bulk)], axis=1), wp.types.vector(2, scalar)
         ),
         gravity_weight=rest.upload(gravity_weight, scalar),
         gravity_at_rest=rest.height_energy(gravity_weight),
     )
+
+
+def measures(rest: RestMesh) -> dict[str, np.ndarray]:
+    """Gradients of the shape functions and volumes, as the fields of `NeoHookean`."""
+    a, b, c = np.moveaxis(rest.edges, 1, 0)
+    areas = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    return {"shape_gradient": areas / (6.0 * rest.volume[:, None, None]), "rest_volume": rest.volume}
 
 
 def stable_moduli(tissue: Tissue) -> tuple[float, float]:

@@ -109,7 +109,7 @@ class Carrier:
     def __init__(self, relaxer: Relaxer, bone_path: BonePath) -> None:
         model = relaxer.model
         self.relaxer, self.bone_path = relaxer, bone_path
-        self._now = model.array(None, model.vec3, (len(model.order),))
+        self._now = model.array(model.scan, model.vec3, (len(model.order),))
         self._last = model.array(None, model.vec3, (len(model.order),))
         self._started = False
         self._extrapolate = {
