@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .regions import Regions, regions_of
+from .regions import Regions, regions_of, vertex_normals
 
 if TYPE_CHECKING:
     from ..landmarks import Landmarks
@@ -71,8 +71,7 @@ def skin_distance(skin: Surface, other: Surface, landmarks: Landmarks) -> SkinDi
 
     regions = regions_of(skin, landmarks)
     distance, face = SurfaceDistance(other).nearest(skin.vertices)
-    a, b, c = (other.vertices[other.faces[face, k]] for k in range(3))
-    towards = np.cross(b - a, c - a)
+    towards = vertex_normals(other)[0][other.faces[face]].mean(axis=1)  # one triangle of a scan is mostly noise
     same = np.einsum("vi,vi->v", towards, regions.normals) > _SAME_WAY * np.linalg.norm(towards, axis=1)
     in_region = np.logical_or.reduce(list(regions.masks.values()))
     return SkinDistance(signed=distance.astype(np.float64), counted=same & in_region, regions=regions)

@@ -1,0 +1,154 @@
+"""warp-trunk measure"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from tyro.conf import Positional
+
+from ..case import Case, read_case
+from ..case.header import read_header
+from ..errors import InputError
+from ..measures import compare_skins, measure
+from ..measures.record import COLUMNS, comparison_record, measures_record, rows
+from ..measures.table import comparison_text, measures_text
+from ..measures.volume import tissue_volume_change
+from ..meshing.surface_checks import enclosed_volume, manifold_fault
+from ..progress import Progress
+from ..results import partial
+from ..results.folder import SKIN_AFTER, TRUNK
+from ..surface import Surface, read_surface
+from ..trunk_mesh import read_trunk
+from .exit_status import OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """Measure a skin, simulated or scanned, and judge it by the actual one."""
+
+    skin: Positional[Path]
+    """A closed surface in mm and LPS axes (in those of the case if it lies in its folder), or a result folder."""
+    case: Path
+    """Case folder: its landmarks say where the vertebrae are."""
+    against: Path | None = None
+    """The actual skin after surgery, closed; it may have triangles of its own."""
+    when: Literal["before", "after"] | None = None
+    """Which landmarks go with the skin; when left out, before surgery for the case's own skin, else after."""
+    out: Path | None = None
+    """Where to write, without ending: OUT.json and OUT.csv; <skin>_measures beside the skin when left out."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Prints the measures and writes them."""
+        file = self.skin / SKIN_AFTER if self.skin.is_dir() else self.skin
+        stem = self.out or file.with_name(f"{file.stem}_measures")
+        check_writable(stem)
+        with Progress() as progress:
+            with progress.stage("load", f"reading {file} and {self.case}"):
+                case = read_case(self.case)
+                skin = read_skin(file, self.case, case)
+                actual = None if self.against is None else read_skin(self.against, self.case, case)
+            with progress.stage("measure", "measuring"):
+                record, text = measured(case, skin, actual, self.when)
+                tissue = tissue_change(file, skin)
+        record["tissue_volume_change_percent"] = tissue
+        print(text)
+        if tissue is not None:
+            print(f"\nvolume of the soft tissue   {tissue:+.2f} %")
+        write_record(stem, record)
+        print(f"\nWritten to {stem}.json and {stem}.csv")
+        return OK
+
+
+def measured(
+    case: Case, skin: Surface, actual: Surface | None, when: Literal["before", "after"] | None
+) -> tuple[dict[str, Any], str]:
+    """The record and the text of all measures of a skin, and of the actual one where there is one."""
+    same = skin.vertices.shape == case.skin.vertices.shape and np.array_equal(skin.faces, case.skin.faces)
+    if when is None:
+        unmoved = same and np.abs(skin.vertices - case.skin.vertices).max() < 1e-3  # float32 files round
+        when = "before" if unmoved else "after"
+    landmarks = case.landmarks_before if when == "before" else case.landmarks_after
+    found = measure(skin, landmarks, case.skin if same and when == "after" else None)
+    record: dict[str, Any] = {"case": case.name, "landmarks": when, "skin": measures_record(found)}
+    text = [f"{case.name}: the skin with its landmarks {when} surgery", "", measures_text(found)]
+    if actual is not None:
+        other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
+        record |= {"actual": measures_record(other), "against": comparison_record(comparison)}
+        text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
+    return record, "\n".join(text)
+
+
+def tissue_change(file: Path, skin: Surface) -> float | None:
+    """Change of the tissue's volume [%] where the skin is that of a simulation whose mesh lies beside it."""
+    mesh = file.with_name(TRUNK)
+    if not mesh.is_file():
+        return None
+    trunk, displacement = read_trunk(mesh)
+    ours = (trunk.nodes + displacement)[trunk.skin_nodes]
+    if ours.shape != skin.vertices.shape or np.abs(ours - skin.vertices).max() > 1e-3:
+        return None
+    return tissue_volume_change(trunk, displacement)
+
+
+def read_skin(path: Path, case_folder: Path, case: Case) -> Surface:
+    """A skin of the patient in LPS and mm, closed and oriented outward.
+
+    Raises:
+        InputError: it cannot be read, it is open or inside out, or it lies elsewhere than the skin of the case.
+    """
+    surface = read_surface(path)
+    if case_folder.resolve() in path.resolve().parents:
+        header = read_header(case_folder / "case.toml")
+        surface = header.axes.surface_to_lps(surface, header.units)
+    fault = manifold_fault(surface)
+    if fault is not None:
+        raise InputError(f"{path}: a skin must be closed to be measured, but {fault}; close the scan first")
+    volume = enclosed_volume(surface)
+    if volume <= 0.0:
+        raise InputError(
+            f"{path}: triangles must be counterclockwise seen from outside, they hold {volume / 1000:.3g} cm3; "
+            "turn them round"
+        )
+    (low, high), (own_low, own_high) = (
+        (one.vertices.min(axis=0), one.vertices.max(axis=0)) for one in (surface, case.skin)
+    )
+    if (
+        (low > own_high).any()
+        or (high < own_low).any()
+        or not 0.5 < (high[2] - low[2]) / (own_high[2] - own_low[2]) < 2
+    ):
+        raise InputError(
+            f"{path}: must lie where the skin of the case is, z {own_low[2]:.0f} to {own_high[2]:.0f} mm, "
+            f"but has z {low[2]:.0f} to {high[2]:.0f}; give it in mm and LPS axes, registered to the case"
+        )
+    return surface
+
+
+def check_writable(stem: Path) -> None:
+    """Make the folder of a record, and raise InputError where the record cannot be written."""
+    probe = stem.with_name(f".{stem.name}.writable")
+    try:
+        stem.parent.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        raise InputError(
+            f"{stem}: measures cannot be written here ({error.strerror}); give --out a place of your own"
+        ) from error
+
+
+def write_record(stem: Path, record: dict[str, Any]) -> None:
+    """Write a record as JSON and as CSV, each whole or not at all."""
+    as_json, as_csv = (stem.with_name(f"{stem.name}{ending}") for ending in (".json", ".csv"))
+    partial(as_json).write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    with partial(as_csv).open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows(record)])
+    for path in (as_json, as_csv):
+        os.replace(partial(path), path)

@@ -1,0 +1,88 @@
+"""Measures in plain JSON types, and the same as rows of a table; a unit ends each name."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .comparison import SkinComparison
+    from .measures import TrunkMeasures
+    from .skin_distance import DistanceStatistics
+
+COLUMNS = ("where", "measure", "value")
+"""Header of the rows."""
+
+
+def measures_record(measures: TrunkMeasures) -> dict[str, Any]:
+    """Measures of one skin; None is missing, and `missing` says why."""
+    return {
+        "max_thoracic_bsr_deg": measures.max_thoracic_bsr,
+        "max_lumbar_bsr_deg": measures.max_lumbar_bsr,
+        "max_hump_mm": measures.max_hump,
+        "max_hump_level": measures.hump_level,
+        "trunk_shift_mm": None if measures.trunk_shift is None else measures.trunk_shift.lateral,
+        "trunk_shift_of": None if measures.trunk_shift is None else measures.trunk_shift.upper,
+        "trunk_shift_over": measures.sacral_line.landmark,
+        "skin_change_max_mm": measures.skin_change_max,
+        "skin_change_mean_mm": measures.skin_change_mean,
+        "curves": [
+            {"cobb_deg": curve.angle, "upper": curve.upper, "lower": curve.lower, "apex": curve.apex,
+             "convex": curve.convex}
+            for curve in measures.cobb
+        ],
+        "levels": {level: _level(measures, level) for level in measures.tangents},
+        "missing": dict(measures.missing),
+    }  # fmt: skip
+
+
+def comparison_record(comparison: SkinComparison) -> dict[str, Any]:
+    """A prediction against the actual skin, without its values by vertex."""
+    return {
+        "bsr_error": {
+            name: None
+            if error is None
+            else {
+                "levels": list(error.levels),
+                "mean_deg": error.mean,
+                "sd_deg": error.sd,
+                "of_maximum_deg": error.of_maximum,
+                "undetectable": error.undetectable,
+            }
+            for name, error in comparison.bsr_error.items()
+        },
+        "bsr_difference_deg": dict(comparison.bsr_difference),
+        "distance": {name: _distance(found) for name, found in comparison.distance.items()},
+    }
+
+
+def rows(record: Mapping[str, Any], where: str = "") -> Iterator[tuple[str, str, Any]]:
+    """The numbers and words of a record, one row each: where, which measure, what."""
+    for name, value in record.items():
+        if isinstance(value, Mapping):
+            yield from rows(value, f"{where} {name}".strip())
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            for number, entry in enumerate(value, start=1):
+                yield from rows(entry, f"{where} {name} {number}".strip())
+        else:
+            yield where, name, " ".join(map(str, value)) if isinstance(value, list) else value
+
+
+def _level(measures: TrunkMeasures, level: str) -> dict[str, float | None]:
+    flanks = measures.flanks[level]
+    return {
+        "bsr_deg": measures.bsr[level],
+        "axial_rotation_deg": measures.axial_rotation[level],
+        "hump_mm": measures.hump_height[level],
+        "left_flank_mm": None if flanks is None else flanks.left,
+        "right_flank_mm": None if flanks is None else flanks.right,
+        "flank_asymmetry_percent": None if flanks is None else flanks.index,
+    }
+
+
+def _distance(found: DistanceStatistics | None) -> dict[str, float] | None:
+    if found is None:
+        return None
+    values = dataclasses.asdict(found)
+    return {"area_cm2": values.pop("area"), **{f"{name}_mm": value for name, value in values.items()}}
