@@ -16,12 +16,14 @@ from .arguments import parse
 from .demo import Demo
 from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
 from .make_case import MakeCase
+from .report import Report
 from .simulate import Simulate
 from .view import View
 
 Command = (
     Annotated[Demo, subcommand("demo")]
     | Annotated[MakeCase, subcommand("make-case")]
+    | Annotated[Report, subcommand("report")]
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[View, subcommand("view")]
 )

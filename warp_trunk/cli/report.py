@@ -1,0 +1,30 @@
+"""warp-trunk report"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from ..progress import Progress
+from ..report import write_report
+from .exit_status import OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Write the report of a result: a page for the browser or the printer, and its pictures."""
+
+    result: Positional[Path]
+    """Result folder."""
+    out: Path | None = None
+    """Folder to write to; the result folder when left out."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the report and says where."""
+        with Progress() as progress, progress.stage("report", "measuring and drawing"):
+            page = write_report(self.result, self.out)
+        print(f"Open {page} in a browser; its pictures are in {page.parent / 'report'}")
+        return OK

@@ -1,0 +1,84 @@
+"""How the report's pictures look, and how they become files."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from ..measures import TrunkMeasures
+from ..surface import Surface
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..landmarks import Landmarks
+
+INK, FAINT = "#222222", "#888888"
+RC: dict[Any, Any] = {
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": FAINT,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.titlesize": 10.5,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "svg.fonttype": "path",  # looks the same where the font is missing
+    "svg.hashsalt": "warp-trunk",  # the same picture is the same file
+}
+"""Settings of matplotlib in which all pictures are drawn and written."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How one state of the trunk is told from the others, by its mark and line also without colour."""
+
+    title: str
+    """What it is called."""
+    colour: str
+    """Grey, blue and vermilion of Okabe and Ito stay apart for every kind of colour vision."""
+    marker: str
+    """Its points."""
+    line: str
+    """Its lines."""
+
+
+BEFORE = Look("before surgery", "#767676", "o", "--")
+PREDICTED = Look("predicted", "#0072b2", "s", "-")
+ACTUAL = Look("actual, after surgery", "#d55e00", "^", ":")
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """One state of the trunk, as the report compares them."""
+
+    look: Look
+    """Which state it is."""
+    skin: Surface
+    """Its skin [mm]."""
+    landmarks: Landmarks
+    """The landmarks that go with it [mm]."""
+    measures: TrunkMeasures
+    """What was measured on it."""
+
+
+def new_figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:
+    """An empty figure of a size in inches, which no window and no other figure knows of."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout=layout)
+
+
+def file_of(figure: Figure, ending: str) -> bytes:
+    """The figure as a file, 'svg' or 'png'; the same figure gives the same bytes."""
+    file = io.BytesIO()
+    figure.savefig(
+        file, format=ending, dpi=200, metadata={"svg": {"Date": None}, "png": {"Software": None}}[ending]
+    )
+    return file.getvalue()
