@@ -95,13 +95,40 @@ def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
     return np.einsum("ti,ti->t", ji, np.cross(ki, li)) / 6.0
 
 
+def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
+    """A mesh with its displacement (nodes, 3) [mm] as a meshio.Mesh; `write_trunk` tells its data."""
+    import meshio  # heavy
+
+    skin_vertex = np.full(len(trunk.nodes), -1, dtype=np.int32)
+    skin_vertex[trunk.skin_nodes] = np.arange(len(trunk.skin_nodes), dtype=np.int32)
+    kind = np.where(trunk.bone >= 0, 2, 0).astype(np.int32)
+    kind[trunk.skin_nodes] = 1
+    triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
+    part = np.repeat(np.array([1, 2], dtype=np.int32), [len(trunk.skin_faces), len(trunk.bone_faces)])
+    cell_data: dict[str, Any] = {"part": [np.zeros(len(trunk.tets), dtype=np.int32), part]}
+    if trunk.tissue is not None:
+        cell_data["tissue"] = [trunk.tissue.astype(np.int32), np.full(len(triangles), -1, dtype=np.int32)]
+    return meshio.Mesh(
+        trunk.nodes,
+        [("tetra", trunk.tets), ("triangle", triangles)],
+        point_data={
+            "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
+            "node_kind": kind,
+            "bone": trunk.bone,
+            "skin_vertex": skin_vertex,
+        },
+        cell_data=cell_data,
+    )
+
+
 def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | None = None) -> None:
     """Write a mesh as VTU, which ParaView opens and meshio reads.
 
     Points at rest [mm]; point data `displacement` [mm] (nodes, 3), `node_kind` (0 free, 1 skin, 2 bone),
     `bone` (index into the names, or -1) and `skin_vertex` (number of the skin vertex, or -1). Cells are the
     tetrahedra, then the triangles of skin and bone surface, told apart by the cell data `part` (0 tissue,
-    1 skin, 2 bone). The names of the bones are field data, UTF-8 codes with one name a line.
+    1 skin, 2 bone); `tissue` says which tissue a tetrahedron is of, where there are
+    several. The names of the bones are field data, UTF-8 codes with one name a line.
 
     Raises InputError when the displacement does not have one row for each node.
     """
@@ -114,25 +141,8 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
         raise InputError(
             f"{path}: the displacement must have shape ({count}, 3), one row a node, not {displacement.shape}"
         )
-    skin_vertex = np.full(count, -1, dtype=np.int32)
-    skin_vertex[trunk.skin_nodes] = np.arange(len(trunk.skin_nodes), dtype=np.int32)
-    kind = np.where(trunk.bone >= 0, 2, 0).astype(np.int32)
-    kind[trunk.skin_nodes] = 1
-    triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
-    part = np.repeat(np.array([1, 2], dtype=np.int32), [len(trunk.skin_faces), len(trunk.bone_faces)])
-    mesh = meshio.Mesh(
-        trunk.nodes,
-        [("tetra", trunk.tets), ("triangle", triangles)],
-        point_data={
-            "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
-            "node_kind": kind,
-            "bone": trunk.bone,
-            "skin_vertex": skin_vertex,
-        },
-        cell_data={"part": [np.zeros(len(trunk.tets), dtype=np.int32), part]},
-    )
     path = Path(path)
-    meshio.write(path, mesh, file_format="vtu")
+    meshio.write(path, as_meshio(trunk, displacement), file_format="vtu")
     # meshio reads field data of a VTU but does not write it
     codes = "\n".join(trunk.bone_names).encode()
     field = (
@@ -163,6 +173,7 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
         bone = mesh.point_data["bone"].astype(np.int32)
         displacement = np.array(mesh.point_data["displacement"], dtype=np.float64)
         tets = mesh.cells_dict["tetra"].astype(np.int32)
+        tissue = np.concatenate(mesh.cell_data["tissue"]) if "tissue" in mesh.cell_data else None
         names = bytes(mesh.field_data["bone_names"].astype(np.uint8).tolist()).decode()
     except Exception as error:  # meshio fails in many ways on a damaged file
         reason = " ".join(f"{type(error).__name__}: {error}".split())
@@ -179,6 +190,7 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
         bone=bone,
         bone_names=tuple(names.split("\n")) if names else (),
         bone_faces=triangles[~skin],
+        tissue=None if tissue is None else tissue[kinds == "tetra"].astype(np.int8),
     )
     check_trunk(trunk, str(path))
     return trunk, displacement

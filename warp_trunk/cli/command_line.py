@@ -15,7 +15,9 @@ from ..errors import InputError
 from .arguments import parse
 from .demo import Demo
 from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
+from .export import Export
 from .make_case import MakeCase
+from .measure import Measure
 from .report import Report
 from .simulate import Simulate
 from .view import View
@@ -23,6 +25,8 @@ from .view import View
 Command = (
     Annotated[Demo, subcommand("demo")]
     | Annotated[MakeCase, subcommand("make-case")]
+    | Annotated[Export, subcommand("export")]
+    | Annotated[Measure, subcommand("measure")]
     | Annotated[Report, subcommand("report")]
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[View, subcommand("view")]

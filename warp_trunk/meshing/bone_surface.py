@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -82,7 +82,7 @@ def bone_surface(
             fault = "no bone is left inside the skin less the margin"
         else:
             surface = coarsen(solid, edge_length, tolerance)
-            bone = _nearest_bone(surface.vertices, distances, voxel)
+            bone = nearest_bone(surface.vertices, distances, _BAND * voxel)
             fault = _fault(surface, bone, names)
             if not fault:
                 return BoneSurface(surface, bone, voxel)
@@ -141,18 +141,21 @@ def _field(
     return field, grid
 
 
-def _nearest_bone(points: np.ndarray, distances: list[SurfaceDistance], voxel: float) -> np.ndarray:
-    """Which bone has the least signed distance to each point, shape (points,), int32."""
+def nearest_bone(points: np.ndarray, distances: Sequence[SurfaceDistance], reach: float) -> np.ndarray:
+    """Which bone has the least signed distance to each point, shape (points,), int32.
+
+    Points within `reach` [mm] of a bone's box are settled first, which is quick; the others by all bones.
+    """
     nearest = np.full(len(points), -1, dtype=np.int32)
     least = np.full(len(points), np.inf)
-    for reach in (_BAND * voxel, None):
+    for within in (reach, None):
         left = np.flatnonzero(nearest < 0)
         for number, distance in enumerate(distances):
             near = left
-            if reach is not None:
-                inside = (points[left] > distance.lower - reach) & (points[left] < distance.upper + reach)
+            if within is not None:
+                inside = (points[left] > distance.lower - within) & (points[left] < distance.upper + within)
                 near = left[inside.all(axis=1)]
-            value = distance.at(points[near], reach)
+            value = distance.at(points[near], within)
             closer = value < least[near]  # NaN is not
             nearest[near[closer]] = number
             least[near[closer]] = value[closer]

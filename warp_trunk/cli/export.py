@@ -1,0 +1,42 @@
+"""warp-trunk export"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from ..errors import InputError
+from ..exchange import ENDINGS, write_volume
+from ..results import partial, read_summary
+from ..results.folder import TRUNK
+from ..tissue import Tissue
+from ..trunk_mesh import read_trunk
+from .exit_status import OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Write the mesh of a result, with the motion of its bones, for another solver or viewer."""
+
+    result: Positional[Path]
+    """Result folder."""
+    out: Path
+    """File to write; its ending says for whom: .vtu .vtk .xdmf .msh, .inp (Abaqus, CalculiX), .feb (FEBio)."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the file."""
+        if self.out.suffix.lower() not in ENDINGS:
+            known = ", ".join(ENDINGS)
+            raise InputError(
+                f"--out: a mesh cannot be written as '{self.out.suffix}'; end the name in one of {known}"
+            )
+        parameters = read_summary(self.result).get("parameters", {})
+        trunk, displacement = read_trunk(self.result / TRUNK)
+        constants = {name: parameters[name] for name in Tissue.__dataclass_fields__ if name in parameters}
+        write_volume(partial(self.out), trunk, displacement, Tissue(**constants))
+        partial(self.out).replace(self.out)
+        print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {self.out}")
+        return OK
