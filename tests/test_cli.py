@@ -1,6 +1,7 @@
 """The command line: its flags, its exit statuses, and one line for what is wrong."""
 
 import json
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,13 +9,14 @@ import pytest
 from small_trunk import made_up_increments, small_case
 
 from warp_trunk import run
-from warp_trunk.cli import demo, main, make_case, view
+from warp_trunk.cli import demo, main, make_case
 from warp_trunk.cli import simulate as simulate_command
 from warp_trunk.cli.arguments import one_line
 from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 from warp_trunk.cli.view import find_recording
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import TrunkBuild
+from warp_trunk.recording import stream, viewer
 from warp_trunk.relaxation import RelaxStatus
 from warp_trunk.results import prepare_folder
 from warp_trunk.tissue import Tissue
@@ -22,7 +24,13 @@ from warp_trunk.tissue import Tissue
 FLAGS = [
     "--out", "--tets", "--increments", "--device", "--precision", "--threads", "--method", "--tolerance",
     "--epsilon", "--theta", "--gravity", "--bones", "--record", "--no-record",
+    "--record-steps", "--record-colours", "--live",
 ]  # fmt: skip
+RESULT = {
+    "landmarks_after.csv", "landmarks_before.csv", "skin_after.ply", "skin_before.ply",
+    "summary.json", "trunk.vtu",
+}  # fmt: skip
+"""The files of a result beside its recording."""
 
 
 @pytest.fixture
@@ -31,8 +39,8 @@ def quick(monkeypatch):
     case, trunk = small_case()
     asked = {"status": RelaxStatus.CONVERGED}
 
-    def simulate(model, bone_path, options):
-        asked.update(model=model, bone_path=bone_path, options=options)
+    def simulate(model, bone_path, options, watch):
+        asked.update(model=model, bone_path=bone_path, options=options, watch=watch)
         yield from made_up_increments(trunk, options.increments, asked["status"])
 
     def make_trunk(skin, bones, options):
@@ -66,7 +74,7 @@ def test_simulate_writes_and_prints_the_result(quick, tmp_path, capsys):
     assert "+12.0" in text  # 14 degrees over 420 mm, at 360 mm
     assert f"warp-trunk view {out}" in text
     files = {path.name for path in out.iterdir()}
-    assert files == {"recording.rrd", "skin_after.ply", "summary.json", "trunk.vtu"}
+    assert files == {"recording.rrd", *RESULT}
     seconds = json.loads((out / "summary.json").read_text())["seconds"]
     assert all(value is not None for value in seconds.values())
     assert (seconds["surface"], seconds["mesh"], seconds["relax"]) == (1.0, 2.0, 0.5)
@@ -163,7 +171,7 @@ def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeyp
     class Done:
         returncode = 0
 
-    monkeypatch.setattr(view.subprocess, "run", lambda command, check: started.append(command) or Done())
+    monkeypatch.setattr(viewer.subprocess, "run", lambda command, env, check: started.append(command) or Done())
     assert main(["view", str(tmp_path)]) == OK
     (command,) = started
     assert command[command.index("--bind") + 1] == "127.0.0.1"
@@ -202,11 +210,40 @@ def test_a_folder_checked_twice_is_left_empty(tmp_path):
 
 
 def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(quick, tmp_path, monkeypatch, capsys):
-    def full(self):
+    def full(self, seconds):
         self._fail("no space left")
 
-    monkeypatch.setattr(run.Recording, "_flush", full)
+    monkeypatch.setattr(stream.Stream, "_flush", full)
     assert main(["demo", "--out", str(tmp_path), "--device", "cpu"]) == OK
     files = {path.name for path in tmp_path.iterdir()}
-    assert files == {"recording.partial.rrd", "skin_after.ply", "summary.json", "trunk.vtu"}
+    assert files == {"recording.partial.rrd", *RESULT}
     assert "See it" not in capsys.readouterr().out
+
+
+def test_only_what_is_asked_is_watched(quick, tmp_path):
+    assert main(["demo", "--out", str(tmp_path), "--device", "cpu"]) == OK
+    assert quick["watch"] is None
+    assert main(["demo", "--out", str(tmp_path), "--device", "cpu", "--record-steps"]) == OK
+    assert quick["watch"] is not None
+
+
+@pytest.mark.parametrize(
+    ("flags", "names"),
+    [
+        (["--record-colours", "distance"], "actual skin"),
+        (["--live", "--no-record"], "--live"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_before_any_work(quick, tmp_path, capsys, flags, names):
+    assert main(["demo", "--out", str(tmp_path), "--device", "cpu", *flags]) == BAD_INPUT
+    assert "mesh" not in quick
+    assert names in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_viewer_that_does_not_open_is_said_before_any_work(quick, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(
+        viewer, "viewer_command", lambda *_: [sys.executable, "-c", "raise SystemExit('no display')"]
+    )
+    assert main(["demo", "--out", str(tmp_path), "--device", "cpu", "--live"]) == BAD_INPUT
+    assert "mesh" not in quick
+    assert "no display" in capsys.readouterr().err.splitlines()[-1]

@@ -3,24 +3,37 @@
 import logging
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from small_trunk import made_up_increments, small_case
 
+from warp_trunk.bone_path import spline_path
 from warp_trunk.measures import measure
 from warp_trunk.recording import Recording
-from warp_trunk.recording.drawing import change_colours, vertex_normals
-from warp_trunk.recording.recording import _within
+from warp_trunk.recording.colours import COLOURS
+from warp_trunk.recording.drawing import Normals
+from warp_trunk.recording.stream import within
 from warp_trunk.results import skin_after
+from warp_trunk.surface import Surface
 
 
-def record(path, case, trunk, increments, after_each=lambda increment: None, close=True):
+def start(path, case, trunk, **options):
+    path_of_bones = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
     before = measure(case.skin, case.landmarks_before)
-    recording = Recording(path, case, trunk, before, 50.0, strict=True)
+    return Recording(path, case, trunk, before, path_of_bones, strict=True, **options)
+
+
+def measured(case, trunk, increment):
+    skin = skin_after(case, trunk, increment.displacement)
+    return measure(skin, case.landmarks_at(increment.load_factor), case.skin)
+
+
+def record(path, case, trunk, increments, after_each=lambda increment: None, close=True, **options):
+    recording = start(path, case, trunk, **options)
     for increment in increments:
-        skin = skin_after(case, trunk, increment.displacement)
-        recording.increment(increment, skin, measure(skin, case.landmarks_after, case.skin))
+        recording.increment(increment, measured(case, trunk, increment))
         after_each(increment)
     if close:
         recording.finish("# The end")
@@ -63,13 +76,13 @@ def test_viewer_accepts_the_file(recorded):
 
 def test_every_increment_has_its_skin(recorded):
     path, case, trunk, increments = recorded
-    skins = column(path, "/now/skin", "vertex_positions")
+    skins = column(path, "/now/skin/displacement", "vertex_positions")
     assert sorted(skins) == [0, 1, 2, 3]
     np.testing.assert_allclose(skins[0], case.skin.vertices, atol=1e-4)
     for increment in increments:
         expected = (trunk.nodes + increment.displacement)[trunk.skin_nodes]
         np.testing.assert_allclose(skins[increment.number], expected, atol=1e-4)
-    (faces,) = column(path, "/now/skin", "triangle_indices").values()
+    (faces,) = column(path, "/now/skin/displacement", "triangle_indices").values()
     np.testing.assert_array_equal(faces, case.skin.faces)
 
 
@@ -83,10 +96,15 @@ def test_bones_move_with_their_nodes(recorded):
 
 def test_numbers_by_increment(recorded):
     path = recorded[0]
-    assert {k: v.item() for k, v in column(path, "/energy/total", "scalars").items()} == {1: 6, 2: 12, 3: 18}
-    assert column(path, "/error/estimated_mm", "scalars")[3].item() == pytest.approx(0.004)
-    rotations = {k: v.item() for k, v in column(path, "/bsr/T4", "scalars").items()}
-    expected = {k: 14.0 * 360.0 / 420.0 * k / 3 for k in range(4)}
+    energies = column(path, "/energy", "scalars")
+    assert {k: v.tolist() for k, v in energies.items()} == {1: [1, 2, 3, 6], 2: [2, 4, 6, 12], 3: [3, 6, 9, 18]}
+    (names,) = column(path, "/energy", "names").values()
+    assert names.tolist() == ["edges", "faces", "volume", "total"]  # gravity is off
+    assert column(path, "/error", "scalars")[3].item() == pytest.approx(np.log10(0.004))
+    (levels,) = column(path, "/bsr", "names").values()
+    place = levels.tolist().index("T8")
+    rotations = {k: v[place] for k, v in column(path, "/bsr", "scalars").items()}
+    expected = {k: 14.0 * 280.0 / 420.0 * k / 3 for k in range(4)}
     assert rotations == pytest.approx(expected, abs=0.05)
 
 
@@ -106,36 +124,28 @@ def test_a_blueprint_and_the_text_are_in_the_file(recorded):
 
 
 def test_logged_arrays_are_copies(tmp_path):
-    """Rerun writes arrays later from a thread of its own; what the engine does to its own must not show."""
+    """Rerun keeps references to contiguous arrays and writes them later; what the engine does to its own must
+    not show, whatever their type."""
     case, trunk = small_case()
+    skin = case.skin.vertices.astype(np.float32)
+    case = replace(case, skin=Surface(skin, case.skin.faces.astype(np.uint32)))
     increments = made_up_increments(trunk)
     expected = {k.number: (trunk.nodes + k.displacement)[trunk.skin_nodes] for k in increments}
-
-    def scribble(increment):
-        increment.displacement[:] = 1e6
-
     path = tmp_path / "copies.rrd"
-    record(path, case, trunk, increments, scribble)
-    skins = column(path, "/now/skin", "vertex_positions")
+    recording = start(path, case, trunk)
+    for stream in recording._streams:
+        stream.wait = stream.send = lambda: None  # nothing is written before the arrays change
+    for increment in increments:
+        recording.increment(increment, measured(case, trunk, increment))
+        increment.displacement[:] = 1e6
+    case.skin.faces[:] = 0
+    skin[:] = 1e6
+    recording.close()
+    skins = column(path, "/now/skin/displacement", "vertex_positions")
     for number, vertices in expected.items():
         np.testing.assert_allclose(skins[number], vertices, atol=1e-4)
-
-
-def test_arrays_given_in_the_type_rerun_keeps_are_copies(tmp_path):
-    """A contiguous float32 array is what Rerun would keep a reference to."""
-    from warp_trunk.surface import Surface
-
-    case, trunk = small_case()
-    (increment,) = made_up_increments(trunk, count=1)
-    before = measure(case.skin, case.landmarks_before)
-    vertices = case.skin.vertices.astype(np.float32)
-    expected = vertices.copy()
-    path = tmp_path / "copies.rrd"
-    with Recording(path, case, trunk, before, 50.0, strict=True) as recording:
-        recording._flush = lambda: None  # nothing is written before the arrays change
-        recording.increment(increment, Surface(vertices, case.skin.faces), before)
-        vertices[:] = 1e6
-    np.testing.assert_array_equal(column(path, "/now/skin", "vertex_positions")[1], expected)
+    np.testing.assert_allclose(column(path, "/before/skin", "vertex_positions")[None], skins[0])
+    assert column(path, "/now/skin/displacement", "triangle_indices")[None].any()
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
@@ -143,49 +153,59 @@ def test_increments_so_far_survive_a_kill(tmp_path):
     case, trunk = small_case()
     path = tmp_path / "killed.rrd"
     recording = record(path, case, trunk, made_up_increments(trunk)[:2], close=False)
-    assert sorted(column(path, "/now/skin", "vertex_positions")) == [0, 1, 2]
+    assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2]
     recording.close()
 
 
 def test_a_disk_that_fails_stops_the_recording_and_not_the_simulation(tmp_path, caplog):
     case, trunk = small_case()
     first, second = made_up_increments(trunk, count=2)
-    before = measure(case.skin, case.landmarks_before)
-    recording = Recording(tmp_path / "r.rrd", case, trunk, before, 50.0, strict=True)
+    recording = start(tmp_path / "r.rrd", case, trunk)
+    recording.increment(first, measured(case, trunk, first))
+    recording._file.wait()
 
     def full(**_):
         raise TimeoutError("no space left")
 
-    flush, recording._stream.flush = recording._stream.flush, full
+    stream = recording._file._stream
+    flush, stream.flush = stream.flush, full
     with caplog.at_level(logging.WARNING):
-        recording.increment(first, case.skin, before)
-    recording._stream.flush = flush
+        recording.increment(second, measured(case, trunk, second))
+    stream.flush = flush
     assert "no space left" in recording.failed
     assert "the simulation goes on" in caplog.text
-    recording.increment(second, case.skin, before)
     recording.close()
-    assert sorted(column(tmp_path / "r.rrd", "/now/skin", "vertex_positions")) == [0, 1]
+    assert sorted(column(tmp_path / "r.rrd", "/now/skin/displacement", "vertex_positions")) == [0, 1]
 
 
 def test_an_action_that_hangs_is_left_behind():
     import threading
 
     gate = threading.Event()
-    assert _within(5.0, lambda: None)
-    assert not _within(0.05, gate.wait)
+    assert within(5.0, lambda: None)
+    assert not within(0.05, gate.wait)
     gate.set()
 
 
-def test_normals_of_a_box_point_outwards():
-    case, _ = small_case()
-    normals = vertex_normals(case.skin.vertices, case.skin.faces)
-    outward = case.skin.vertices - case.skin.vertices.mean(axis=0)
-    assert ((normals * outward).sum(axis=1) > 0.0).all()
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+def test_normals_of_a_sphere_point_away_from_its_centre():
+    import trimesh
+
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=70.0)
+    vertices = sphere.vertices.astype(np.float32)
+    normals = Normals(sphere.faces, len(vertices))(vertices)
+    np.testing.assert_allclose(normals, sphere.vertices / 70.0, atol=1e-2)
 
 
-def test_colours_darken_with_the_change():
-    colours = change_colours(np.array([0.0, 5.0, 10.0, 20.0]), 10.0).astype(int)
+def test_colours_darken_with_the_number_and_know_what_is_missing():
+    colours = COLOURS["displacement"].painted(np.array([0.0, 5.0, 10.0, 20.0, np.nan]), 10.0).astype(int)
     lightness = colours @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(lightness)[:2] < -20.0).all()
     assert (colours[2] == colours[3]).all()
+    assert np.ptp(colours[4]) == 0
+
+
+def test_signed_colours_are_white_between_blue_and_red():
+    blue, white, red = COLOURS["asymmetry"].painted(np.array([-10.0, 0.0, 10.0]), 10.0).astype(int)
+    assert blue[2] > blue[0] + 50
+    assert red[0] > red[2] + 50
+    assert white.min() > 240

@@ -8,14 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from .bone_path import BonePath, spline_path
+from .articulation import bone_motions
+from .bone_path import BonePath, rigid_path, spline_path
+from .errors import InputError
+from .joints import free_joints
 from .measures import TrunkMeasures, measure
 from .meshing import MeshOptions, make_trunk
 from .model import EnergyName, WeightsName, build_model
 from .progress import Progress
-from .recording import Recording
+from .recording import FurtherColour, Recording, check_colours, start_viewer
 from .results import RECORDING, partial, prepare_folder, skin_after, write_result
 from .results.summary_text import markdown
 from .simulation import Increment, SimulationOptions, simulate
@@ -48,10 +49,16 @@ class RunOptions:
     """CPU threads; 0 is one for each core."""
     gravity: float = 0.0
     """Gravity [m/s^2], pulling down; 0 is off."""
-    bones: Literal["spline"] = "spline"
-    """How bones are carried: spline, the thin-plate spline through the landmarks."""
+    bones: Literal["spline", "rigid"] = "spline"
+    """How bones are carried: by the thin-plate spline through all landmarks, or each of them rigidly."""
     record: bool = True
     """Write recording.rrd, which the viewer steps through."""
+    record_steps: bool = False
+    """Record every step of the relaxations too, on a second timeline."""
+    record_colours: tuple[FurtherColour, ...] = ()
+    """What else the colours of the recorded skin can show than its displacement; costs time at every increment."""
+    live: bool = False
+    """Show the recording in the viewer as it grows."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +94,10 @@ def run_case(
     options = options or RunOptions()
     progress = progress or Progress()
     folder = prepare_folder(folder)
+    check_colours(case, options.record_colours)
+    if options.live and not options.record:
+        raise InputError("--live: shows what is recorded; leave --no-record out")
+    live = start_viewer() if options.live else None
     start = time.perf_counter()
     with progress.stage("build", "meshing the soft tissue"):
         build = make_trunk(case.skin, case.bones, options.mesh)
@@ -95,6 +106,10 @@ def run_case(
     trunk = build.trunk
     with progress.stage("path", "fitting the spline of the landmarks"):
         bone_path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+        if options.bones == "rigid":
+            motions = bone_motions(case.bones, case.landmarks_before, case.landmarks_after, case.bones_after)
+            trunk = free_joints(trunk)
+            bone_path = rigid_path(trunk, motions, bone_path)
     with progress.stage("compile", "preparing the model"):
         model = build_model(
             trunk,
@@ -110,8 +125,16 @@ def run_case(
     recording = None
     if options.record:
         with progress.stage("record", "opening the recording"):
-            change = np.linalg.norm(bone_path.displacement[trunk.skin_nodes], axis=1).max()
-            recording = Recording(partial(folder / RECORDING), case, trunk, before, float(change))
+            recording = Recording(
+                partial(folder / RECORDING),
+                case,
+                trunk,
+                before,
+                bone_path,
+                colours=options.record_colours,
+                steps=options.record_steps,
+                live=live,
+            )
     try:
         increments, after = _simulate(case, trunk, model, bone_path, options, recording, progress)
         if recording is not None:
@@ -144,7 +167,8 @@ def _simulate(
     increments: list[Increment] = []
     measures: list[TrunkMeasures] = []
     began = time.perf_counter()
-    for increment in simulate(model, bone_path, options.simulation):
+    watch = None if recording is None else recording.watch
+    for increment in simulate(model, bone_path, options.simulation, watch):
         if not increments:  # what came before the first increment's own time compiled and loaded the kernels
             progress.add("compile", time.perf_counter() - began - increment.seconds)
         increments.append(increment)
@@ -152,9 +176,9 @@ def _simulate(
         progress.increment(increment, options.simulation.increments)
         start = time.perf_counter()
         skin = skin_after(case, trunk, increment.displacement)
-        measures.append(measure(skin, case.landmarks_after, case.skin))
+        measures.append(measure(skin, case.landmarks_at(increment.load_factor), case.skin))
         if recording is not None:
-            recording.increment(increment, skin, measures[-1])
+            recording.increment(increment, measures[-1])
         progress.add("record", time.perf_counter() - start)
     return increments, measures[-1]
 

@@ -155,14 +155,13 @@ def _recording(problem: Problem) -> Iterator[Observer]:
     before = problem.skin(np.zeros_like(problem.trunk.nodes))
     landmarks = (problem.landmarks_before, problem.landmarks_after)
     case = Case(problem.name, before, {}, *landmarks, tissue=problem.tissue)
-    change = float(np.linalg.norm(problem.bone_path().displacement, axis=1).max())
+    measures, bone_path = measure(before, landmarks[0]), problem.bone_path()
     with (
         tempfile.TemporaryDirectory() as folder,
-        Recording(Path(folder) / "a.rrd", case, problem.trunk, measure(before, landmarks[0]), change) as recording,
+        Recording(Path(folder) / "a.rrd", case, problem.trunk, measures, bone_path) as recording,
     ):
-        yield lambda increment: recording.increment(increment, *_measure(problem, increment, before))
+        yield lambda increment: recording.increment(increment, _measure(problem, increment, before))
 
 
-def _measure(problem: Problem, increment: Increment, before: Surface) -> tuple[Surface, TrunkMeasures]:
-    skin = problem.skin(increment.displacement)
-    return skin, measure(skin, problem.landmarks_after, before)
+def _measure(problem: Problem, increment: Increment, before: Surface) -> TrunkMeasures:
+    return measure(problem.skin(increment.displacement), problem.landmarks_after, before)

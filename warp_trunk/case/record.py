@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from ..landmarks import Landmarks
+from ..layers.record import Layers
 from ..surface import Surface
 from ..tissue import Tissue
 
@@ -30,3 +31,14 @@ class Case:
     """True when skin_after is the spline's own image of the skin, which is no truth to compare with."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue."""
+    bones_after: dict[str, Surface] = dataclasses.field(default_factory=dict)
+    """Bones known after surgery, by name; each has the vertices of the one before, moved rigidly."""
+    layers: Layers | None = None
+    """Skin, fat and muscle, where the case says something of them."""
+
+    def landmarks_at(self, load_factor: float) -> Landmarks:
+        """The landmarks at a part of the correction in [0, 1]; each moves straight."""
+        if load_factor == 1.0:
+            return self.landmarks_after  # to the bit
+        before, after = self.landmarks_before.points, self.landmarks_after.points
+        return Landmarks(self.landmarks_before.names, before + load_factor * (after - before))

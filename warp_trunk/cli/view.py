@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from ..errors import InputError
+from ..recording import view, view_in_browser
 from ..results import RECORDING, partial
 
 
@@ -20,12 +19,13 @@ class View:
 
     result: Positional[Path]
     """Result folder, or a recording."""
+    web: bool = False
+    """Show it in a browser on this machine instead of in a window."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Starts the native viewer, which other machines cannot reach, and waits for its end."""
-        recording = find_recording(self.result)
-        command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)]
-        return subprocess.run(command, check=False).returncode
+        """Starts the viewer, which other machines cannot reach, and waits for its end."""
+        show = view_in_browser if self.web else view
+        return show(find_recording(self.result))
 
 
 def find_recording(result: Path) -> Path:

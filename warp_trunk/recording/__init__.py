@@ -1,5 +1,9 @@
-"""The Rerun recording of a simulation: what is drawn, and how the viewer lays it out."""
+"""The Rerun recording of a simulation: what is drawn, how the viewer lays it out, and where it is shown."""
 
+from .colours import FurtherColour
+from .painting import check_colours
 from .recording import Recording
+from .viewer import start_viewer, view
+from .web import view_in_browser
 
-__all__ = ["Recording"]
+__all__ = ["FurtherColour", "Recording", "check_colours", "start_viewer", "view", "view_in_browser"]

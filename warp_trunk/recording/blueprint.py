@@ -2,82 +2,140 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from . import drawing
+from .colours import COLOURS, ColourName
 
 if TYPE_CHECKING:
     from ..case import Case
     from ..measures import TrunkMeasures
 
+FOV = np.radians(53.0)
+"""The angle that a pane of the viewer sees from top to bottom, less a margin."""
+GLASS = (255, 222, 200, 80)
+"""Skin that shows what is behind it."""
 
-def layout(case: Case, before: TrunkMeasures) -> Any:
-    """Before and now from behind and slightly above; beside them the section, rotations and energies."""
+
+def layout(case: Case, before: TrunkMeasures, colours: Sequence[ColourName], target: str, tab: int = 0) -> Any:
+    """Before, now and target side by side; below them section, rotations, table and plots.
+
+    Args:
+        case: the case that is simulated.
+        before: its measures before surgery.
+        colours: the choice of colours of the skin, a tab for each; one more shows the spine through the skin.
+        target: what the third picture holds: actual (the skin after surgery) or target (the planned spine).
+        tab: the tab that is open.
+    """
+    import rerun as rr
     import rerun.blueprint as rrb
 
-    low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
-    centre, tall = (low + high) / 2.0, float((high - low).max())
-    eye = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=centre + tall * np.array([0.0, 1.2, 0.25]),
-        look_target=centre,
-        eye_up=(0.0, 0.0, 1.0),
-    )
+    eye = rrb.EyeControls3D(**_behind_and_above(case), kind=rrb.Eye3DKind.Orbital, eye_up=(0.0, 0.0, 1.0))
+    glass = rr.Mesh3D.from_fields(albedo_factor=GLASS)
+    bare = rr.Mesh3D.from_fields(albedo_factor=GLASS, vertex_colors=drawing.SKIN)
 
-    def trunk_view(name: str, *contents: str) -> Any:
-        return rrb.Spatial3DView(origin="/", name=name, contents=list(contents), eye_controls=eye, line_grid=False)
+    def trunk(name: str, *contents: str, **overrides: Any) -> Any:
+        return rrb.Spatial3DView(
+            origin="/",
+            name=name,
+            contents=list(contents),
+            eye_controls=eye,
+            line_grid=False,
+            overrides={f"/{path.replace('_', '/')}": what for path, what in overrides.items()},
+        )
 
-    middle, around = -centre[0], 0.6 * float((high - low)[:2].max())
-    largest = largest_bar(before)
-    pictures = rrb.Tabs(
-        rrb.Horizontal(
-            trunk_view("Before surgery", "/before/skin"),
-            trunk_view("Now", "/now/skin"),
-            name="Back",
-        ),
-        rrb.Horizontal(
-            trunk_view("Spine before surgery", "/before/bones", "/before/sections"),
-            trunk_view("Spine now", "/now/bones", "/now/landmarks", "/now/sections"),
-            name="Spine",
-        ),
-    )
-    numbers = rrb.Vertical(
-        rrb.Tabs(
+    aim = "Actual, after surgery" if target == "actual" else "Target: the planned spine"
+    if target == "actual":
+        third = trunk(aim, "/target/skin")
+    else:
+        third = trunk(aim, "/target/bones", "/target/skin", target_skin=glass)
+    pictures: list[Any] = [
+        rrb.Vertical(
+            rrb.Horizontal(trunk("Before", "/before/skin"), trunk("Now", f"/now/skin/{name}"), third),
             rrb.Spatial2DView(
-                origin="/section",
-                name=f"Section at {before.worst_level}, from above, back below",
-                visual_bounds=rrb.VisualBounds2D(
-                    x_range=(middle - around, middle + around),
-                    y_range=(low[1] - 0.2 * around, high[1] + 0.2 * around),
-                ),
+                origin=f"/scale/{name}",
+                name=COLOURS[name].red,
+                visual_bounds=rrb.VisualBounds2D(x_range=(-1300.0, 2300.0), y_range=(-20.0, 84.0)),
             ),
-            rrb.TextDocumentView(origin="/summary", name="Summary"),
-        ),
-        rrb.Spatial2DView(
-            origin="/bars",
-            name="Rotation of the back now [degrees]; grey before, blue now; to the right: hump on the right",
-            visual_bounds=rrb.VisualBounds2D(x_range=(-largest, largest), y_range=(-1.0, len(before.bsr))),
-        ),
-        rrb.Tabs(
-            rrb.TimeSeriesView(origin="/energy", name="Energy"),
-            rrb.TimeSeriesView(origin="/error", name="Estimated error [mm]"),
-            rrb.TimeSeriesView(origin="/bsr", name="Rotation by level [degrees]"),
-        ),
-        rrb.Spatial2DView(
-            origin="/scale",
-            name="Change of the skin: dark red moved furthest",
-            visual_bounds=rrb.VisualBounds2D(x_range=(-30.0, 230.0), y_range=(-15.0, 30.0)),
-        ),
-        row_shares=[4, 5, 3, 1],
+            row_shares=[9, 1],
+            name=COLOURS[name].tab,
+        )
+        for name in colours
+    ]
+    see_through = {f"now_skin_{colours[0]}": bare}
+    pictures.append(
+        rrb.Horizontal(
+            trunk("Before", "/before/bones", "/before/section", "/before/skin", before_skin=glass),
+            trunk("Now", "/now/bones", "/now/landmarks", "/now/section", f"/now/skin/{colours[0]}", **see_through),
+            trunk(aim, "/target/bones", "/target/skin", target_skin=glass),
+            name="Spine through the skin",
+        )
     )
     return rrb.Blueprint(
-        rrb.Horizontal(pictures, numbers, column_shares=[5, 3]),
+        rrb.Vertical(
+            rrb.Tabs(*pictures, active_tab=tab),
+            rrb.Horizontal(
+                _section(case, before), _bars(before, target), _plots(), _texts(), column_shares=[4, 4, 3, 4]
+            ),
+            row_shares=[5, 3],
+        ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="increment", fps=2.0),
     )
 
 
-def largest_bar(before: TrunkMeasures) -> float:
-    """Half the width of the plot of rotations [degrees]."""
-    return 1.2 * max((abs(a) for a in before.bsr.values() if a is not None), default=10.0) + 3.0
+def _behind_and_above(case: Case) -> dict[str, Any]:
+    low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
+    centre, tall = (low + high) / 2.0, float((high - low)[[0, 2]].max())
+    away = np.array([0.0, 1.0, 0.25]) / np.hypot(1.0, 0.25)
+    near = high[1] - centre[1]
+    return {"position": centre + away * (near + 0.5 * tall / np.tan(FOV / 2.0)), "look_target": centre}
+
+
+def _section(case: Case, before: TrunkMeasures) -> Any:
+    import rerun.blueprint as rrb
+
+    low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
+    middle, wide = -(low[0] + high[0]) / 2.0, 0.55 * (high - low)[0]
+    return rrb.Spatial2DView(
+        origin="/section",
+        name=f"Section at {before.worst_level} from above: grey before, blue now",
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=(middle - wide, middle + wide), y_range=(low[1] - 20.0, high[1] + 50.0)
+        ),
+    )
+
+
+def _bars(before: TrunkMeasures, target: str) -> Any:
+    import rerun.blueprint as rrb
+
+    plot = drawing.BarPlot.of(before.bsr)
+    bounds = rrb.VisualBounds2D(x_range=(0.0, plot.width), y_range=(-1.0, len(plot.levels) + 0.8))
+    return rrb.Spatial2DView(
+        origin="/bars",
+        name=f"Rotation of the back: grey before, blue now, orange {target}",
+        visual_bounds=bounds,
+    )
+
+
+def _plots() -> Any:
+    import rerun.blueprint as rrb
+
+    return rrb.Tabs(
+        rrb.TimeSeriesView(origin="/energy", name="Energy", plot_legend=rrb.Corner2D.LeftTop),
+        rrb.TimeSeriesView(origin="/error", name="Error [log10 mm]"),
+        rrb.TimeSeriesView(origin="/bsr", name="Rotation [°]"),
+    )
+
+
+def _texts() -> Any:
+    import rerun.blueprint as rrb
+
+    return rrb.Tabs(
+        rrb.TextDocumentView(origin="/table", name="Summary"),
+        rrb.TextDocumentView(origin="/summary", name="Report"),
+    )

@@ -1,7 +1,9 @@
-"""How results are drawn, apart from any viewer: colours, normals, sections and bars as plain arrays."""
+"""How results are drawn, apart from any viewer: normals, sections and bars as plain arrays."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,32 +13,37 @@ if TYPE_CHECKING:
 
 SKIN = (229, 194, 172)
 BONE = (236, 226, 198)
-BEFORE = (120, 120, 120)
-NOW = (0, 114, 178)
-ACTUAL = (213, 94, 0)
-"""Grey, blue and vermilion stay apart for every kind of colour vision."""
-BAR = 0.36
-"""Height of a bar, where levels are 1 apart."""
-_CHANGE = np.array([[255, 246, 222], [253, 187, 132], [227, 74, 51], [127, 0, 0]], dtype=np.float64)
+BEFORE = (150, 150, 150)
+NOW = (86, 180, 233)
+TARGET = (230, 159, 0)
+"""Grey, sky blue and orange stay apart for every kind of colour vision, on a dark ground."""
+TEXT = (225, 225, 225)
+BAR = 0.26
+"""Height of a bar, where levels are 1 apart and three bars share one."""
 
 
-def change_colours(change: np.ndarray, most: float) -> np.ndarray:
-    """Colours of distances [mm] on a scale from pale (0) over red to dark red (`most`), shape (n, 3), uint8.
+class Normals:
+    """Unit normals of a mesh whose vertices move: the mean of the triangles at a vertex, weighted by area."""
 
-    Lightness falls all the way, so that the scale reads in grey too.
-    """
-    part = np.clip(change / max(most, 1e-9), 0.0, 1.0) * (len(_CHANGE) - 1)
-    channels = [np.interp(part, np.arange(len(_CHANGE)), _CHANGE[:, k]) for k in range(3)]
-    return np.column_stack(channels).round().astype(np.uint8)
+    def __init__(self, faces: np.ndarray, vertices: int) -> None:
+        from scipy.sparse import csr_array
 
+        self._corners = faces.T.copy()
+        triangle = np.repeat(np.arange(len(faces)), 3)
+        ones = np.ones(faces.size, np.float32)
+        self._sum = csr_array((ones, (faces.ravel(), triangle)), shape=(vertices, len(faces)))
 
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals of vertices, the mean of their triangles weighted by area, shape (n, 3), float32."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a)
-    corners = faces.ravel()
-    normals = np.column_stack([np.bincount(corners, np.repeat(area[:, k], 3), len(vertices)) for k in range(3)])
-    return (normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]).astype(np.float32)
+    def __call__(self, vertices: np.ndarray) -> np.ndarray:
+        """Normals of vertices (n, 3) float32, the same shape and type."""
+        a, b, c = (vertices.take(corner, axis=0) for corner in self._corners)
+        (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
+        area = np.empty_like(a)
+        area[:, 0] = uy * vz - uz * vy
+        area[:, 1] = uz * vx - ux * vz
+        area[:, 2] = ux * vy - uy * vx
+        normals = self._sum @ area
+        length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
+        return normals / np.maximum(length, np.float32(1e-12))[:, None]
 
 
 def seen_from_above(points: np.ndarray) -> np.ndarray:
@@ -56,29 +63,52 @@ def tangent_line(tangent: DualTangent, beyond: float = 40.0) -> np.ndarray:
     return np.array([tangent.left + step, tangent.right - step])
 
 
-def section_strips(tangents: dict[str, DualTangent | None]) -> list[np.ndarray]:
-    """Outline and dual tangent of each level as curves in space, each (k, 3) float32."""
-    strips = []
-    for tangent in tangents.values():
-        if tangent is not None:
-            for curve in (closed(tangent.outline), tangent_line(tangent)):
-                height = np.full(len(curve), tangent.height)
-                strips.append(np.column_stack([curve, height]).astype(np.float32))
-    return strips
+def section_curves(tangent: DualTangent | None) -> list[np.ndarray]:
+    """Outline of a section and its dual tangent, each (k, 2); none where the section is missing."""
+    return [] if tangent is None else [closed(tangent.outline), tangent_line(tangent)]
 
 
-def bars(angles: dict[str, float | None], place: int) -> list[np.ndarray]:
-    """Horizontal bars of angles [degrees] as lines, one for each known level, the first level on top.
+def at_height(curve: np.ndarray, height: float) -> np.ndarray:
+    """A curve (k, 2) of a horizontal section as one in space, (k, 3) float32."""
+    return np.column_stack([curve, np.full(len(curve), height)]).astype(np.float32)
 
-    Args:
-        angles: by level; a missing one leaves its place empty.
-        place: 0 for the upper of the two bars that share a level, 1 for the lower.
 
-    Returns:
-        Lines from zero to the angle, each (2, 2) float32: angle, and level counted from the top.
-    """
-    return [
-        np.array([[0.0, row + BAR * (place - 0.5)], [angle, row + BAR * (place - 0.5)]], np.float32)
-        for row, angle in enumerate(angles.values())
-        if angle is not None
-    ]
+@dataclass(frozen=True)
+class BarPlot:
+    """Where bars of angles stand in a picture: a level each row, its name on the left, its angle on the right."""
+
+    levels: tuple[str, ...]
+    """Names of the rows, the first on top, rows 1 apart."""
+    zero: float
+    """Where bars begin."""
+    scale: float
+    """Length of a bar for each degree."""
+    width: float
+    """The whole plot is this wide, from 0."""
+
+    @classmethod
+    def of(cls, *angles: Mapping[str, float | None]) -> BarPlot:
+        """The plot that holds angles by level, those of the first with its levels."""
+        levels = tuple(angles[0])
+        known = [angle for each in angles for angle in each.values() if angle is not None]
+        low, high = min([0.0, *known]), max([1.0, *known])
+        width = 1.45 * (len(levels) + 1)
+        scale = 0.72 * width / (1.1 * (high - low))
+        return cls(levels, 0.12 * width - 1.1 * low * scale, scale, width)
+
+    def bars(self, angles: Mapping[str, float | None], place: int) -> list[np.ndarray]:
+        """Bars of angles [degrees] as lines, one for each known level.
+
+        Args:
+            angles: by level; a missing one leaves its place empty.
+            place: 0, 1 or 2 for the upper, middle or lower of the three bars that share a level.
+
+        Returns:
+            Lines from zero to the angle, each (2, 2) float32.
+        """
+        lines = []
+        for row, level in enumerate(self.levels):
+            angle, y = angles.get(level), row + BAR * (place - 1)
+            if angle is not None:
+                lines.append(np.array([[self.zero, y], [self.zero + self.scale * angle, y]], np.float32))
+        return lines

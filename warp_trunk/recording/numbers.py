@@ -1,0 +1,125 @@
+"""The trunk in numbers: rotations by level as bars, energy and error as plots, a table of the summary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from . import drawing
+
+if TYPE_CHECKING:
+    from ..energy import Energy
+    from ..measures import TrunkMeasures
+    from .scene import Log
+
+TERMS = {
+    "edges": ("distance", (86, 180, 233)),
+    "faces": ("area", (230, 159, 0)),
+    "shape": ("shape", (86, 180, 233)),
+    "volume": ("volume", (0, 158, 115)),
+    "gravity": ("gravity", (204, 121, 167)),
+    "total": ("total", (225, 225, 225)),
+}
+"""Terms of the energies as the plot calls them: the field of `Energy`, and a colour. Those that are not used are
+left out; edges and shape belong to different energies."""
+
+
+class Numbers:
+    """Logs measures and relaxations; the levels are known by their names."""
+
+    def __init__(self, log: Log, before: TrunkMeasures, target: TrunkMeasures, target_name: str) -> None:
+        """Logs what never changes; the target's measures stand beside those of before and now."""
+        import rerun as rr
+
+        self._rr, self._log = rr, log
+        self._before, self._target, self._target_name = before, target, target_name
+        self._plot = plot = drawing.BarPlot.of(before.bsr, target.bsr)
+        self._terms: list[str] = []
+        log("error", rr.SeriesLines(names="error", colors=drawing.NOW, widths=2.0), static=True)
+        log("bsr", rr.SeriesLines(names=list(before.bsr)), static=True)
+        log("bars/before", self._bars(before, drawing.BEFORE, 0), static=True)
+        log("bars/target", self._bars(target, drawing.TARGET, 2), static=True)
+        rows = len(plot.levels)
+        zero = rr.LineStrips2D([[[plot.zero, -0.7], [plot.zero, rows - 0.3]]], colors=drawing.TEXT)
+        log("bars/zero", zero, static=True)
+        self._labels("bars/levels", 0.05, {level: level for level in plot.levels}, drawing.TEXT, static=True)
+        hump = rr.Points2D(
+            [[0.5 * plot.width, rows - 0.3]],
+            radii=0.0,
+            colors=drawing.TEXT,
+            labels="to the right: hump on the right",
+            show_labels=True,
+        )
+        log("bars/hump", hump, static=True)
+
+    def measures(self, now: TrunkMeasures, load_factor: float) -> None:
+        """Logs rotations and the table."""
+        rr = self._rr
+        self._log("bars/now", self._bars(now, drawing.NOW, 1))
+        angles = {level: _degrees(angle) for level, angle in now.bsr.items()}
+        self._labels("bars/angles", 0.93, angles, drawing.NOW)
+        self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in now.bsr.values()]))
+        text = table(self._before, now, self._target, self._target_name, load_factor)
+        self._log("table", rr.TextDocument(text, media_type="text/markdown"))
+
+    def relaxation(self, energy: Energy, estimated_error: float, linear_iterations: int) -> None:
+        """Logs the energy by term, the error as its logarithm, and the work, after an increment or a step."""
+        rr = self._rr
+        if not self._terms:
+            self._terms = [name for name, (field, _) in TERMS.items() if getattr(energy, field) != 0.0]
+            colours = [TERMS[name][1] for name in self._terms]
+            lines = rr.SeriesLines(names=self._terms, colors=colours, widths=[2.0] * len(colours))
+            self._log("energy", lines, static=True)
+        self._log("energy", rr.Scalars([float(getattr(energy, TERMS[name][0])) for name in self._terms]))
+        if 0.0 < estimated_error < math.inf:
+            self._log("error", rr.Scalars(math.log10(estimated_error)))
+        self._log("linear_iterations", rr.Scalars(float(linear_iterations)))
+
+    def _bars(self, measures: TrunkMeasures, colour: tuple[int, int, int], place: int) -> Any:
+        lines = self._plot.bars(measures.bsr, place)
+        return self._rr.LineStrips2D(lines, radii=0.5 * drawing.BAR, colors=colour)
+
+    def _labels(
+        self,
+        path: str,
+        across: float,
+        texts: Mapping[str, str],
+        colour: tuple[int, int, int],
+        *,
+        static: bool = False,
+    ) -> None:
+        """A text in the row of each level, at a part of the plot's width."""
+        rows = [self._plot.levels.index(level) for level in texts]
+        labels = self._rr.Points2D(
+            [[across * self._plot.width, row - 0.55] for row in rows],  # a label hangs below its point
+            radii=0.0,
+            colors=colour,
+            labels=list(texts.values()),
+            show_labels=True,
+        )
+        self._log(path, labels, static=static)
+
+
+def table(
+    before: TrunkMeasures, now: TrunkMeasures, target: TrunkMeasures, target_name: str, load_factor: float
+) -> str:
+    """The measures that a clinic asks for first, side by side, as Markdown."""
+
+    def row(name: str, texts: list[str]) -> str:
+        return f"| {name} | " + " | ".join(texts) + " |"
+
+    three = (before, now, target)
+    moved = "" if now.skin_change_max is None else f"{now.skin_change_max:.1f} mm"
+    rows = [
+        row("Correction applied", ["0 %", f"{load_factor:.0%}", "100 %"]),
+        row("Back rotation, thoracic", [_degrees(m.max_thoracic_bsr) for m in three]),
+        row("Back rotation, lumbar", [_degrees(m.max_lumbar_bsr) for m in three]),
+        row("Largest Cobb angle", [_degrees(max((c.angle for c in m.cobb), default=None), "") for m in three]),
+        row("Skin moved by up to", ["", moved, ""]),
+    ]
+    return "\n".join([f"| | before | now | {target_name} |", "|---|---:|---:|---:|", *rows])
+
+
+def _degrees(angle: float | None, sign: str = "+") -> str:
+    return "missing" if angle is None else f"{round(angle, 1) + 0.0:{sign}.1f}°"

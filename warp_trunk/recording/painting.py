@@ -1,0 +1,64 @@
+"""The numbers behind the colours of the skin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from ..surface import Surface
+from .colours import COLOURS, ColourName
+
+if TYPE_CHECKING:
+    from ..case import Case
+    from ..trunk_mesh import TrunkMesh
+
+Values = Callable[[np.ndarray, float], np.ndarray]
+"""From displacements of all nodes (nodes, 3) [mm] and the load factor to a number for each vertex of the skin."""
+
+
+def painters(case: Case, trunk: TrunkMesh, further: Sequence[str]) -> dict[ColourName, Values]:
+    """How displacement and each further colour get their numbers.
+
+    Displacement is cheap; asymmetry takes 0.1 s and distance 0.2 s for a skin of 16,000 vertices.
+
+    Raises:
+        InputError: as `check_colours`.
+    """
+    check_colours(case, further)
+
+    def moved(displacement: np.ndarray) -> Surface:
+        return Surface(case.skin.vertices + displacement[trunk.skin_nodes], case.skin.faces)
+
+    def displaced(displacement: np.ndarray, _: float) -> np.ndarray:
+        skin = displacement[trunk.skin_nodes]
+        return np.sqrt(np.einsum("ij,ij->i", skin, skin))
+
+    def asymmetry(displacement: np.ndarray, load_factor: float) -> np.ndarray:
+        from ..measures import mirror_asymmetry
+
+        return mirror_asymmetry(moved(displacement), case.landmarks_at(load_factor))
+
+    def distance(displacement: np.ndarray, load_factor: float) -> np.ndarray:
+        from ..measures.skin_distance import skin_distance
+
+        assert case.skin_after is not None
+        found = skin_distance(moved(displacement), case.skin_after, case.landmarks_at(load_factor))
+        return np.where(found.counted, found.signed, np.nan)
+
+    every: dict[ColourName, Values] = {"displacement": displaced, "distance": distance, "asymmetry": asymmetry}
+    return {name: values for name, values in every.items() if name == "displacement" or name in further}
+
+
+def check_colours(case: Case, further: Sequence[str]) -> None:
+    """Raises InputError for a colour that is not known, or one that this case cannot have."""
+    known = [name for name in COLOURS if name != "displacement"]
+    for name in further:
+        if name not in known:
+            raise InputError(f"record_colours: must be some of {', '.join(known)}, not '{name}'")
+    if "distance" in further and (case.skin_after is None or case.skin_after_is_placeholder):
+        raise InputError(
+            "record_colours: 'distance' needs the actual skin after surgery and this case has none; leave it out"
+        )

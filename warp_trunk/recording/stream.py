@@ -1,0 +1,98 @@
+"""A Rerun stream that never holds up a simulation.
+
+Rerun writes from a thread of its own. When the disk is full that thread only prints a line, and waiting for it
+would last for ever; so every wait here has an end, and what fails is left behind with a warning.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+WAIT = 30.0
+"""Longest wait for a disk or a viewer [s]."""
+_log = logging.getLogger("warp_trunk")
+
+
+class Stream:
+    """Sends what is logged to one place, a file or a viewer that listens."""
+
+    def __init__(self, place: str, stream: Any) -> None:
+        self.place = place
+        """Where to, as the user knows it."""
+        self.failed = ""
+        """Why sending stopped before its end; empty if it did not."""
+        self._stream = stream
+        self._closed = False
+
+    def log(self, path: str, what: Any, *, static: bool) -> None:
+        if not self.failed:
+            self._stream.log(path, what, static=static)
+
+    def at(self, **times: int | None) -> None:
+        """Sets the place on each timeline for what is logged next; None leaves the timeline out."""
+        for timeline, sequence in times.items():
+            if sequence is None:
+                self._stream.disable_timeline(timeline)
+            else:
+                self._stream.set_time(timeline, sequence=sequence)
+
+    def send(self) -> None:
+        """Starts to send what was logged, and does not wait: `wait` does, when the next is due."""
+        self._flush(0.0)
+
+    def wait(self) -> None:
+        """Waits until what was sent has arrived; nothing to wait for where a relaxation lay between."""
+        self._flush(WAIT)
+
+    def close(self) -> None:
+        """Completes what was sent; does nothing the second time."""
+        if not self._closed:
+            self._closed = True
+            if not within(1.0 if self.failed else WAIT, self._stream.disconnect) and not self.failed:
+                self._fail(f"closing took more than {WAIT:g} s")
+
+    def _flush(self, seconds: float) -> None:
+        if self.failed:
+            return
+        try:
+            self._stream.flush(timeout_sec=seconds)
+        except Exception as error:  # Rerun raises types of its own
+            self._fail(str(error))
+
+    def _fail(self, reason: str) -> None:
+        self.failed = reason
+        _log.warning("%s: recording stopped (%s); the simulation goes on without it", self.place, reason)
+
+
+def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> list[Stream]:
+    """A stream into a file, and where a viewer listens at `live` (a URL) a second one with the same content.
+
+    They are apart so that a viewer which is closed takes nothing from the file.
+    """
+    import rerun as rr
+
+    streams = []
+    for place in (path, live):
+        if place is None:
+            continue
+        stream = rr.RecordingStream("warp_trunk", recording_id=streams[0][1] if streams else None)
+        if isinstance(place, Path):
+            stream.save(place)
+        else:
+            stream.connect_grpc(place)
+        stream.send_blueprint(blueprint, make_active=True, make_default=True)
+        stream.send_recording_name(name)
+        streams.append((Stream(str(place), stream), stream.get_recording_id()))
+    return [stream for stream, _ in streams]
+
+
+def within(seconds: float, action: Callable[[], None]) -> bool:
+    """Whether an action that may never return ended in time."""
+    thread = threading.Thread(target=action, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    return not thread.is_alive()
