@@ -1,0 +1,54 @@
+"""An exported problem is solved by CalculiX as it stands; both laws agree where strains are small."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from small_trunk import small_case
+
+from warp_trunk.bone_path import BonePath, spline_path
+from warp_trunk.exchange import write_volume
+from warp_trunk.model import build_model
+from warp_trunk.relaxation import RelaxOptions
+from warp_trunk.simulation import SimulationOptions, simulate
+from warp_trunk.tissue import Tissue
+
+CCX = shutil.which("ccx")
+
+
+def solved_by_calculix(folder, trunk, motion, tissue):
+    write_volume(folder / "problem.inp", trunk, motion, tissue)
+    subprocess.run([CCX, "problem"], cwd=folder, check=True, capture_output=True, timeout=120)
+    displacement, on = {}, False
+    for line in (folder / "problem.frd").read_text().splitlines():
+        if line.startswith(" -4  DISP"):
+            on = True  # the last step written is the end
+        elif line.startswith(" -3"):
+            on = False
+        elif on and line.startswith(" -1"):
+            displacement[int(line[3:13]) - 1] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
+    return np.array([displacement[node] for node in range(len(trunk.nodes))])
+
+
+def solved_here(trunk, motion, tissue):
+    model = build_model(trunk, tissue, energy="neo-hookean", precision="float64", device="cpu")
+    options = SimulationOptions(increments=5, relax=RelaxOptions(tolerance=1e-6))
+    *_, last = simulate(model, BonePath(motion), options)
+    return last.displacement
+
+
+@pytest.mark.skipif(CCX is None, reason="CalculiX (ccx) is not installed; Debian has it as calculix-ccx")
+def test_the_two_laws_differ_by_the_square_of_the_motion(tmp_path):
+    case, trunk = small_case()
+    tissue = Tissue(poisson_ratio=0.4)
+    whole = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after).displacement
+    apart = []
+    for part in (0.1, 0.05):
+        folder = tmp_path / str(part)
+        folder.mkdir()
+        theirs = solved_by_calculix(folder, trunk, part * whole, tissue)
+        ours = solved_here(trunk, part * whole, tissue)
+        apart.append(np.abs(theirs - ours).max() / np.abs(ours).max())
+    assert apart[0] < 0.01
+    assert apart[1] == pytest.approx(0.5 * apart[0], rel=0.1)  # of the motion, so the square in mm
