@@ -29,16 +29,10 @@ def section(surface: Surface, height: float) -> list[np.ndarray]:
 def sections(surface: Surface, heights: Sequence[float]) -> list[list[np.ndarray]]:
     """Cut a closed surface by planes, all in one pass over its triangles; for each plane what `section` gives."""
     order = np.argsort(heights)
-    planes = np.asarray(heights, dtype=np.float64)[order]
-    cut = _cut_edges(surface, planes)
+    plane, points, following = _cut(surface, np.asarray(heights, dtype=np.float64)[order])
+    repeated = (points[following] == points).all(axis=1)
     loops: list[list[np.ndarray]] = [[] for _ in heights]
-    if len(cut) == 0:
-        return loops
-    count = len(surface.vertices)
-    plane, edge = np.divmod(cut[:, 0], count * count)
-    points = _crossing_points(surface.vertices, edge // count, edge % count, planes[plane])
-    repeated = (points[cut[:, 1]] == points).all(axis=1)
-    for cycle in _cycles(cut[:, 1]):
+    for cycle in _cycles(following):
         kept = cycle[~repeated[cycle]]
         if len(kept) >= 3:
             loops[order[plane[cycle[0]]]].append(points[kept])
@@ -79,56 +73,51 @@ def encloses(loop: np.ndarray, point: np.ndarray) -> bool:
     return bool(np.count_nonzero(x - y * (after_x - x) / (after_y - y) > 0.0) % 2)
 
 
-def _cut_edges(surface: Surface, planes: np.ndarray) -> np.ndarray:
-    """Every edge that a plane cuts, and the one that follows it around the section.
-
-    Returns (edges, 2) int64, sorted: a number for plane and edge, (plane * n + low vertex) * n + high vertex,
-    and the row of the next.
-    """
+def _cut(surface: Surface, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Every edge that one of the planes, in rising order, cuts: plane (k,), x and y (k, 2), next edge (k,)."""
     vertices, faces = surface.vertices, surface.faces
-    count = len(vertices)
     # a vertex is above the first `above` planes, so those cut a triangle that lie between its least and its most
-    above = np.searchsorted(planes, vertices[:, 2], side="right")
-    corners = above[faces[:, 0]], above[faces[:, 1]], above[faces[:, 2]]
-    least = np.minimum(np.minimum(corners[0], corners[1]), corners[2])
-    most = np.maximum(np.maximum(corners[0], corners[1]), corners[2])
-    face = np.flatnonzero(most > least)
-    times = (most - least)[face]
+    above = np.searchsorted(planes, vertices[:, 2], side="right").astype(np.int16)
+    first, second, third = above[faces[:, 0]], above[faces[:, 1]], above[faces[:, 2]]
+    least = np.minimum(np.minimum(first, second), third)
+    times = np.maximum(np.maximum(first, second), third) - least
+    face = np.flatnonzero(times)
+    times = times[face].astype(np.int64)
     plane = np.arange(times.sum()) + np.repeat(least[face] - (np.cumsum(times) - times), times)
-    cut = np.repeat(faces[face], times, axis=0).astype(np.int64)
-    # turn each triangle so that its lonely corner comes first: the cut joins the two edges at that corner
-    up = above[cut] > plane[:, None]
-    rising = up.sum(axis=1) == 1
-    lonely = (up == rising[:, None]).argmax(axis=1)
-    row = np.arange(len(cut))
-    a, b, c = cut[row, lonely], cut[row, (lonely + 1) % 3], cut[row, (lonely + 2) % 3]
+    p, q, r = faces[np.repeat(face, times)].astype(np.int64).T
+    # turn each triangle so that its lonely corner a comes first: the cut joins the two edges at that corner
+    p_up, q_up, r_up = above[p] > plane, above[q] > plane, above[r] > plane
+    p_lonely, q_lonely = q_up == r_up, r_up == p_up
+    a, b, c = (
+        np.where(p_lonely, one, np.where(q_lonely, two, three))
+        for one, two, three in ((p, q, r), (q, r, p), (r, p, q))
+    )
+    rising = above[a] > plane
     # the inside is to the left of the direction of travel, the face normal to the right
-    first = (plane * count + np.minimum(a, b)) * count + np.maximum(a, b)
-    second = (plane * count + np.minimum(a, c)) * count + np.maximum(a, c)
-    leave, enter = np.where(rising, first, second), np.where(rising, second, first)
+    out, into = np.where(rising, b, c), np.where(rising, c, b)
+    leave, enter = (_edge_key(plane, a, other, len(vertices)) for other in (out, into))
     by_leave, by_enter = np.argsort(leave), np.argsort(enter)
-    keys = leave[by_leave]
+    keys, plane = leave[by_leave], plane[by_leave]
     wrong = keys != enter[by_enter]
     wrong[1:] |= keys[1:] == keys[:-1]
     if wrong.any():
-        height = planes[keys[wrong.argmax()] // (count * count)]
         raise InputError(
-            f"section: the surface must be closed and oriented where it is cut, at z = {height:g} mm; "
-            "repair the surface"
+            "section: the surface must be closed and oriented where it is cut, at "
+            f"z = {planes[plane[wrong.argmax()]]:g} mm; repair the surface"
         )
     rank = np.empty(len(keys), dtype=np.int64)
-    rank[by_enter] = row
-    return np.column_stack([keys, rank[by_leave]])
-
-
-def _crossing_points(vertices: np.ndarray, low: np.ndarray, high: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Where edges cross a height each, x and y, shape (edges, 2)."""
-    start, end = vertices[low], vertices[high]
+    rank[by_enter] = np.arange(len(keys))
+    start, end, height = vertices[a[by_leave]], vertices[out[by_leave]], planes[plane]
     share = (height - start[:, 2]) / (end[:, 2] - start[:, 2])
     points = start[:, :2] + share[:, None] * (end[:, :2] - start[:, :2])
     at_end = end[:, 2] == height
     points[at_end] = end[at_end, :2]  # to the bit, so that repeats are seen
-    return points
+    return plane, points, rank[by_leave]
+
+
+def _edge_key(plane: np.ndarray, first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
+    """One number for an edge at a plane, the same from both of its faces."""
+    return (plane * count + np.minimum(first, second)) * count + np.maximum(first, second)
 
 
 def _cycles(following: np.ndarray) -> list[np.ndarray]:
