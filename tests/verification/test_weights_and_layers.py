@@ -1,0 +1,152 @@
+"""The seeds' energy with weights by volume, and of several tissues, against sums over tetrahedra in NumPy."""
+
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+from meshes import block, grid, rotation, trunk
+from reference import Reference, volumes
+
+from warp_trunk.energy import Energy, State
+from warp_trunk.errors import InputError
+from warp_trunk.model import build_model
+from warp_trunk.tissue import Tissue
+from warp_trunk.trunk_mesh import TrunkMesh
+
+SOFT = Tissue(epsilon=0.5, theta=8.0, youngs_modulus=5.0, density=900.0)
+STIFF = Tissue(epsilon=2.0, theta=20.0, youngs_modulus=35.0, density=1300.0)
+
+
+def energy_of(mesh: TrunkMesh, displacement: np.ndarray, tissue: Any, **options: Any) -> Energy:
+    state, _ = State.pair(build_model(mesh, tissue, device="cpu", precision="float64", **options))
+    state.place(displacement)
+    state.evaluate()
+    return state.energy()
+
+
+def half_refined() -> TrunkMesh:
+    """Two cubes of equal size; the upper one of cells of half the edge, not joined to the lower one."""
+    coarse, tets, _ = grid((2, 2, 2), 10.0)
+    fine, fine_tets, _ = grid((4, 4, 4), 5.0)
+    nodes = np.vstack([coarse, fine + np.array([0.0, 0.0, 30.0])])
+    held = (nodes[:, 2] == 0.0) | (nodes[:, 2] == 30.0)
+    return trunk(nodes, np.vstack([tets, fine_tets + len(coarse)]), held)
+
+
+@pytest.mark.parametrize(("weights", "upper_share"), [("volume", 0.5), ("count", None)])
+def test_by_volume_equal_parts_of_tissue_are_equally_stiff(weights: str, upper_share: float | None) -> None:
+    """Swelling one of the two cubes: fine cells cost more by count, the same by volume."""
+    mesh = half_refined()
+    upper = mesh.nodes[:, 2] >= 30.0
+    swollen = 0.1 * (mesh.nodes - [10.0, 10.0, 30.0])
+    one = energy_of(mesh, np.where(upper[:, None], swollen, 0.0), SOFT, weights=weights)
+    other = energy_of(mesh, np.where(upper[:, None], 0.0, swollen), SOFT, weights=weights)
+    for term in ("distance", "area", "volume"):
+        share = getattr(one, term) / (getattr(one, term) + getattr(other, term))
+        assert share == pytest.approx(upper_share, rel=1e-12) if upper_share else share > 0.8, term
+
+
+def test_by_volume_the_whole_trunk_is_as_stiff_as_by_count() -> None:
+    """Where every feature is stretched alike, the energy is the number of features times its square."""
+    mesh = block()
+    swollen = 0.1 * mesh.nodes
+    by_count, by_volume = (energy_of(mesh, swollen, SOFT, weights=weights) for weights in ("count", "volume"))
+    for term in ("distance", "area", "volume"):
+        assert getattr(by_volume, term) == pytest.approx(getattr(by_count, term), rel=1e-12)
+
+
+def expected(
+    mesh: TrunkMesh, displacement: np.ndarray, tissues: tuple[Tissue, ...], weights: str
+) -> dict[str, float]:
+    """Every tetrahedron's terms, with its own tissue's constants and its share of edges and faces."""
+    reference = Reference(mesh)
+    rest_volume = volumes(mesh.nodes, mesh.tets)
+    part_of_volume = rest_volume / rest_volume.sum()
+    points = mesh.nodes + displacement
+    growth = volumes(points, mesh.tets) / rest_volume - 1.0
+    edges, faces = (
+        [set(feature) for feature in features.tolist()] for features in (reference.edges, reference.faces)
+    )
+    times_edge = [sum(edge <= set(tet) for tet in mesh.tets.tolist()) for edge in edges]
+    times_face = [sum(face <= set(tet) for tet in mesh.tets.tolist()) for face in faces]
+    edge_growth = reference.lengths(points) / reference.rest_lengths - 1.0
+    face_growth = reference.areas(points) / reference.rest_areas - 1.0
+    total = {"distance": 0.0, "area": 0.0, "volume": 0.0}
+    for t, tet in enumerate(mesh.tets.tolist()):
+        tissue = tissues[0 if mesh.tissue is None else mesh.tissue[t]]
+        stiffness = tissue.youngs_modulus / tissues[0].youngs_modulus
+        for pair in combinations(tet, 2):
+            e = edges.index(set(pair))
+            share = 1.0 / times_edge[e] if weights == "count" else part_of_volume[t] * len(edges) / 6.0
+            total["distance"] += stiffness * share * edge_growth[e] ** 2
+        for triple in combinations(tet, 3):
+            f = faces.index(set(triple))
+            share = 1.0 / times_face[f] if weights == "count" else part_of_volume[t] * len(faces) / 4.0
+            total["area"] += stiffness * tissue.epsilon * share * face_growth[f] ** 2
+        share = 1.0 if weights == "count" else part_of_volume[t] * len(mesh.tets)
+        total["volume"] += stiffness * tissue.theta * share * growth[t] ** 2
+    return total
+
+
+@pytest.mark.parametrize("weights", ["count", "volume"])
+@pytest.mark.parametrize("tissues", [(SOFT,), (SOFT, STIFF), (STIFF, replace(SOFT, epsilon=0.0))])
+def test_energies_of_tissues(tissues: tuple[Tissue, ...], weights: str) -> None:
+    mesh = block((2, 2, 2))
+    if len(tissues) > 1:
+        mesh = replace(mesh, tissue=np.random.default_rng(3).integers(0, 2, len(mesh.tets)).astype(np.int8))
+    rng = np.random.default_rng(8)
+    displacement = mesh.nodes @ (1.1 * rotation(25.0)).T - mesh.nodes + rng.normal(size=mesh.nodes.shape)
+    energy = energy_of(mesh, displacement, tissues, weights=weights)
+    for term, value in expected(mesh, displacement, tissues, weights).items():
+        assert getattr(energy, term) == pytest.approx(value, rel=1e-12), term
+
+
+def test_weight_of_tissues_in_newtons() -> None:
+    """k_D / 2 [J] times the gradient along z is m g, with k_D of the first tissue."""
+    mesh = block((2, 2, 2))
+    mesh = replace(mesh, tissue=(np.arange(len(mesh.tets)) % 2).astype(np.int8))
+    state, _ = State.pair(build_model(mesh, (SOFT, STIFF), gravity=9.81, device="cpu", precision="float64"))
+    state.evaluate()
+    volume = volumes(mesh.nodes, mesh.tets) * 1e-9
+    k_d = 5.0 * 5e3 * volume.sum() / len(Reference(mesh).edges)
+    newtons = 0.5 * k_d * state.gradient.numpy().sum(axis=(0, 1))[2] * 1e3
+    assert newtons == pytest.approx(9.81 * (900.0 * volume[::2].sum() + 1300.0 * volume[1::2].sum()), rel=1e-10)
+
+
+def test_a_uniform_scene_uploads_no_constant_for_each_tetrahedron() -> None:
+    mesh = block((2, 2, 2))
+    labelled = replace(mesh, tissue=np.zeros(len(mesh.tets), dtype=np.int8))
+    itmsm: Any = build_model(labelled, SOFT, device="cpu").elements
+    continuum: Any = build_model(mesh, SOFT, energy="neo-hookean", device="cpu").elements
+    assert len(itmsm.theta) == len(itmsm.gravity_weight) == len(continuum.moduli) == 1
+    layers: Any = build_model(labelled, (SOFT, STIFF), energy="neo-hookean", device="cpu").elements
+    assert len(layers.moduli) == len(mesh.tets)
+
+
+@pytest.mark.parametrize(
+    ("label", "tissue", "options", "text"),
+    [
+        (None, (), {}, "there is none"),
+        (None, (SOFT, STIFF), {}, "does not say which"),
+        (2, (SOFT, STIFF), {}, "labels from 0 to 2 but 2 tissues"),
+        (-1, (SOFT, STIFF), {}, "labels from -1"),
+        (None, SOFT, {"energy": "magic"}, "itmsm or neo-hookean"),
+        (None, SOFT, {"weights": "mass"}, "count or volume"),
+        (None, SOFT, {"weights": "volume", "energy": "neo-hookean"}, "leave it out"),
+    ],
+)
+def test_refuses(label: int | None, tissue: Any, options: Any, text: str) -> None:
+    mesh = block((2, 2, 2))
+    if label is not None:
+        mesh = replace(mesh, tissue=np.where(np.arange(len(mesh.tets)) == 3, label, 0).astype(np.int8))
+    with pytest.raises(InputError, match=text) as caught:
+        build_model(mesh, tissue, device="cpu", **options)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("ratio", [-0.1, 0.5, np.nan])
+def test_refuses_a_poisson_ratio(ratio: float) -> None:
+    with pytest.raises(InputError, match="poisson_ratio"):
+        Tissue(poisson_ratio=ratio)
