@@ -83,9 +83,10 @@ def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itms
             for weight in (edge_weight, face_weight)
         )
         tet_weight = share * len(share)
-    stiffness = rest.by_tissue([tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues])
-    epsilon = stiffness * rest.by_tissue([tissue.epsilon for tissue in tissues])
-    theta = stiffness * tet_weight * rest.by_tissue([tissue.theta for tissue in tissues])
+    relative = [tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues]
+    stiffness = rest.by_tissue(relative)
+    epsilon = rest.by_tissue([r * tissue.epsilon for r, tissue in zip(relative, tissues, strict=True)])
+    theta = tet_weight * rest.by_tissue([r * tissue.theta for r, tissue in zip(relative, tissues, strict=True)])
     alpha, gravity_weight = gravity_weights(rest, gravity, edge_count)
     gravity_weight = np.broadcast_to(gravity_weight, theta.shape)
     used = {

@@ -99,7 +99,7 @@ def build_model(
     Args:
         trunk: the mesh before surgery.
         tissue: constants of the energy; the default tissue if left out. Of several, `trunk.tissue` says which
-            a tetrahedron is made of.
+            a tetrahedron is made of, or which part of it.
         energy: 'itmsm', the seeds' energy (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
         weights: how itmsm weights its features: by their 'count' (the seeds) or by rest 'volume'.
         gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.
@@ -169,6 +169,13 @@ def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
             raise InputError(
                 f"tissue: {len(tissues)} are given but the mesh does not say which tetrahedron is of which; "
                 "label it (TrunkMesh.tissue) or give one tissue"
+            )
+        return
+    if trunk.tissue.ndim == 2:
+        if trunk.tissue.shape[1] != len(tissues):
+            raise InputError(
+                f"tissue: the mesh has parts of {trunk.tissue.shape[1]} tissues but {len(tissues)} are given; "
+                "give one tissue for each"
             )
         return
     most = int(trunk.tissue.max())

@@ -24,7 +24,8 @@ class RestMesh:
     tissues: tuple[Tissue, ...]
     """What the tetrahedra are made of."""
     label: np.ndarray | None
-    """The tissue of each tetrahedron, shape (tets,); None where there is one tissue."""
+    """The tissue of each tetrahedron, shape (tets,), or the part of each tissue in it, shape (tets, tissues); None
+    where there is one tissue."""
     scalar: Any
     """Precision of the device arrays, wp.float32 or wp.float64."""
     device: str
@@ -46,8 +47,14 @@ class RestMesh:
         return np.einsum("ij,ij->i", self.edges[:, 0], np.cross(self.edges[:, 1], self.edges[:, 2])) / 6.0
 
     def by_tissue(self, values: Sequence[float]) -> np.ndarray:
-        """A constant of the tissues for each tetrahedron, shape (tets,), or for all of them, shape (1,)."""
-        return np.asarray(values, dtype=np.float64)[self.label if self.label is not None else [0]]
+        """A constant of the tissues for each tetrahedron, shape (tets,), or for all of them, shape (1,).
+
+        For a mixture it is the mean by volume (Voigt's): the constants enter the energy as factors.
+        """
+        constants = np.asarray(values, dtype=np.float64)
+        if self.label is None:
+            return constants[:1]
+        return constants[self.label] if self.label.ndim == 1 else self.label @ constants
 
     def height_energy(self, weight: np.ndarray) -> float:
         """The gravity term at rest, of a weight per mm^3 and mm of a corner, shape (1,) or (tets,)."""

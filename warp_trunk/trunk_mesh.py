@@ -30,7 +30,8 @@ class TrunkMesh:
     bone_faces: np.ndarray
     """Triangles of the bone surface, in node numbers, outward from the bone, shape (faces, 3), int32."""
     tissue: np.ndarray | None = None
-    """Which tissue each tetrahedron is of, from 0, shape (tets,), int8; None where all are of one."""
+    """Which tissue each tetrahedron is of, from 0, shape (tets,), int8, or which part of its volume is of each
+    tissue, shape (tets, tissues), float64; None where all are of one."""
 
     @property
     def prescribed(self) -> np.ndarray:
@@ -57,13 +58,8 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
             raise InputError(f"{name}: '{field}' must have shape {shape}, not {array.shape}; mesh again")
     if not np.isfinite(trunk.nodes).all():
         raise InputError(f"{name}: every node must have a finite position; mesh again")
-    if trunk.tissue is not None and (
-        trunk.tissue.shape != (len(trunk.tets),) or not np.issubdtype(trunk.tissue.dtype, np.integer)
-    ):
-        raise InputError(
-            f"{name}: 'tissue' must be one whole number for each of {len(trunk.tets)} tetrahedra, not "
-            f"{trunk.tissue.dtype} of shape {trunk.tissue.shape}; label them again"
-        )
+    if trunk.tissue is not None:
+        check_tissue(trunk.tissue, len(trunk.tets), name)
     ranges = (
         ("tets", trunk.tets, 0, count),
         ("skin_nodes", trunk.skin_nodes, 0, count),
@@ -88,6 +84,21 @@ def check_trunk(trunk: TrunkMesh, name: str) -> None:
         )
 
 
+def check_tissue(tissue: np.ndarray, tets: int, name: str) -> None:
+    """InputError where a mesh's tissue is neither one label nor parts that make a whole for each tetrahedron."""
+    labels = tissue.shape == (tets,) and np.issubdtype(tissue.dtype, np.integer)
+    parts = tissue.ndim == 2 and len(tissue) == tets and np.issubdtype(tissue.dtype, np.floating)
+    if not (labels or parts):
+        raise InputError(
+            f"{name}: 'tissue' must be one whole number, or the part of each tissue, for each of {tets} "
+            f"tetrahedra, not {tissue.dtype} of shape {tissue.shape}; label them again"
+        )
+    if parts and not (tissue.min() >= -1e-6 and np.abs(tissue.sum(axis=1) - 1.0).max() <= 1e-6):
+        raise InputError(
+            f"{name}: the parts of 'tissue' in each tetrahedron must be from 0 and add to 1; label again"
+        )
+
+
 def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Signed volumes [mm^3] of tetrahedra, 1/6 P_ji . (P_ki x P_li), shape (tets,)."""
     corners = nodes[tets]
@@ -107,7 +118,11 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
     part = np.repeat(np.array([1, 2], dtype=np.int32), [len(trunk.skin_faces), len(trunk.bone_faces)])
     cell_data: dict[str, Any] = {"part": [np.zeros(len(trunk.tets), dtype=np.int32), part]}
     if trunk.tissue is not None:
-        cell_data["tissue"] = [trunk.tissue.astype(np.int32), np.full(len(triangles), -1, dtype=np.int32)]
+        parts = trunk.tissue.ndim == 2
+        label = trunk.tissue.argmax(axis=1) if parts else trunk.tissue
+        cell_data["tissue"] = [label.astype(np.int32), np.full(len(triangles), -1, dtype=np.int32)]
+        if parts:
+            cell_data["tissue_parts"] = [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
     return meshio.Mesh(
         trunk.nodes,
         [("tetra", trunk.tets), ("triangle", triangles)],
@@ -127,8 +142,8 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
     Points at rest [mm]; point data `displacement` [mm] (nodes, 3), `node_kind` (0 free, 1 skin, 2 bone),
     `bone` (index into the names, or -1) and `skin_vertex` (number of the skin vertex, or -1). Cells are the
     tetrahedra, then the triangles of skin and bone surface, told apart by the cell data `part` (0 tissue,
-    1 skin, 2 bone); `tissue` says which tissue a tetrahedron is of, where there are
-    several. The names of the bones are field data, UTF-8 codes with one name a line.
+    1 skin, 2 bone). Where there are several tissues, `tissue` says of which a tetrahedron is, or most of it,
+    and `tissue_parts` how much of each. The names of the bones are field data, UTF-8 codes with one name a line.
 
     Raises InputError when the displacement does not have one row for each node.
     """
@@ -173,7 +188,10 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
         bone = mesh.point_data["bone"].astype(np.int32)
         displacement = np.array(mesh.point_data["displacement"], dtype=np.float64)
         tets = mesh.cells_dict["tetra"].astype(np.int32)
-        tissue = np.concatenate(mesh.cell_data["tissue"]) if "tissue" in mesh.cell_data else None
+        tissue = next((mesh.cell_data[key] for key in ("tissue_parts", "tissue") if key in mesh.cell_data), None)
+        if tissue is not None:
+            tissue = np.concatenate(tissue)[kinds == "tetra"]
+            tissue = tissue.astype(np.int8 if tissue.ndim == 1 else np.float64)
         names = bytes(mesh.field_data["bone_names"].astype(np.uint8).tolist()).decode()
     except Exception as error:  # meshio fails in many ways on a damaged file
         reason = " ".join(f"{type(error).__name__}: {error}".split())
@@ -190,7 +208,7 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
         bone=bone,
         bone_names=tuple(names.split("\n")) if names else (),
         bone_faces=triangles[~skin],
-        tissue=None if tissue is None else tissue[kinds == "tetra"].astype(np.int8),
+        tissue=tissue,
     )
     check_trunk(trunk, str(path))
     return trunk, displacement

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from ..axes import Axes
+from ..axes import MILLIMETRES, Axes
 from ..errors import InputError
 from ..landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from ..surface import Surface, read_surface, write_surface
 from .checks import CaseSource, CheckOptions, check_case, check_names
 from .header import CaseHeader, header_text, read_header
+from .layer_table import read_layers, write_layers
 from .record import Case
 
 
@@ -17,8 +19,9 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     """Read and check a case folder; everything that comes back is in LPS axes and mm.
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
-    `landmarks_before.csv`, `landmarks_after.csv` and perhaps `skin_after.ply`. Surfaces may be in any format
-    that trimesh reads, landmarks also in those of 3D Slicer. A bone is named after its file.
+    `landmarks_before.csv`, `landmarks_after.csv` and perhaps `skin_after.ply` and `bones_after/*.ply`.
+    Surfaces may be in any format that trimesh reads, landmarks also in those of 3D Slicer. A bone is named
+    after its file.
 
     Args:
         folder: the case folder.
@@ -69,7 +72,14 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
         skin_after=None if after_file is None else read("skin_after", after_file),
         skin_after_is_placeholder=header.skin_after_is_placeholder,
         tissue=header.tissue,
+        bones_after={
+            name: read(f"bones_after/{name}", path)
+            for name, path in _surface_files(folder / "bones_after").items()
+        },
     )
+    if header.layers is not None:
+        layers = read_layers(folder, header.layers, MILLIMETRES[header.units], len(case.skin.vertices))
+        case = replace(case, layers=layers)
     check_case(case, checks, source)
     return case
 
@@ -91,10 +101,13 @@ def write_case(folder: str | Path, case: Case) -> None:
         if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
             raise InputError(f"write_case: '{name}' names a bone and must serve as a file name; rename the bone")
         surfaces[folder / "bones" / f"{name}.ply"] = surface
+    for name, surface in case.bones_after.items():
+        surfaces[folder / "bones_after" / f"{name}.ply"] = surface
     for found in (
         _surface_files(folder, "skin"),
         _surface_files(folder, "skin_after"),
         _surface_files(folder / "bones"),
+        _surface_files(folder / "bones_after"),
     ):
         for path in found.values():
             if path not in surfaces:
@@ -102,8 +115,8 @@ def write_case(folder: str | Path, case: Case) -> None:
                     f"{path}: stands where case {case.name!r} goes and would be read as part of it; "
                     "remove it or write to another folder"
                 )
-    (folder / "bones").mkdir(parents=True, exist_ok=True)
     for path, surface in surfaces.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_surface(path, surface)
     write_landmarks(folder / "landmarks_before.csv", case.landmarks_before)
     write_landmarks(folder / "landmarks_after.csv", case.landmarks_after)
@@ -112,6 +125,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         axes=Axes("LPS"),
         skin_after_is_placeholder=case.skin_after_is_placeholder,
         tissue=case.tissue,
+        layers=None if case.layers is None else write_layers(folder, case.layers),
     )
     (folder / "case.toml").write_text(header_text(header), encoding="utf-8")
 

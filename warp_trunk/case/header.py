@@ -1,12 +1,9 @@
-"""case.toml: the name of a case, the units and axes of its files, and its tissue."""
+"""case.toml: the name of a case, the units and axes of its files, and its tissues."""
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
-import json
 import tomllib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +12,8 @@ from ..axes import MILLIMETRES, Axes
 from ..errors import InputError
 from ..landmarks import COLUMNS
 from ..tissue import Tissue
+from .keys import numbers, quoted, refuse_unknown, shown
+from .layer_table import LayerTable, layer_table, layer_text
 
 
 @dataclass(frozen=True)
@@ -33,6 +32,8 @@ class CaseHeader:
     """True when skin_after.ply is the spline's own image of the skin, and no truth."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue, from the table [tissue]."""
+    layers: LayerTable | None = None
+    """Skin, fat and muscle, from the table [layers]."""
 
 
 def read_header(path: Path) -> CaseHeader:
@@ -48,7 +49,7 @@ def read_header(path: Path) -> CaseHeader:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
-    _refuse_unknown(path, table, [field.name for field in dataclasses.fields(CaseHeader)], "")
+    refuse_unknown(path, table, [field.name for field in dataclasses.fields(CaseHeader)], "")
     values: dict[str, Any] = {"name": path.resolve().parent.name}
     for key, kind, expected in (
         ("name", str, "text"),
@@ -57,10 +58,11 @@ def read_header(path: Path) -> CaseHeader:
         ("landmark_columns", list, "a list of four column names"),
         ("skin_after_is_placeholder", bool, "true or false"),
         ("tissue", dict, "a table, [tissue]"),
+        ("layers", dict, "a table, [layers]"),
     ):
         if key in table:
             if not isinstance(table[key], kind):
-                raise InputError(f"{path}: '{key}' must be {expected}, not {_shown(table[key])}; correct it")
+                raise InputError(f"{path}: '{key}' must be {expected}, not {shown(table[key])}; correct it")
             values[key] = table[key]
     if values.get("units", "mm") not in MILLIMETRES:
         raise InputError(
@@ -74,6 +76,8 @@ def read_header(path: Path) -> CaseHeader:
             values["axes"] = Axes(values["axes"])
         if "tissue" in values:
             values["tissue"] = _tissue(path, values["tissue"])
+        if "layers" in values:
+            values["layers"] = layer_table(path, values["layers"])
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
@@ -94,26 +98,7 @@ def _columns(path: Path, names: list[Any]) -> tuple[str, ...]:
 
 
 def _tissue(path: Path, table: dict[str, Any]) -> Tissue:
-    _refuse_unknown(path, table, [field.name for field in dataclasses.fields(Tissue)], "tissue.")
-    for key, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise InputError(f"{path}: 'tissue.{key}' must be a number, not {_shown(value)}; correct it")
-    return Tissue(**{key: float(value) for key, value in table.items()})
-
-
-def _refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: str) -> None:
-    for key in table:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-            hint = f"did you mean '{prefix}{near[0]}'? " if near else ""
-            raise InputError(
-                f"{path}: unknown key '{prefix}{key}'; {hint}the keys are "
-                + ", ".join(prefix + name for name in known)
-            )
-
-
-def _shown(value: object) -> str:
-    return f"{str(value)[:40]!r} ({type(value).__name__})" if isinstance(value, str) else str(value)[:60]
+    return Tissue(**numbers(path, table, [field.name for field in dataclasses.fields(Tissue)], "tissue."))
 
 
 def header_text(header: CaseHeader) -> str:
@@ -125,7 +110,7 @@ def header_text(header: CaseHeader) -> str:
         else "skin_after, where there is one, was measured"
     )
     lines = [
-        f"name = {_quoted(header.name)}",
+        f"name = {quoted(header.name)}",
         f'units = "{header.units}"',
         f'axes = "{header.axes.code}"  # the patient\'s left, back and up are L, P and S',
         f"skin_after_is_placeholder = {truth}  # {label}",
@@ -133,9 +118,4 @@ def header_text(header: CaseHeader) -> str:
         "[tissue]",
     ]
     lines += [f"{key} = {float(value)!r}" for key, value in dataclasses.asdict(header.tissue).items()]
-    return "\n".join(lines) + "\n"
-
-
-def _quoted(text: str) -> str:
-    """A TOML basic string: JSON's escapes are TOML's, but for DEL."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return "\n".join(lines) + "\n" + ("" if header.layers is None else layer_text(header.layers))
