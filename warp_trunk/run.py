@@ -12,11 +12,13 @@ from .articulation import bone_motions
 from .bone_path import BonePath, rigid_path, spline_path
 from .errors import InputError
 from .joints import free_joints
+from .layers import Layers, LayersFrom, layered
 from .measures import TrunkMeasures, measure
 from .meshing import MeshOptions, make_trunk
 from .model import EnergyName, WeightsName, build_model
 from .progress import Progress
 from .recording import FurtherColour, Recording, check_colours, start_viewer
+from .rest import sag_free
 from .results import RECORDING, partial, prepare_folder, skin_after, write_result
 from .results.summary_text import markdown
 from .simulation import Increment, SimulationOptions, simulate
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from .case import Case
     from .model import Model
     from .relaxation import RelaxStatus
+    from .tissue import Tissue
     from .trunk_mesh import TrunkMesh
 
 
@@ -49,6 +52,12 @@ class RunOptions:
     """CPU threads; 0 is one for each core."""
     gravity: float = 0.0
     """Gravity [m/s^2], pulling down; 0 is off."""
+    rest: Literal["sag-free", "scan"] = "sag-free"
+    """The rest state under gravity: what gravity pulls into the scan, so that no surgery changes nothing, or the
+    scan itself, which then sags (the seeds)."""
+    layers: LayersFrom | None = None
+    """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
+    case.toml has in [layers] when left out."""
     bones: Literal["spline", "rigid"] = "spline"
     """How bones are carried: by the thin-plate spline through all landmarks, or each of them rigidly."""
     record: bool = True
@@ -110,10 +119,11 @@ def run_case(
             motions = bone_motions(case.bones, case.landmarks_before, case.landmarks_after, case.bones_after)
             trunk = free_joints(trunk)
             bone_path = rigid_path(trunk, motions, bone_path)
+    trunk, tissues = _tissues(case, trunk, options, progress)
     with progress.stage("compile", "preparing the model"):
         model = build_model(
             trunk,
-            case.tissue,
+            tissues,
             energy=options.energy,
             weights=options.weights,
             gravity=options.gravity,
@@ -121,6 +131,9 @@ def run_case(
             precision=options.precision,
             threads=options.threads,
         )
+    if options.gravity != 0.0 and options.rest == "sag-free":
+        with progress.stage("rest", "finding the rest state that gravity pulls into the scan"):
+            model = sag_free(model).model
     before = measure(case.skin, case.landmarks_before)
     recording = None
     if options.record:
@@ -153,6 +166,20 @@ def run_case(
         recording=None if recording is None or recording.failed else recording.path,
     )
     return RunResult(increments[-1].relaxation.status, before, after, summary, folder)
+
+
+def _tissues(
+    case: Case, trunk: TrunkMesh, options: RunOptions, progress: Progress
+) -> tuple[TrunkMesh, Tissue | tuple[Tissue, ...]]:
+    """The mesh with the tissue of its tetrahedra, and the tissues."""
+    source = options.layers
+    if source is None:
+        source = "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
+    if source == "none":
+        return trunk, case.tissue
+    layers = case.layers or Layers()
+    with progress.stage("layers", "telling skin, fat and muscle apart"):
+        return layered(trunk, layers, source), layers.tissues(case.tissue)
 
 
 def _simulate(
