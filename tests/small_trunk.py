@@ -5,10 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_trunk.bone_path import spline_path
 from warp_trunk.case import Case
 from warp_trunk.energy import Energy
 from warp_trunk.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.measures import measure
+from warp_trunk.recording import Recording
 from warp_trunk.relaxation import Relaxation, RelaxStatus
+from warp_trunk.results import skin_after
 from warp_trunk.surface import Surface
 from warp_trunk.trunk_mesh import TrunkMesh
 
@@ -117,3 +121,16 @@ def made_up_increments(trunk, count=3, status=None):
         displacement = turned(trunk, -14.0 * load_factor)
         increments.append(MadeUpIncrement(number, load_factor, displacement, relaxation, 0.25))
     return increments
+
+
+def start_recording(path, case, trunk, **options):
+    """A recording of a case that has no increment yet."""
+    path_of_bones = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+    before = measure(case.skin, case.landmarks_before)
+    return Recording(path, case, trunk, before, path_of_bones, strict=True, **options)
+
+
+def measured(case, trunk, increment):
+    """Measures of a case at an increment."""
+    skin = skin_after(case, trunk, increment.displacement)
+    return measure(skin, case.landmarks_at(increment.load_factor), case.skin)

@@ -7,31 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_trunk import made_up_increments, small_case
+from rrd import column
+from small_trunk import made_up_increments, measured, small_case, start_recording
 
-from warp_trunk.bone_path import spline_path
-from warp_trunk.measures import measure
-from warp_trunk.recording import Recording
 from warp_trunk.recording.colours import COLOURS
 from warp_trunk.recording.drawing import Normals
 from warp_trunk.recording.stream import within
-from warp_trunk.results import skin_after
 from warp_trunk.surface import Surface
 
 
-def start(path, case, trunk, **options):
-    path_of_bones = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
-    before = measure(case.skin, case.landmarks_before)
-    return Recording(path, case, trunk, before, path_of_bones, strict=True, **options)
-
-
-def measured(case, trunk, increment):
-    skin = skin_after(case, trunk, increment.displacement)
-    return measure(skin, case.landmarks_at(increment.load_factor), case.skin)
-
-
 def record(path, case, trunk, increments, after_each=lambda increment: None, close=True, **options):
-    recording = start(path, case, trunk, **options)
+    recording = start_recording(path, case, trunk, **options)
     for increment in increments:
         recording.increment(increment, measured(case, trunk, increment))
         after_each(increment)
@@ -39,23 +25,6 @@ def record(path, case, trunk, increments, after_each=lambda increment: None, clo
         recording.finish("# The end")
         recording.close()
     return recording
-
-
-def column(path, entity, component):
-    """Values of a component by increment; the one without a time has None."""
-    from rerun.chunk import RrdReader
-
-    found = {}
-    for chunk in RrdReader(path).stream():
-        if chunk.entity_path != entity:
-            continue
-        batch = chunk.to_record_batch()
-        names = [name for name in batch.schema.names if name.endswith(f":{component}")]
-        for name in names:
-            values = batch.column(name).to_pylist()
-            steps = [None] * len(values) if chunk.is_static else batch.column("increment").to_pylist()
-            found.update({step: np.array(v) for step, v in zip(steps, values, strict=True) if v is not None})
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +101,7 @@ def test_logged_arrays_are_copies(tmp_path):
     increments = made_up_increments(trunk)
     expected = {k.number: (trunk.nodes + k.displacement)[trunk.skin_nodes] for k in increments}
     path = tmp_path / "copies.rrd"
-    recording = start(path, case, trunk)
+    recording = start_recording(path, case, trunk)
     for stream in recording._streams:
         stream.wait = stream.send = lambda: None  # nothing is written before the arrays change
     for increment in increments:
@@ -160,7 +129,7 @@ def test_increments_so_far_survive_a_kill(tmp_path):
 def test_a_disk_that_fails_stops_the_recording_and_not_the_simulation(tmp_path, caplog):
     case, trunk = small_case()
     first, second = made_up_increments(trunk, count=2)
-    recording = start(tmp_path / "r.rrd", case, trunk)
+    recording = start_recording(tmp_path / "r.rrd", case, trunk)
     recording.increment(first, measured(case, trunk, first))
     recording._file.wait()
 

@@ -33,28 +33,34 @@ def layout(case: Case, before: TrunkMeasures, colours: Sequence[ColourName], tar
     import rerun as rr
     import rerun.blueprint as rrb
 
-    eye = rrb.EyeControls3D(**_behind_and_above(case), kind=rrb.Eye3DKind.Orbital, eye_up=(0.0, 0.0, 1.0))
-    glass = rr.Mesh3D.from_fields(albedo_factor=GLASS)
-    bare = rr.Mesh3D.from_fields(albedo_factor=GLASS, vertex_colors=drawing.SKIN)
+    aim = "Actual, after surgery" if target == "actual" else "Target: the planned spine"
 
-    def trunk(name: str, *contents: str, **overrides: Any) -> Any:
+    def trunk(name: str, *contents: str, glass: str = "", **override: Any) -> Any:
+        """A view of its own each time: the viewer wants no view, and no override, in two places."""
         return rrb.Spatial3DView(
             origin="/",
             name=name,
             contents=list(contents),
-            eye_controls=eye,
+            eye_controls=_behind_and_above(case),
             line_grid=False,
-            overrides={f"/{path.replace('_', '/')}": what for path, what in overrides.items()},
+            overrides={glass: rr.Mesh3D.from_fields(albedo_factor=GLASS, **override)} if glass else None,
         )
 
-    aim = "Actual, after surgery" if target == "actual" else "Target: the planned spine"
-    if target == "actual":
-        third = trunk(aim, "/target/skin")
-    else:
-        third = trunk(aim, "/target/bones", "/target/skin", target_skin=glass)
-    pictures: list[Any] = [
+    def third() -> Any:
+        if target == "actual":
+            return trunk(aim, "/target/skin")
+        return trunk(aim, "/target/bones", "/target/skin", glass="/target/skin")
+
+    skin = f"/now/skin/{colours[0]}"
+    through = rrb.Horizontal(
+        trunk("Before", "/before/bones", "/before/section", "/before/skin", glass="/before/skin"),
+        trunk("Now", "/now/bones", "/now/section", skin, glass=skin, vertex_colors=drawing.SKIN),
+        trunk(aim, "/target/bones", "/target/skin", glass="/target/skin"),
+        name="Spine through the skin",
+    )
+    coloured = [
         rrb.Vertical(
-            rrb.Horizontal(trunk("Before", "/before/skin"), trunk("Now", f"/now/skin/{name}"), third),
+            rrb.Horizontal(trunk("Before", "/before/skin"), trunk("Now", f"/now/skin/{name}"), third()),
             rrb.Spatial2DView(
                 origin=f"/scale/{name}",
                 name=COLOURS[name].red,
@@ -65,18 +71,9 @@ def layout(case: Case, before: TrunkMeasures, colours: Sequence[ColourName], tar
         )
         for name in colours
     ]
-    see_through = {f"now_skin_{colours[0]}": bare}
-    pictures.append(
-        rrb.Horizontal(
-            trunk("Before", "/before/bones", "/before/section", "/before/skin", before_skin=glass),
-            trunk("Now", "/now/bones", "/now/landmarks", "/now/section", f"/now/skin/{colours[0]}", **see_through),
-            trunk(aim, "/target/bones", "/target/skin", target_skin=glass),
-            name="Spine through the skin",
-        )
-    )
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Tabs(*pictures, active_tab=tab),
+            rrb.Tabs(*coloured, through, active_tab=tab),
             rrb.Horizontal(
                 _section(case, before), _bars(before, target), _plots(), _texts(), column_shares=[4, 4, 3, 4]
             ),
@@ -88,12 +85,20 @@ def layout(case: Case, before: TrunkMeasures, colours: Sequence[ColourName], tar
     )
 
 
-def _behind_and_above(case: Case) -> dict[str, Any]:
+def _behind_and_above(case: Case) -> Any:
+    """The eye from which a pane shows the whole back."""
+    import rerun.blueprint as rrb
+
     low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
     centre, tall = (low + high) / 2.0, float((high - low)[[0, 2]].max())
     away = np.array([0.0, 1.0, 0.25]) / np.hypot(1.0, 0.25)
-    near = high[1] - centre[1]
-    return {"position": centre + away * (near + 0.5 * tall / np.tan(FOV / 2.0)), "look_target": centre}
+    distance = high[1] - centre[1] + 0.5 * tall / np.tan(FOV / 2.0)
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=centre + distance * away,
+        look_target=centre,
+        eye_up=(0.0, 0.0, 1.0),
+    )
 
 
 def _section(case: Case, before: TrunkMeasures) -> Any:

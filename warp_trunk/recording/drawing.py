@@ -46,6 +46,11 @@ class Normals:
         return normals / np.maximum(length, np.float32(1e-12))[:, None]
 
 
+def degrees(angle: float | None, sign: str = "+") -> str:
+    """An angle [degrees] as a text; 'missing' where there is none."""
+    return "missing" if angle is None else f"{round(angle, 1) + 0.0:{sign}.1f}°"  # never -0.0
+
+
 def seen_from_above(points: np.ndarray) -> np.ndarray:
     """Points (n, 2 or more) for a picture with x right and y down: patient's left on the left, back below."""
     return np.column_stack([-points[:, 0], points[:, 1]]).astype(np.float32)

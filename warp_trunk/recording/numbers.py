@@ -57,7 +57,7 @@ class Numbers:
         """Logs rotations and the table."""
         rr = self._rr
         self._log("bars/now", self._bars(now, drawing.NOW, 1))
-        angles = {level: _degrees(angle) for level, angle in now.bsr.items()}
+        angles = {level: drawing.degrees(angle) for level, angle in now.bsr.items()}
         self._labels("bars/angles", 0.93, angles, drawing.NOW)
         self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in now.bsr.values()]))
         text = table(self._before, now, self._target, self._target_name, load_factor)
@@ -113,13 +113,14 @@ def table(
     moved = "" if now.skin_change_max is None else f"{now.skin_change_max:.1f} mm"
     rows = [
         row("Correction applied", ["0 %", f"{load_factor:.0%}", "100 %"]),
-        row("Back rotation, thoracic", [_degrees(m.max_thoracic_bsr) for m in three]),
-        row("Back rotation, lumbar", [_degrees(m.max_lumbar_bsr) for m in three]),
-        row("Largest Cobb angle", [_degrees(max((c.angle for c in m.cobb), default=None), "") for m in three]),
+        row("Back rotation, thoracic", [drawing.degrees(m.max_thoracic_bsr) for m in three]),
+        row("Back rotation, lumbar", [drawing.degrees(m.max_lumbar_bsr) for m in three]),
+        row("Largest Cobb angle", [_largest_cobb(m) for m in three]),
         row("Skin moved by up to", ["", moved, ""]),
     ]
     return "\n".join([f"| | before | now | {target_name} |", "|---|---:|---:|---:|", *rows])
 
 
-def _degrees(angle: float | None, sign: str = "+") -> str:
-    return "missing" if angle is None else f"{round(angle, 1) + 0.0:{sign}.1f}°"
+def _largest_cobb(measures: TrunkMeasures) -> str:
+    angles = [curve.angle for curve in measures.cobb]
+    return drawing.degrees(max(angles), sign="") if angles else "none"

@@ -93,7 +93,7 @@ class Scene:
         self._log(f"section/{when}", strips, static=static)
         low, high = self._case.skin.vertices[:, :2].min(axis=0), self._case.skin.vertices[:, :2].max(axis=0)
         at = [[-(high if static else low)[0], high[1] + 5.0]] if tangent else []  # clear of the outlines
-        texts = [f"{when} {tangent.angle:+.1f}°"] if tangent else []
+        texts = [f"{when} {drawing.degrees(tangent.angle)}"] if tangent else []
         angle = rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
         self._log(f"section/{when}/angle", angle, static=static)
 

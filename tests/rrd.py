@@ -1,0 +1,20 @@
+"""Recordings, read back."""
+
+import numpy as np
+
+
+def column(path, entity, component):
+    """Values of a component by increment; the one without a time has None."""
+    from rerun.chunk import RrdReader
+
+    found = {}
+    for chunk in RrdReader(path).stream():
+        if chunk.entity_path != entity:
+            continue
+        batch = chunk.to_record_batch()
+        names = [name for name in batch.schema.names if name.endswith(f":{component}")]
+        for name in names:
+            values = batch.column(name).to_pylist()
+            steps = [None] * len(values) if chunk.is_static else batch.column("increment").to_pylist()
+            found.update({step: np.array(v) for step, v in zip(steps, values, strict=True) if v is not None})
+    return found
