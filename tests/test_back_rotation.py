@@ -4,20 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from trunk_shapes import LEFT, SPINE, ellipse, joined, rotation, spine, tube
 
 from warp_trunk.errors import InputError
 from warp_trunk.landmarks import Landmarks
+from warp_trunk.measures import measure
 from warp_trunk.measures.back_rotation import back_surface_rotation, dual_tangent
-from warp_trunk.surface import Surface
-
-LEFT = np.array([1.0, 0.0])
-SPINE = np.array([0.0, 45.0])
-POINTS = ("superior_endplate", "inferior_endplate")
-
-
-def ellipse(count=360, half_width=150.0, half_depth=100.0):
-    t = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
-    return np.column_stack([half_width * np.cos(t), half_depth * np.sin(t)])
 
 
 def grooved(count=720, width=25.0):
@@ -28,39 +20,9 @@ def grooved(count=720, width=25.0):
     return np.column_stack([x, y])
 
 
-def rotation(degrees):
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return np.array([[c, -s], [s, c]])
-
-
 def angle(touching):
     dx, dy = touching[0] - touching[1]
     return math.degrees(math.atan2(dy, dx))
-
-
-def tube(outline, bottom=0.0, top=400.0):
-    """A closed prism over an outline."""
-    n = len(outline)
-    ring = np.arange(n)
-    after = np.roll(ring, -1)
-    vertices = np.vstack([np.column_stack([outline, np.full(n, z)]) for z in (bottom, top)])
-    centre = outline.mean(axis=0)
-    vertices = np.vstack([vertices, [*centre, bottom], [*centre, top]])
-    faces = np.vstack(
-        [
-            np.column_stack([ring, after, after + n]),
-            np.column_stack([ring, after + n, ring + n]),
-            np.column_stack([after, ring, np.full(n, 2 * n)]),
-            np.column_stack([ring + n, after + n, np.full(n, 2 * n + 1)]),
-        ]
-    )
-    return Surface(vertices, faces.astype(np.int32))
-
-
-def spine(levels, xy=SPINE, asis=((120.0, 0.0), (-120.0, 0.0))):
-    names = [f"{level}_{point}" for level in levels for point in POINTS] + ["asis_left", "asis_right"]
-    points = [[*xy, z + dz] for z in levels.values() for dz in (10.0, -10.0)]
-    return Landmarks(tuple(names), np.array(points + [[*p, 20.0] for p in asis]))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 3.0, -8.0, 20.0, -35.0])
@@ -138,17 +100,41 @@ def test_level_that_misses_the_trunk_is_missing_and_not_zero():
     assert found["T8"].angle == pytest.approx(0.0, abs=1e-9)
 
 
-def test_arms_beside_the_trunk_do_not_count():
+@pytest.mark.parametrize("half_width", [40.0, 400.0])
+def test_arms_beside_the_trunk_do_not_count_however_large(half_width):
     turn = rotation(8.0)
-    trunk = tube(ellipse() @ turn.T)
-    arm = tube(ellipse(60, 40.0, 45.0) + np.array([230.0, 70.0]))
-    both = Surface(
-        np.vstack([trunk.vertices, arm.vertices]),
-        np.vstack([trunk.faces, arm.faces + len(trunk.vertices)]).astype(np.int32),
-    )
+    arm = tube(ellipse(60, half_width, 45.0) + np.array([200.0 + half_width, 70.0]))
+    both = joined(tube(ellipse() @ turn.T), arm)
     found = back_surface_rotation(both, spine({"T8": 200.0}, turn @ SPINE))["T8"]
     assert found is not None
     assert found.angle == pytest.approx(-8.0, abs=1e-6)
+
+
+def test_what_is_missing_says_why():
+    trunk = tube(ellipse())
+    beside = joined(trunk, tube(ellipse(60, 40.0, 45.0) + np.array([230.0, 70.0])))
+    landmarks = spine({"T1": 450.0, "T8": 200.0}, (180.0, 0.0))  # between trunk and arm
+    assert measure(beside, landmarks).bsr == {"T1": None, "T8": None}
+    missing = measure(beside, landmarks).missing
+    assert "z = 450 mm misses the skin" in missing["T1"]
+    assert "goes round the vertebra" in missing["T8"]
+    sideways = spine({"T8": 200.0}, asis=((0.0, 120.0), (0.0, -120.0)))  # the pelvis turned by 90 degrees
+    narrow = tube(ellipse(half_width=150.0, half_depth=15.0))
+    assert "touches the back on both sides" in measure(narrow, sideways).missing["T8"]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_point_of_a_rough_back_lies_behind_its_tangent(seed):
+    """A random outline whose two prominences are further apart than the span: a line of support."""
+    random = np.random.default_rng(seed)
+    outline = grooved(300, width=35.0) * random.uniform(0.98, 1.02, (300, 1))
+    turn = rotation(random.uniform(-20.0, 20.0))
+    outline = outline @ turn.T
+    left, right = dual_tangent(outline, turn @ SPINE, LEFT)
+    assert max(np.linalg.norm(outline - point, axis=1).min() for point in (left, right)) < 1e-9
+    along = left - right
+    behind = along[0] * (outline[:, 1] - right[1]) - along[1] * (outline[:, 0] - right[0])
+    assert behind.max() <= 1e-9 * np.hypot(*along)
 
 
 def test_missing_or_coincident_asis_is_named():

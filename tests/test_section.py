@@ -1,18 +1,12 @@
 import numpy as np
 import pytest
 from synthetic import box, sphere
+from trunk_shapes import joined
 
 from warp_trunk.errors import InputError
-from warp_trunk.section import enclosed_area, outer_loop, section
+from warp_trunk.meshing.surface_checks import enclosed_volume
+from warp_trunk.section import enclosed_area, encloses, outer_loop, section, sections, trunk_loop
 from warp_trunk.surface import Surface
-
-
-def joined(*surfaces):
-    counts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
-    return Surface(
-        np.concatenate([s.vertices for s in surfaces]),
-        np.concatenate([s.faces + first for s, first in zip(surfaces, counts[:-1], strict=True)]),
-    )
 
 
 def test_circle_of_a_sphere_turns_counterclockwise():
@@ -84,3 +78,37 @@ def test_open_surface_is_refused():
     cut = np.flatnonzero((heights.min(axis=1) < 0.5) & (heights.max(axis=1) > 0.5))
     with pytest.raises(InputError, match="closed"):
         section(Surface(ball.vertices, np.delete(ball.faces, cut[0], axis=0)), 0.5)
+
+
+def test_areas_of_all_sections_add_up_to_the_volume():
+    """Cavalieri: the volume is the integral of the enclosed areas over the height, whatever the shape."""
+    bumpy = sphere(50.0, subdivisions=4)
+    bumpy = Surface(bumpy.vertices * (1.0 + 0.2 * np.sin(bumpy.vertices / 12.0)), bumpy.faces)
+    hollow = joined(bumpy, Surface(sphere(10.0).vertices, sphere(10.0).faces[:, ::-1]))
+    low, high = hollow.vertices[:, 2].min(), hollow.vertices[:, 2].max()
+    heights = low + (np.arange(400) + 0.5) * (high - low) / 400
+    areas = [sum(enclosed_area(loop) for loop in loops) for loops in sections(hollow, heights.tolist())]
+    assert np.sum(areas) * (high - low) / 400 == pytest.approx(enclosed_volume(hollow), rel=1e-4)
+
+
+def test_sections_come_in_the_order_asked_for_also_twice():
+    cone = Surface(np.array([[0, 0, 10], [30, 0, 0], [0, 30, 0], [-30, -30, 0]], dtype=float),
+                   np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]))  # fmt: skip
+    heights = [4.0, 20.0, 1.0, 4.0, 9.0]
+    areas = [sum(map(enclosed_area, loops)) for loops in sections(cone, heights)]
+    base = sum(map(enclosed_area, section(cone, 1e-12)))
+    assert areas == pytest.approx([base * max(0.0, 1.0 - z / 10.0) ** 2 for z in heights])
+    assert sections(cone, []) == []
+
+
+def test_of_several_loops_the_largest_around_the_spine_counts():
+    trunk = np.array([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]])
+    vessel, arm = trunk / 9.0, trunk * 3.0 + np.array([40.0, 0.0])
+    assert trunk_loop([vessel, arm, trunk], np.zeros(2)) is trunk
+    assert trunk_loop([vessel, trunk], np.array([50.0, 0.0])) is None
+    assert trunk_loop([], np.zeros(2)) is None
+    assert encloses(trunk, np.array([8.9, -8.9]))
+    assert not encloses(trunk, np.array([9.1, 0.0]))
+    hooked = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [8.0, 10.0], [8.0, 2.0], [0.0, 2.0]])
+    assert not encloses(hooked, np.array([4.0, 6.0]))
+    assert encloses(hooked, np.array([9.0, 6.0]))

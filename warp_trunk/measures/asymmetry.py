@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .spine import asis_axis
 from .trunk_shift import sacral_line
 
 if TYPE_CHECKING:
@@ -31,8 +30,8 @@ def mirror_asymmetry(skin: Surface, landmarks: Landmarks) -> np.ndarray:
     """
     from ..meshing.distance_field import SurfaceDistance  # heavy
 
-    across, line = asis_axis(landmarks), sacral_line(landmarks)
+    line = sacral_line(landmarks)
     mirrored = skin.vertices.copy()
     # a vertex is as far from the image as its image is from the skin
-    mirrored[:, :2] -= 2.0 * ((mirrored[:, :2] - line.point) @ across)[:, None] * across
+    mirrored[:, :2] -= 2.0 * ((mirrored[:, :2] - line.point) @ line.across)[:, None] * line.across
     return SurfaceDistance(skin).at(mirrored).astype(np.float64)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..section import sections, trunk_loop
+from .outlines import outlines_of
 from .spine import Spine, asis_axis, spine_of
 
 if TYPE_CHECKING:
@@ -55,32 +56,24 @@ def back_surface_rotation(surface: Surface, landmarks: Landmarks) -> dict[str, D
         landmarks: those of the spine and the pelvis that go with this skin [mm].
 
     Returns:
-        By level, top to bottom; None where it is missing (`tangents_of` also says why).
+        By level, top to bottom; None where the plane misses the trunk or finds no back behind the spine.
 
     Raises:
         InputError: 'asis_left' or 'asis_right' is missing or they coincide in the axial plane, or the surface
             is open where it is cut.
     """
-    return tangents_of(surface, spine_of(landmarks), asis_axis(landmarks))[0]
+    spine = spine_of(landmarks)
+    return tangents_of(outlines_of(surface, spine)[0], spine, asis_axis(landmarks))
 
 
 def tangents_of(
-    surface: Surface, spine: Spine, across: np.ndarray
-) -> tuple[dict[str, DualTangent | None], dict[str, str]]:
-    """`back_surface_rotation`, and why it is missing by level, for the levels where it is."""
-    tangents: dict[str, DualTangent | None] = {}
-    missing: dict[str, str] = {}
-    cuts = sections(surface, spine.centroids[:, 2].tolist())
-    for level, centroid, loops in zip(spine.levels, spine.centroids, cuts, strict=True):
-        outline = trunk_loop(loops, centroid[:2])
-        tangents[level] = None if outline is None else _measured(outline, centroid, across)
-        if not loops:
-            missing[level] = f"the plane at z = {centroid[2]:.0f} mm misses the skin"
-        elif outline is None:
-            missing[level] = f"no part of the section at z = {centroid[2]:.0f} mm goes round the vertebra"
-        elif tangents[level] is None:
-            missing[level] = "no line within 60 degrees of the pelvis touches the back on both sides"
-    return tangents, missing
+    outlines: Mapping[str, np.ndarray | None], spine: Spine, across: np.ndarray
+) -> dict[str, DualTangent | None]:
+    """The dual tangent by level, from the outlines of the trunk (`outlines_of`); None where there is none."""
+    return {
+        level: None if (outline := outlines[level]) is None else _measured(outline, centroid, across)
+        for level, centroid in zip(spine.levels, spine.centroids, strict=True)
+    }
 
 
 def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> np.ndarray | None:

@@ -16,7 +16,8 @@ from .back_rotation import DualTangent, tangents_of
 from .cobb import CobbAngle, curves_of
 from .flanks import FlankAsymmetry, flank_asymmetry
 from .hump import hump_height
-from .spine import asis_axis, spine_of
+from .outlines import outlines_of
+from .spine import spine_of
 from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift
 
 if TYPE_CHECKING:
@@ -32,8 +33,10 @@ class TrunkMeasures:
     skin or vertebra turned back. A measure that cannot be taken is None, and `missing` says why.
     """
 
+    outlines: dict[str, np.ndarray | None]
+    """Section of the trunk by vertebral level, top to bottom, x and y [mm]; None where it misses the trunk."""
     tangents: dict[str, DualTangent | None]
-    """Section and dual tangent by vertebral level, top to bottom; None where the plane misses the trunk."""
+    """Dual tangent of the back by level; None where the section is missing or no line touches both sides."""
     cobb: tuple[CobbAngle, ...]
     """Curves of the spine, top to bottom."""
     skin_change_max: float | None
@@ -88,8 +91,8 @@ class TrunkMeasures:
     def flanks(self) -> dict[str, FlankAsymmetry | None]:
         """Widths to either side of the sacral line by level, see `flank_asymmetry`; None where missing."""
         return {
-            level: None if t is None else flank_asymmetry(t, self.sacral_line)
-            for level, t in self.tangents.items()
+            level: None if outline is None else flank_asymmetry(outline, self.sacral_line)
+            for level, outline in self.outlines.items()
         }
 
 
@@ -117,17 +120,22 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
             )
         moved = skin.vertices - before.vertices
         change = np.sqrt(np.einsum("vi,vi->v", moved, moved))
-    across, spine, line = asis_axis(landmarks), spine_of(landmarks), sacral_line(landmarks)
-    tangents, missing = tangents_of(skin, spine, across)
-    shift = trunk_shift(spine, line, across)
+    spine, line = spine_of(landmarks), sacral_line(landmarks)
+    outlines, missing = outlines_of(skin, spine)
+    tangents = tangents_of(outlines, spine, line.across)
+    for level, tangent in tangents.items():
+        if tangent is None:
+            missing.setdefault(level, "no line within 60 degrees of the pelvis touches the back on both sides")
+    shift = trunk_shift(spine, line)
     if shift is None:
         missing["trunk_shift"] = "no landmarks of C7 or T1"
     return TrunkMeasures(
+        outlines=outlines,
         tangents=tangents,
         cobb=curves_of(spine),
         skin_change_max=None if change is None else float(change.max()),
         skin_change_mean=None if change is None else float(change.mean()),
-        axial_rotation=axial_rotation(spine, across),
+        axial_rotation=axial_rotation(spine, line.across),
         trunk_shift=shift,
         sacral_line=line,
         missing=missing,

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .spine import asis_axis
+
 if TYPE_CHECKING:
     from ..landmarks import Landmarks
     from .spine import Spine
@@ -18,6 +20,8 @@ class SacralLine:
 
     point: np.ndarray
     """Where it is seen from above, x and y [mm], shape (2,)."""
+    across: np.ndarray
+    """Unit vector of the pelvis' axis to the patient's left, x and y, shape (2,)."""
     landmark: str
     """What it goes through: S1, sacrum, L5 (its lower endplate), or pelvis (midway between the iliac spines)."""
 
@@ -39,17 +43,21 @@ def sacral_line(landmarks: Landmarks) -> SacralLine:
 
     It is drawn through the middle of S1's upper endplate; the lower endplate of L5 is the nearest to it of the
     landmarks that every case has.
+
+    Raises:
+        InputError: no ASIS among the landmarks.
     """
+    across = asis_axis(landmarks)
     for name, start in (("S1", "S1_superior_endplate"), ("S1", "S1_"), ("sacrum", "sacrum_")):
         rows = [row for row, full in enumerate(landmarks.names) if full.startswith(start)]
         if rows:
-            return SacralLine(landmarks.points[rows, :2].mean(axis=0), name)
+            return SacralLine(landmarks.points[rows, :2].mean(axis=0), across, name)
     if "L5_inferior_endplate" in landmarks.names:
-        return SacralLine(landmarks.point("L5_inferior_endplate")[:2], "L5")
-    return SacralLine((landmarks.point("asis_left") + landmarks.point("asis_right"))[:2] / 2.0, "pelvis")
+        return SacralLine(landmarks.point("L5_inferior_endplate")[:2], across, "L5")
+    return SacralLine((landmarks.point("asis_left") + landmarks.point("asis_right"))[:2] / 2.0, across, "pelvis")
 
 
-def trunk_shift(spine: Spine, line: SacralLine, across: np.ndarray) -> TrunkShift | None:
+def trunk_shift(spine: Spine, line: SacralLine) -> TrunkShift | None:
     """Distance of the plumb line of C7 from the central sacral vertical line in the coronal plane.
 
     Coronal balance of the Scoliosis Research Society, positive to the patient's right. Without landmarks of C7
@@ -58,10 +66,9 @@ def trunk_shift(spine: Spine, line: SacralLine, across: np.ndarray) -> TrunkShif
     Args:
         spine: vertebrae [mm].
         line: see `sacral_line`.
-        across: unit vector of the pelvis' axis to the patient's left, shape (2,).
     """
     upper = next((level for level in ("C7", "T1") if level in spine.levels), None)
     if upper is None:
         return None
     aside = spine.centroids[spine.levels.index(upper), :2] - line.point
-    return TrunkShift(lateral=-float(aside @ across), upper=upper, lower=line.landmark)
+    return TrunkShift(lateral=-float(aside @ line.across), upper=upper, lower=line.landmark)
