@@ -3,9 +3,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+from synthetic import shell_trunk
 
-from warp_trunk.bone_path import composed_path, spline_path
+from warp_trunk.bone_path import BonePath, composed_path, rigid_path, spline_path
 from warp_trunk.errors import InputError
+from warp_trunk.joints import free_joints
 
 RNG = np.random.default_rng(3)
 NAMES = tuple(f"m{i}" for i in range(40))
@@ -57,3 +60,50 @@ def test_names_must_agree() -> None:
 def test_composition_needs_an_increment() -> None:
     with pytest.raises(InputError, match="at least 1"):
         composed_path(NODES, landmarks(BEFORE), landmarks(AFTER), 0)
+
+
+@pytest.fixture(scope="module")
+def jointed():
+    """Two spheres that touch, so that they share one surface, and a motion for each."""
+    motions = {
+        "upper": RigidTransform.from_components([6.0, -2.0, 1.0], Rotation.from_rotvec([0.1, 0.9, -0.3])),
+        "lower": RigidTransform.identity(),
+    }
+    return shell_trunk(), motions
+
+
+def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:
+    trunk, motions = jointed
+    free = BonePath(RNG.normal(size=trunk.nodes.shape))
+    path = rigid_path(trunk, motions, free)
+    for t in np.linspace(0.1, 1.0, 10):
+        there = trunk.nodes + path.at(t)
+        for number in range(2):
+            mine = np.flatnonzero(trunk.bone == number)
+            before, after = (p[mine][:, None] - p[mine][None] for p in (trunk.nodes, there))
+            assert np.abs(np.linalg.norm(after, axis=2) - np.linalg.norm(before, axis=2)).max() < 1e-6
+        off_bone = trunk.bone < 0
+        np.testing.assert_array_equal(path.at(t)[off_bone], t * free.displacement[off_bone])
+    upper = trunk.bone == 0
+    np.testing.assert_allclose(there[upper], motions["upper"].apply(trunk.nodes[upper]), atol=1e-9)
+    np.testing.assert_array_equal(path.displacement, path.at(1.0))
+    np.testing.assert_array_equal(path.at(0.4)[trunk.bone == 1], 0.0)
+
+
+def test_a_bone_without_a_motion_is_named(jointed) -> None:
+    trunk, motions = jointed
+    with pytest.raises(InputError, match="'lower'"):
+        rigid_path(trunk, {"upper": motions["upper"]}, BonePath(np.zeros_like(trunk.nodes)))
+
+
+def test_no_held_triangle_joins_two_bones_whose_joint_is_free(jointed) -> None:
+    trunk, _ = jointed
+    bones = trunk.bone[trunk.bone_faces]
+    assert (bones.min(axis=1) != bones.max(axis=1)).any()  # they are merged
+    free = free_joints(trunk)
+    bones = free.bone[free.bone_faces]
+    assert ((bones.min(axis=1) == bones.max(axis=1)) | (bones.min(axis=1) < 0)).all()
+    freed = (trunk.bone >= 0) & (free.bone < 0)
+    assert freed.any()
+    assert np.abs(trunk.nodes[freed, 2]).max() < 20.0  # where they touch, at z = 0, and not elsewhere
+    assert set(free.bone[free.bone >= 0]) == {0, 1}

@@ -8,10 +8,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .errors import InputError
+from .rigid import part_of
 from .spline import fit_spline
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scipy.spatial.transform import RigidTransform
+
     from .landmarks import Landmarks
+    from .trunk_mesh import TrunkMesh
+
+
+@dataclass(frozen=True)
+class RigidBone:
+    """Nodes that keep their distances from each other."""
+
+    nodes: np.ndarray
+    """Which nodes of the mesh, shape (k,)."""
+    rest: np.ndarray
+    """Where they are before surgery [mm], shape (k, 3), float64."""
+    motion: RigidTransform
+    """From before to after surgery."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +38,15 @@ class BonePath:
 
     displacement: np.ndarray
     """Motion from rest at load factor 1 [mm], shape (nodes, 3), float64."""
+    rigid_bones: tuple[RigidBone, ...] = ()
+    """Bones that keep their shape; all other nodes move straight."""
 
     def at(self, load_factor: float) -> np.ndarray:
         """Motion from rest at a load factor in [0, 1] [mm], shape (nodes, 3)."""
-        return load_factor * self.displacement
+        moved = load_factor * self.displacement
+        for bone in self.rigid_bones:
+            moved[bone.nodes] = part_of(bone.motion, load_factor).apply(bone.rest) - bone.rest
+        return moved
 
 
 def spline_path(nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks) -> BonePath:
@@ -46,6 +69,31 @@ def spline_path(nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after:
     _check_names(landmarks_before, landmarks_after)
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
     return BonePath(spline.displacement(nodes))
+
+
+def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], free: BonePath) -> BonePath:
+    """Every bone moves rigidly, on the shortest screw to its place after surgery.
+
+    The papers' spline is fitted on landmarks and bends what lies between them; here a bone keeps its shape at
+    every load factor. Where two bones are merged in the mesh, the surface between them stretches instead.
+
+    Args:
+        trunk: the mesh, whose nodes on bone know which bone that is.
+        motions: of each bone of the mesh from before to after surgery (`bone_motions`).
+        free: carries the nodes that are not on bone.
+
+    Raises:
+        InputError: a bone without a motion.
+    """
+    missing = [name for name in trunk.bone_names if name not in motions]
+    if missing:
+        raise InputError(f"rigid_path: 'motions' has none for the bone '{missing[0]}'; give one for each bone")
+    rigid_bones = tuple(
+        RigidBone(nodes, trunk.nodes[nodes], motions[name])
+        for number, name in enumerate(trunk.bone_names)
+        if len(nodes := np.flatnonzero(trunk.bone == number))
+    )
+    return BonePath(BonePath(free.displacement, rigid_bones).at(1.0), rigid_bones)
 
 
 def composed_path(

@@ -16,6 +16,7 @@ from ..landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from ..meshing.distance_field import SurfaceDistance
 from ..meshing.surface_checks import check_solid, components, enclosed_volume
 from ..surface import Surface, check_surface
+from .bones_after import check_bones_after
 
 if TYPE_CHECKING:
     from .record import Case
@@ -37,9 +38,11 @@ class CheckOptions:
     """How far a landmark may be from the surface of its bone [mm]."""
     landmark_motion: float = 150.0
     """How far surgery may move a landmark [mm]."""
+    bone_changed: float = 3.0
+    """How far a bone known after surgery may be from the same bone moved rigidly, root mean square [mm]."""
 
     def __post_init__(self) -> None:
-        for name in ("bone_outside_skin", "landmark_off_bone", "landmark_motion"):
+        for name in ("bone_outside_skin", "landmark_off_bone", "landmark_motion", "bone_changed"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"check: '{name}' must be a finite length of at least 0 mm, not {value}")
@@ -88,6 +91,7 @@ def check_case(case: Case, options: CheckOptions | None = None, source: CaseSour
     _check_orientation(case.landmarks_before, source)
     _check_bones(case, options, source)
     _check_landmark_places(case, options, source)
+    check_bones_after(case, options.bone_changed, source.name)
 
 
 def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..rigid import fit_rigid
 from ..surface import Surface
 from .spine_curve import Pose
 
@@ -90,13 +91,11 @@ def _follow(points: np.ndarray, vertebra: Pose, poses: Mapping[str, Pose], reach
 
 
 def _carry_rigidly(points: np.ndarray, pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Points moved by the rigid motion nearest to the pairs (Kabsch); left alone with fewer than three."""
+    """Points moved by the rigid motion nearest to the pairs; left alone with fewer than three."""
     a, b = (np.array([pair[side] for pair in pairs]) for side in (0, 1))
     if len(pairs) < 3 or (a == b).all():  # not even a rounding where nothing moves
         return points.copy()
-    U, _, Vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
-    R = (U * [1.0, 1.0, np.sign(np.linalg.det(U @ Vt))] @ Vt).T
-    return (points - a.mean(axis=0)) @ R.T + b.mean(axis=0)
+    return fit_rigid(a, b).apply(points)
 
 
 def _spread(vertices: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:

@@ -1,0 +1,97 @@
+"""How bones move on the phantom, whose landmarks are turned and shifted by known motions."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from warp_trunk.articulation import bone_motions
+from warp_trunk.bone_path import spline_path
+from warp_trunk.landmarks import Landmarks
+from warp_trunk.phantom import straight_trunk
+from warp_trunk.surface import Surface
+
+TURN = RigidTransform.from_components([-14.0, 6.0, 5.0], Rotation.from_rotvec([0.02, 0.1, -0.03]))
+
+
+@cache
+def straight() -> tuple[dict[str, Surface], Landmarks]:
+    _, bones, landmarks = straight_trunk()
+    return bones, landmarks
+
+
+def moved(*which: str) -> Landmarks:
+    """Landmarks after a surgery that moves those whose names begin so, and no other."""
+    _, before = straight()
+    rows = [name.startswith(which) for name in before.names]
+    return Landmarks(before.names, np.where(np.array(rows)[:, None], TURN.apply(before.points), before.points))
+
+
+def way(motion: RigidTransform, points: np.ndarray) -> np.ndarray:
+    return motion.apply(points) - points
+
+
+def test_a_whole_trunk_that_moves_rigidly_moves_every_bone_alike() -> None:
+    bones, before = straight()
+    for bone, motion in bone_motions(bones, before, moved("")).items():
+        if bone not in ("hip_left", "hip_right", "sacrum"):  # two landmarks do not hold them
+            np.testing.assert_allclose(motion.as_matrix(), TURN.as_matrix(), atol=1e-9)
+
+
+def test_vertebrae_follow_their_own_landmarks_and_the_pelvis_its_spines() -> None:
+    bones, before = straight()
+    motions = bone_motions(bones, before, moved("T8_"))
+    np.testing.assert_allclose(motions["T8"].as_matrix(), TURN.as_matrix(), atol=1e-9)
+    for still in ("T7", "L5", "hip_left", "hip_right", "sacrum"):
+        assert np.abs(way(motions[still], bones[still].vertices)).max() < 1e-9
+
+
+def test_the_pelvis_is_one_body_without_a_turn_about_its_spines() -> None:
+    bones, before = straight()
+    motions = bone_motions(bones, before, moved("asis"))
+    np.testing.assert_array_equal(motions["hip_left"].as_matrix(), motions["sacrum"].as_matrix())
+    across = before.point("asis_left") - before.point("asis_right")
+    assert motions["sacrum"].rotation.as_rotvec() @ across == pytest.approx(0.0, abs=1e-9)
+    spines = np.array([before.point(f"asis_{side}") for side in ("left", "right")])
+    np.testing.assert_allclose(motions["sacrum"].apply(spines), TURN.apply(spines), atol=1e-9)
+
+
+@pytest.mark.parametrize("number", [3, 7, 10])
+def test_a_rib_turns_between_its_vertebra_and_its_front_end(number: int) -> None:
+    bones, before = straight()
+    motions = bone_motions(bones, before, moved(f"T{number}_"))
+    rib, vertebra = bones[f"rib_left_{number:02d}"].vertices, f"T{number}"
+    motion = motions[f"rib_left_{number:02d}"]
+    gaps = np.linalg.norm(rib[:, None] - bones[vertebra].vertices[None], axis=2).min(axis=1)
+    head = rib[gaps <= gaps.min() + 5.0].mean(axis=0)
+    far = np.linalg.norm(rib - head, axis=1)
+    tip = rib[far >= far.max() - 5.0].mean(axis=0)
+    here = motions[vertebra].apply(head)
+    there = motions["sternum"].apply(tip)
+    if number > 7:
+        there = tip + spline_path(tip[None], before, moved(f"T{number}_")).displacement[0]
+    half = abs(np.linalg.norm(there - here) - np.linalg.norm(tip - head)) / 2  # what it would have to grow
+    assert np.linalg.norm(motion.apply(head) - here) == pytest.approx(half, abs=1e-9)
+    assert np.linalg.norm(motion.apply(tip) - there) == pytest.approx(half, abs=1e-9)
+
+
+def test_a_bone_without_landmarks_lies_as_near_to_the_spline_as_it_can() -> None:
+    bones, before = straight()
+    left_out = [name for name in before.names if not name.startswith("T8_")]
+    rows = [before.index(name) for name in left_out]
+    few = Landmarks(tuple(left_out), before.points[rows])
+    after = Landmarks(few.names, moved("T7_", "T9_").points[rows])
+    motion = bone_motions(bones, few, after)["T8"]
+    centre = bones["T8"].vertices.mean(axis=0)
+    # between two neighbours that move alike, it goes most of their way
+    assert 0.5 < np.linalg.norm(way(motion, centre)) / np.linalg.norm(way(TURN, centre)) < 1.2
+
+
+def test_a_bone_known_after_surgery_goes_there_and_takes_its_neighbours_along() -> None:
+    bones, before = straight()
+    known = {"sternum": Surface(TURN.apply(bones["sternum"].vertices), bones["sternum"].faces)}
+    motions = bone_motions(bones, before, before, known)
+    np.testing.assert_allclose(motions["sternum"].as_matrix(), TURN.as_matrix(), atol=1e-9)
+    assert np.linalg.norm(way(motions["rib_left_05"], bones["rib_left_05"].vertices), axis=1).max() > 5.0
+    assert np.abs(way(motions["rib_left_09"], bones["rib_left_09"].vertices)).max() < 1e-9

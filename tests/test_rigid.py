@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from warp_trunk.errors import InputError
+from warp_trunk.rigid import fit_rigid, part_of
+
+RNG = np.random.default_rng(5)
+UP = np.array([0.0, 0.0, 1.0])
+POINTS = RNG.uniform([-40, -20, 900], [40, 60, 1300], size=(12, 3))
+
+
+def test_finds_a_known_motion() -> None:
+    R, shift = Rotation.from_rotvec([0.3, -0.8, 0.4]), np.array([30.0, -4.0, 90.0])
+    motion = fit_rigid(POINTS, R.apply(POINTS) + shift)
+    np.testing.assert_allclose(motion.rotation.as_matrix(), R.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(motion.translation, shift, atol=1e-10)
+
+
+def test_never_mirrors() -> None:
+    mirrored = POINTS * [-1.0, 1.0, 1.0]
+    assert np.linalg.det(fit_rigid(POINTS, mirrored).rotation.as_matrix()) == pytest.approx(1.0)
+
+
+def test_no_other_motion_is_nearer_by_weight() -> None:
+    after, weights = POINTS + RNG.normal(scale=9.0, size=POINTS.shape), RNG.uniform(0.1, 4.0, size=12)
+
+    def miss(points: np.ndarray) -> float:
+        return float(weights @ np.sum((points - after) ** 2, axis=1))
+
+    best = fit_rigid(POINTS, after, weights)
+    for step in 1e-3 * RNG.normal(size=(50, 3)):
+        moved, centre = best.apply(POINTS), after.mean(axis=0)
+        assert miss(moved) < miss(moved + step)
+        assert miss(moved) < miss(Rotation.from_rotvec(step).apply(moved - centre) + centre)
+
+
+def test_a_part_of_a_motion_is_a_part_of_its_screw() -> None:
+    # a quarter turn about a vertical axis through (5, 0), rising by 8 mm
+    aside = np.array([5.0, 0.0, 0.0])
+    turn = Rotation.from_rotvec([0.0, 0.0, np.pi / 2])
+    motion = fit_rigid(POINTS, turn.apply(POINTS - aside) + aside + 8.0 * UP)
+    third = Rotation.from_rotvec([0.0, 0.0, np.pi / 6])
+    expected = third.apply(POINTS - aside) + aside + 8.0 / 3 * UP
+    np.testing.assert_allclose(part_of(motion, 1 / 3).apply(POINTS), expected, atol=1e-9)
+
+
+def test_points_on_a_line_are_turned_by_the_least_angle() -> None:
+    line = np.array([[0.0, 0.0, 1000.0], [100.0, 0.0, 1000.0], [250.0, 0.0, 1000.0]])
+    motion = fit_rigid(line, Rotation.from_rotvec([0.0, 0.0, 0.2]).apply(line) + UP)
+    np.testing.assert_allclose(motion.rotation.as_rotvec(), [0.0, 0.0, 0.2], atol=1e-12)
+    np.testing.assert_array_equal(fit_rigid(line, line).apply(POINTS), POINTS)
+
+
+def test_one_point_gives_a_shift() -> None:
+    motion = fit_rigid(POINTS[:1], POINTS[:1] + 7.0 * UP)
+    np.testing.assert_allclose(motion.apply(POINTS), POINTS + 7.0 * UP, atol=1e-12)
+
+
+def test_bad_points_are_refused() -> None:
+    with pytest.raises(InputError, match="one shape"):
+        fit_rigid(POINTS, POINTS[1:])
+    with pytest.raises(InputError, match="one shape"):
+        fit_rigid(POINTS[:0], POINTS[:0])
+    with pytest.raises(InputError, match="finite"):
+        fit_rigid(POINTS, POINTS * np.nan)
