@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .relaxation import Relaxation, RelaxOptions, RelaxStatus
     from .results import Result, read_result, read_summary, skin_after, write_result
     from .run import RunOptions, RunResult, run_case
+    from .scanning import CloseOptions, CutPlane, align_parts, close_skin
     from .simulation import Increment, SimulationOptions, simulate
     from .surface import Surface, read_surface, write_surface
     from .tissue import Tissue
@@ -84,6 +85,10 @@ _MODULE = {
     "RunOptions": "run",
     "RunResult": "run",
     "run_case": "run",
+    "CloseOptions": "scanning",
+    "CutPlane": "scanning",
+    "align_parts": "scanning",
+    "close_skin": "scanning",
     "Increment": "simulation",
     "SimulationOptions": "simulation",
     "simulate": "simulation",
@@ -100,7 +105,9 @@ __all__ = [
     "BonePath",
     "BsrError",
     "Case",
+    "CloseOptions",
     "CobbAngle",
+    "CutPlane",
     "DistanceStatistics",
     "DualTangent",
     "FlankAsymmetry",
@@ -126,9 +133,11 @@ __all__ = [
     "TrunkMesh",
     "TrunkShift",
     "TrunkSize",
+    "align_parts",
     "back_surface_rotation",
     "build_model",
     "build_trunk",
+    "close_skin",
     "cobb_angles",
     "compare_skins",
     "make_case",

@@ -13,6 +13,7 @@ from tyro.conf import subcommand
 
 from ..errors import InputError
 from .arguments import parse
+from .close import Close
 from .demo import Demo
 from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
 from .export import Export
@@ -23,7 +24,8 @@ from .simulate import Simulate
 from .view import View
 
 Command = (
-    Annotated[Demo, subcommand("demo")]
+    Annotated[Close, subcommand("close")]
+    | Annotated[Demo, subcommand("demo")]
     | Annotated[MakeCase, subcommand("make-case")]
     | Annotated[Export, subcommand("export")]
     | Annotated[Measure, subcommand("measure")]

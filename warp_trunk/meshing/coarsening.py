@@ -11,7 +11,7 @@ from ..surface import Surface
 from .surface_checks import crossings
 
 _LONGEST = 1.4
-"""No collapse makes an edge longer than this times the edge length asked for."""
+"""No collapse makes an edge longer than this times the edge length asked for, if nothing else is said."""
 _LEAST_TURN = 0.4
 """No collapse turns a triangle further than the angle with this cosine, 66 degrees."""
 _LEAST_SHAPE = 0.3
@@ -72,15 +72,17 @@ class _Working:
         )
 
 
-def coarsen(surface: Surface, edge_length: float, tolerance: float) -> Surface:
+def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: float | None = None) -> Surface:
     """Collapse the edges of a closed oriented 2-manifold that are shorter than edge_length [mm].
 
     Every collapse passes these tests: the link condition (the surface stays a 2-manifold of the same
     genus), no triangle turns over, none becomes a sliver, and the new vertex is within the tolerance [mm]
     (root mean square) of the planes of the triangles it stands for. So narrow or strongly curved places
-    keep shorter edges, and the result may have more triangles than edge_length alone asks for. The surface
-    does not cross itself afterwards if it did not before. The same surface gives the same result.
+    keep shorter edges, and the result may have more triangles than edge_length alone asks for. No collapse
+    makes an edge longer than `longest` [mm], 1.4 edge_length if not given. The surface does not cross itself
+    afterwards if it did not before. The same surface gives the same result.
     """
+    longest = longest or _LONGEST * edge_length
     middle = surface.vertices.mean(axis=0)
     work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int64))
     random = np.random.default_rng(0)
@@ -112,7 +114,7 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float) -> Surface:
         key = length * random.uniform(1.0, 1.5, len(length))
         edges = edges[_independent(edges, key, corners, count)]
         target, error = _best_points(edges, work)
-        good = _allowed(edges, target, work, corners, edge_length) & (error < tolerance)
+        good = _allowed(edges, target, work, corners, longest) & (error < tolerance)
         refused = np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]])
         _collapse(edges[good], target[good], work)
         pass_ends = bool(good.sum() < 0.001 * len(work.faces))
@@ -203,7 +205,7 @@ def _best_points(edges: np.ndarray, work: _Working) -> tuple[np.ndarray, np.ndar
 
 
 def _allowed(
-    edges: np.ndarray, target: np.ndarray, work: _Working, corners: _Corners, edge_length: float
+    edges: np.ndarray, target: np.ndarray, work: _Working, corners: _Corners, longest: float
 ) -> np.ndarray:
     """Which edges may be collapsed to the given points; shape (edges,), bool."""
     spokes, end = corners.around(edges.reshape(-1))
@@ -231,7 +233,7 @@ def _allowed(
     shape_after = 2.0 * np.sqrt(3.0) * area / square.sum(axis=1)
     turn = np.einsum("fi,fi->f", normal_before, normal_after)
     fits = turn > _LEAST_TURN * area * np.linalg.norm(normal_before, axis=1)
-    fits &= square.max(axis=1) < (_LONGEST * edge_length) ** 2
+    fits &= square.max(axis=1) < longest**2
     good[owner[~fits]] = False
 
     worst_before = np.full(len(edges), _LEAST_SHAPE)

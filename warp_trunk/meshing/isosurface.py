@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..surface import Surface
-from .distance_field import Grid
+from .distance_field import Grid, connected
 
 _NUDGE = 0.05
 """A crossing nearer to a grid node than this part of the spacing would make slivers; it is moved away."""
@@ -31,3 +31,20 @@ def zero_surface(field: np.ndarray, grid: Grid) -> Surface:
         values, 0.0, lower=wp.vec3(0.0), upper=wp.vec3(*upper.tolist())
     )
     return Surface(vertices.numpy().astype(np.float64) + grid.lower, corners.numpy().reshape(-1, 3))
+
+
+def one_solid(field: np.ndarray, away: float) -> np.ndarray:
+    """The field with only the largest connected part of its inside, and no cavity in that.
+
+    Args:
+        field: negative inside, positive on the border of the grid.
+        away: what the rest becomes, with the sign of where it then lies.
+    """
+    # marching cubes join diagonal neighbours inside, so parts are counted in that way
+    part = connected(field < 0.0, diagonally=True)
+    sizes = np.bincount(part.reshape(-1))
+    sizes[0] = 0
+    inside = part == sizes.argmax()
+    outside = connected(~inside)
+    inside = outside != outside[0, 0, 0]
+    return np.where(inside == (field < 0.0), field, np.where(inside, -away, away))

@@ -1,0 +1,116 @@
+"""warp-trunk close"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from ..errors import InputError
+from ..progress import Progress
+from ..scanning import (
+    ClosedSkin,
+    CloseOptions,
+    CutPlane,
+    align_parts,
+    check_parts,
+    close_skin,
+    moved,
+    read_transform,
+)
+from ..surface import Surface, read_surface, write_surface
+from .exit_status import OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Close:
+    """Make one closed skin of a scan with holes, or of scans that overlap."""
+
+    parts: Positional[tuple[Path, ...]]
+    """Surfaces of the skin, oriented outward, in mm and LPS axes."""
+    out: Path
+    """File for the closed skin: .ply, or another format that trimesh writes."""
+    transforms: tuple[Path, ...] = ()
+    """For each part, in order, a text file with the 16 numbers of the rigid 4x4 matrix into the common frame."""
+    refine: bool = False
+    """Move each part but the first onto the others where they overlap, by some millimetres."""
+    cut_above: float | None = None
+    """Cut the trunk flat at this z [mm], the neck."""
+    cut_below: float | None = None
+    """Cut the trunk flat at this z [mm], the thighs."""
+    cut: tuple[str, ...] = ()
+    """Cut flat at planes, the arms. x,y,z,nx,ny,nz,radius: a point, the normal to what goes, and how far from the
+    point the cut reaches [mm]."""
+    options: Annotated[CloseOptions, tyro.conf.arg(name="")] = field(default_factory=CloseOptions)
+    """How the surface is made."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the closed skin."""
+        cuts = self._cuts()
+        if self.transforms and len(self.transforms) != len(self.parts):
+            raise InputError(
+                f"--transforms: {len(self.transforms)} files for {len(self.parts)} parts; give one for each"
+            )
+        if not self.out.absolute().parent.is_dir():
+            raise InputError(f"{self.out}: there is no folder {self.out.absolute().parent}; make it first")
+        with Progress() as progress:
+            with progress.stage("load", f"reading {len(self.parts)} parts"):
+                parts = self._read()
+                check_parts(parts)
+            if self.refine:
+                with progress.stage("align", "moving the parts onto each other"):
+                    parts, alignments = align_parts(parts)
+                for name, by in alignments.items():
+                    print(
+                        f"{name}: moved by {by.shift:.2f} mm and {by.turn:.2f} degrees, "
+                        f"now {by.distance:.2f} mm from the others"
+                    )
+            with progress.stage("close", "closing the skin"):
+                closed = close_skin(parts, cuts, self.options)
+            write_surface(self.out, closed.surface)
+        _tell(closed)
+        print(f"Closed skin of {len(closed.surface.faces)} triangles written to {self.out}")
+        return OK
+
+    def _read(self) -> dict[str, Surface]:
+        parts = {str(path): read_surface(path) for path in self.parts}
+        if len(parts) < len(self.parts):
+            raise InputError("parts: a file is given twice; give each once")
+        matrices = [read_transform(path) for path in self.transforms]
+        for name, matrix in zip(parts, matrices, strict=False):
+            parts[name] = moved(parts[name], matrix)
+        return parts
+
+    def _cuts(self) -> list[CutPlane]:
+        cuts = [_plane(text) for text in self.cut]
+        if self.cut_above is not None:
+            cuts.append(CutPlane((0.0, 0.0, self.cut_above), (0.0, 0.0, 1.0)))
+        if self.cut_below is not None:
+            cuts.append(CutPlane((0.0, 0.0, self.cut_below), (0.0, 0.0, -1.0)))
+        return cuts
+
+
+def _plane(text: str) -> CutPlane:
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (6, 7):
+        raise InputError(
+            f"--cut: must be x,y,z,nx,ny,nz or x,y,z,nx,ny,nz,radius, not '{text}'; "
+            "give a point, a normal and how far the cut reaches"
+        )
+    x, y, z, nx, ny, nz, *radius = numbers
+    return CutPlane((x, y, z), (nx, ny, nz), radius[0] if radius else math.inf)
+
+
+def _tell(closed: ClosedSkin) -> None:
+    for opening in closed.openings:
+        what = "end, flat" if opening.is_end else "hole"
+        place = "({:.0f}, {:.0f}, {:.0f}) mm".format(*opening.centre)
+        print(f"Closed: {what}, {opening.area / 100.0:.1f} cm2 at {place}")

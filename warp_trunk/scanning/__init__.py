@@ -1,0 +1,19 @@
+"""From the scans of digitizers to one closed skin."""
+
+from .alignment import Alignment, align_parts
+from .closing import ClosedSkin, CloseOptions, close_skin
+from .cutting import CutPlane
+from .parts import check_parts
+from .transforms import moved, read_transform
+
+__all__ = [
+    "Alignment",
+    "CloseOptions",
+    "ClosedSkin",
+    "CutPlane",
+    "align_parts",
+    "check_parts",
+    "close_skin",
+    "moved",
+    "read_transform",
+]
