@@ -19,7 +19,7 @@ AGAIN = "simulate the case again"
 SUMMARY_KEYS = frozenset(
     {
         "status", "tets", "nodes", "free_nodes", "inverted_tets", "device", "precision", "parameters",
-        "terms", "increments", "bsr_deg", "cobb_deg", "seconds", "peak_memory_mb", "versions",
+        "sag_mm", "tissues", "terms", "increments", "bsr_deg", "cobb_deg", "seconds", "peak_memory_mb", "versions",
     }
 )  # fmt: skip
 """What a summary holds."""

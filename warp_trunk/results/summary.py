@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from ..trunk_mesh import TrunkMesh
 
 STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
-"""The parts of a run whose seconds a summary gives."""
+"""The parts of every run, whose seconds a summary gives."""
+SCENE_STAGES = ("layers", "rest")
+"""Those that only a scene with layers or gravity has."""
 
 
 def summarize(
@@ -51,10 +53,12 @@ def summarize(
             "precision": model.precision,
             "parameters": {
                 "case": case.name,
-                **dataclasses.asdict(model.tissue),
+                **(dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}),
                 "gravity": model.gravity,
                 **(parameters or {}),
             },
+            "sag_mm": 0.0 if model.scan is None else np.linalg.norm(model.scan, axis=1).max(),
+            "tissues": [dataclasses.asdict(tissue) for tissue in model.tissues],
             "terms": list(model.elements.terms),
             "increments": [_increment(increment) for increment in increments],
             "bsr_deg": {"before": before.bsr, "after": after.bsr, "actual": actual and actual.bsr},
@@ -62,7 +66,9 @@ def summarize(
                 when: [dataclasses.asdict(curve) for curve in measures.cobb]
                 for when, measures in (("before", before), ("after", after))
             },
-            "seconds": {stage: known.get(stage) for stage in STAGES},
+            "seconds": {
+                stage: known.get(stage) for stage in (*STAGES, *SCENE_STAGES) if stage in STAGES or stage in known
+            },
             "peak_memory_mb": peak_memory(),
             "versions": versions(),
         }
