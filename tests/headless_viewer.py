@@ -1,8 +1,6 @@
 """Rerun's native viewer without a window, for tests that look at what a reader will see."""
 
 import io
-import os
-import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -41,8 +39,7 @@ def headless_viewer(recording: Path, size: str = "1600x900") -> Iterator:
         until(lambda: client.get_state().recordings and not client.get_state().loading)
         yield client
     finally:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        viewer.stop(process)
 
 
 def until(reached, seconds: float = 30.0) -> None:

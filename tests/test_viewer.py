@@ -12,6 +12,7 @@ from rrd import column
 from small_trunk import made_up_increments, measured, small_case, start_recording
 
 from warp_trunk.recording import start_viewer
+from warp_trunk.recording.viewer import stop
 from warp_trunk.recording.web import address, page_server
 
 
@@ -72,13 +73,11 @@ def test_live_shows_it_and_a_viewer_that_is_closed_takes_nothing_from_the_file(t
                             == [2]
                         )
                     )
-                    process.kill()
-                    process.wait()
+                    stop(process)
                 recording.increment(increment, measured(case, trunk, increment))
     finally:
         for process in started:
-            process.kill()
-            process.wait()
+            stop(process)
     assert not recording.failed
     assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2, 3, 4]
 

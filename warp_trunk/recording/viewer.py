@@ -42,8 +42,7 @@ def start_viewer(*options: str) -> str:
             start_new_session=True,
         )
         if not listening(process, port):
-            process.kill()
-            process.wait()
+            stop(process)
             output.seek(0)
             words = output.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
             raise InputError(
@@ -60,6 +59,17 @@ def viewer_command(*arguments: str) -> list[str]:
 def viewer_environment() -> dict[str, str]:
     """The environment in which Rerun sends no statistics of its use: it sends none in continuous integration."""
     return {**os.environ, "CI": "1"}
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """Ends a viewer: the process that was started, and the one that it started itself."""
+    import psutil
+
+    if process.poll() is None:
+        for child in psutil.Process(process.pid).children(recursive=True):
+            child.kill()
+        process.kill()
+    process.wait()
 
 
 def free_port() -> int:

@@ -13,7 +13,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 from ..errors import InputError
-from .viewer import LOOPBACK, free_port, listening, viewer_command, viewer_environment
+from .viewer import LOOPBACK, free_port, listening, stop, viewer_command, viewer_environment
 
 PAGE = {
     "/": "text/html; charset=utf-8",
@@ -104,5 +104,4 @@ def _page() -> dict[str, bytes]:
                 parts[path] = answer.read()
         return parts
     finally:
-        process.kill()
-        process.wait()
+        stop(process)
