@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,7 @@ def equilibrium(
     *,
     tolerance: float = 1e-8,
     keep: float = 0.0,
+    enough: Callable[[np.ndarray], bool] | None = None,
 ) -> Equilibrium:
     """Relaxes the free nodes from `start` (nodes, 3) [mm]; the held ones (mask) stay where it has them.
 
@@ -60,8 +62,9 @@ def equilibrium(
         held: which nodes are prescribed, shape (nodes,).
         factorise: how to solve with the stiffness.
         tolerance: estimated distance to the equilibrium at which to end [mm].
-        keep: factors serve further steps as long as each is at most this part of the one before;
-            0 is Newton's method, with new factors for every step.
+        keep: factors serve a further step as long as each is at most this part of the one before; with 0
+            every step has its own, which is Newton's method.
+        enough: ends it at the first displacement (nodes, 3) for which it holds, whatever the tolerance.
 
     Raises:
         NotConvergedError: no step lowers the energy, or too many steps.
@@ -112,15 +115,15 @@ def equilibrium(
         if length == 0.0:
             raise NotConvergedError(f"no step lowers the energy in step {step}, of {longest:.3g} mm")
         displacement, energy = displacement + length * direction, trial
-        shrink = longest / last if length == 1.0 and step > 1 else 1.0  # the first tells nothing yet
+        first, shrink = step == 1, longest / last if length == 1.0 else 1.0
         last = longest
-        left = longest * shrink / (1.0 - shrink) if shrink < 1.0 else np.inf
+        left = longest * shrink / (1.0 - shrink) if shrink < 1.0 and not first else np.inf
         clock.assembled()
-        if left <= tolerance:
+        if enough(displacement) if enough else left <= tolerance:
             return Equilibrium(
                 displacement, step, factorisations, left, clock.assembly_seconds, clock.solve_seconds
             )
-        if shrink > keep:
+        if shrink > keep or keep == 0.0:
             solve = None
     raise NotConvergedError(f"{MOST_STEPS} steps, the last of {last:.3g} mm")
 

@@ -1,0 +1,155 @@
+"""warp_trunk's neo-Hookean tissue against scikit-fem, an independent finite element package, on the same mesh.
+
+    uv run --group fem python scripts/compare_finite_elements.py phantom --tets 86500 --solvers
+    uv run --group fem python scripts/compare_finite_elements.py CASE --tets 130000
+
+Prints how far the two ends are apart, every way in which each was timed, and the ratio of the fastest of each;
+--solvers also times one linear solve by every solver installed. `phantom` stands for the built-in phantom.
+Without --group fem only SciPy's solvers are there, which are slow.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarking.prepare import load_case, mesh_case
+from benchmarking.process import be_quiet
+from benchmarking.record import hardware
+from finite_elements.compare import ACCURACY, Comparison, Run
+from finite_elements.linear import Factorise, available
+
+FINE = 1e-6
+"""Tolerance at which warp_trunk's solution is compared in float64 [mm]."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Compares, prints and writes."""
+    given = _parser().parse_args(arguments)
+    be_quiet()
+    problem = mesh_case(load_case(given.case), given.tets)
+    problem = replace(problem, tissue=replace(problem.tissue, poisson_ratio=given.nu))
+    trunk = problem.trunk
+    solvers = available()
+    best = next(iter(solvers))
+    comparison = Comparison(problem, given.gravity, solvers[best])
+    print(
+        f"{problem.name}: {len(trunk.tets):,} tets, {len(trunk.nodes):,} nodes, "
+        f"{int((~trunk.prescribed).sum()):,} free; nu {given.nu:g}, gravity {given.gravity:g} m/s^2; {best}"
+    )
+    moved = np.linalg.norm(comparison.truth - comparison.path.displacement, axis=1)
+    print(f"the equilibrium is {moved.max():.1f} mm (mean {moved.mean():.1f}) from the spline's image")
+    if given.out:
+        _keep_solution(given.out, comparison)
+    record: dict[str, Any] = {
+        "case": problem.name,
+        "tets": len(trunk.tets),
+        "free_nodes": int((~trunk.prescribed).sum()),
+        "poisson_ratio": given.nu,
+        "gravity": given.gravity,
+        "solver": best,
+        "hardware": hardware("cpu"),
+        "versions": {name: version(name) for name in ("scikit-fem", "numpy", "scipy", "warp-lang")},
+        "distance_mm": {},
+    }
+    for precision, tolerance in (("float64", FINE), ("float32", ACCURACY)):
+        distances = comparison.distances(comparison.simulated(comparison.model(precision), tolerance, 10)[0])
+        record["distance_mm"][precision] = {"max": float(distances.max()), "mean": float(distances.mean())}
+        print(
+            f"warp_trunk in {precision}: nodes {distances.max():.2g} mm apart at most, {distances.mean():.2g} mean"
+        )
+    if given.rounds:
+        record |= _timed(comparison, given.rounds)
+    if given.solvers:
+        record["linear"] = _linear(comparison, solvers)
+    if given.json:
+        _keep_record(given.json, record)
+
+
+def _timed(comparison: Comparison, rounds: int) -> dict[str, Any]:
+    """Times every way of both and prints the ratio of the fastest that are accurate enough."""
+    runs = comparison.timed(rounds)
+    print(f"\n| to {ACCURACY:g} mm | seconds | set-up [s] | error [mm] | of which |\n|---|---|---|---|---|")
+    for run in runs:
+        parts = ", ".join(f"{part.replace('_', ' ')} {value:.3g}" for part, value in run.work.items())
+        seconds = f"{run.seconds:.2f} | {run.setup_seconds:.2f}"
+        print(f"| {run.package}, {run.way} | {seconds} | {run.error_mm:.1g} | {parts} |")
+
+    def fastest(package: str, seconds: Callable[[Run], float]) -> float:
+        return min(seconds(run) for run in runs if run.package == package and run.error_mm <= ACCURACY)
+
+    ratios = {}
+    for what, seconds in (
+        ("ratio", lambda run: run.seconds),
+        ("ratio_after_setup", lambda run: run.seconds - run.setup_seconds),
+    ):
+        ratios[what] = fastest("scikit-fem", seconds) / fastest("warp_trunk", seconds)
+    print(
+        f"\nwarp_trunk is {ratios['ratio']:.1f} times as fast with its set-up counted, "
+        f"{ratios['ratio_after_setup']:.1f} times once it is set up for the trunk"
+    )
+    return {**ratios, "runs": [asdict(run) for run in runs]}
+
+
+def _linear(comparison: Comparison, solvers: dict[str, Factorise]) -> list[dict[str, Any]]:
+    """Times one linear solve by every solver."""
+    print("\n| linear solver | set-up [s] | solve [s] | error of the step [mm] |\n|---|---|---|---|")
+    runs = []
+    for run in comparison.linear_runs(solvers):
+        print(
+            f"| {run.solver} | {run.setup_seconds:.2f} | {run.solve_seconds:.2f} | {run.error_mm:.0e} |",
+            flush=True,
+        )
+        runs.append(asdict(run))
+    return runs
+
+
+def _keep_solution(path: Path, comparison: Comparison) -> None:
+    """Mesh, motion of the bones and solution, for who wants to compare another model with it."""
+    trunk = comparison.problem.trunk
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(
+        path,
+        nodes=trunk.nodes,
+        tets=trunk.tets,
+        bone=trunk.bone,
+        skin_nodes=trunk.skin_nodes,
+        bone_displacement=comparison.path.displacement,
+        poisson_ratio=comparison.problem.tissue.poisson_ratio,
+        gravity=comparison.gravity,
+        displacement=comparison.truth,
+    )
+
+
+def _keep_record(path: Path, record: dict[str, Any]) -> None:
+    """Adds the record to the list in a file, in the place of one of the same problem."""
+    records = json.loads(path.read_text()) if path.exists() else []
+    what = ("case", "tets", "poisson_ratio", "gravity")
+    records = [other for other in records if any(other[key] != record[key] for key in what)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps([*records, record], indent=1) + "\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("case", help="case folder, or phantom")
+    parser.add_argument("--tets", type=int, default=86_500, help="about so many tetrahedra")
+    parser.add_argument("--nu", type=float, default=0.45, help="Poisson's ratio")
+    parser.add_argument("--gravity", type=float, default=0.0, help="m/s^2, down")
+    parser.add_argument("--out", type=Path, help="where to keep scikit-fem's solution, an npz")
+    parser.add_argument("--json", type=Path, help="where to keep the record; others in the file stay")
+    parser.add_argument("--solvers", action="store_true", help="time every linear solver")
+    parser.add_argument(
+        "--rounds", type=int, default=3, help="of timing, whose least time counts; 0 compares only"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    main()
