@@ -90,6 +90,7 @@ def _backs(
         box = (column * WIDTH + GAP / 2.0) / width, (SIDES + legend) / height, (WIDTH - GAP) / width, tall / height
         axes = figure.add_axes(box)
         axes.imshow(_shaded(back, CLAY), extent=seen.extent, interpolation="antialiased")
+        axes.autoscale(False)  # what reaches beyond the window changes no scale
         axes.set_title(pose.look.title.capitalize(), color=INK, fontweight="bold")
         axes.set_axis_off()
         for x, side in ((0.0, "left"), (1.0, "right")):
@@ -98,7 +99,6 @@ def _backs(
     middle, below = 0.5 * (left + right), bottom - 0.035 * (top - bottom)
     plots[-1].plot([middle + 80.0, middle - 20.0], [below, below], color=INK, linewidth=2.0, clip_on=False)
     plots[-1].text(middle - 26.0, below, "100 mm", ha="left", va="center", fontsize=8, color=INK)
-    plots[-1].axis(seen.extent)
     if legend:
         plots.append(figure.add_axes((GAP / 2.0 / width, 0.5 / height, 1.0 - GAP / width, 0.13 / height)))
     return figure, plots

@@ -5,30 +5,53 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-ENERGIES = {
-    "itmsm": "springs on the edges, faces and volumes of tetrahedra (the energy of [2])",
-    "neo-hookean": "a neo-Hookean continuum",
+BONES = {
+    "spline": "carried by a smooth interpolation (thin-plate spline) of the landmarks of the plan",
+    "rigid": "each moved as a rigid body",
 }
-BONES = {"spline": "carried by a smooth interpolation (thin-plate spline) of the landmarks of the plan"}
+"""How bones are carried, by the option of the simulation."""
 
 
 def modelled(summary: Mapping[str, Any]) -> list[str]:
     """What was modelled, one phrase for each thing."""
-    options = summary["parameters"]
-    energy, bones = options.get("energy", "itmsm"), options.get("bones", "spline")
-    gravity = options.get("gravity") or 0.0
+    options, terms = summary["parameters"], summary["terms"]
+    bones = options.get("bones", "spline")
+    energy = "springs on edges, faces and volumes [2]" if "distance" in terms else "a neo-Hookean continuum"
     return [
-        f"Soft tissue: one elastic material in {summary['tets']:,} tetrahedra, as {ENERGIES.get(energy, energy)}; "
-        f"terms: {', '.join(summary['terms'])}.",
+        f"Soft tissue: {_tissues(summary['tissues'])} in {summary['tets']:,} tetrahedra, as {energy} "
+        f"(terms: {', '.join(terms)}).",
         f"Bones: {BONES.get(bones, bones)}, in {len(summary['increments'])} equal parts.",
-        f"Gravity: {gravity:g} m/s²." if gravity else "Gravity: only as far as the scan before surgery holds it.",
+        f"Gravity: {_gravity(options)}.",
         f"Inverted tetrahedra at the end: {summary['inverted_tets']}.",
     ]
 
 
 def not_modelled(summary: Mapping[str, Any]) -> list[str]:
     """What was not, one phrase for each thing."""
-    missing = ["skin, fat and muscle as different materials", "the pull of muscles, breathing and posture"]
+    missing = [
+        "the pull of muscles, breathing and posture",
+        "growth, and changes of weight after surgery",
+        "scars",
+    ]
+    if len(summary["tissues"]) == 1:
+        missing.insert(0, "skin, fat and muscle as different materials")
     if summary["parameters"].get("bones", "spline") == "spline":
         missing.append("joints: ribs and shoulder blades follow the spine smoothly")
-    return [*missing, "growth, and changes of weight after surgery", "scars and swelling"]
+    return missing
+
+
+def _tissues(tissues: list[dict[str, float]]) -> str:
+    if len(tissues) == 1:
+        return "one elastic material"
+    moduli = ", ".join(f"{tissue['youngs_modulus']:g}" for tissue in tissues)
+    return f"{len(tissues)} elastic materials (Young's moduli from the skin inwards {moduli} kPa)"
+
+
+def _gravity(options: Mapping[str, Any]) -> str:
+    if not options.get("gravity"):
+        return "only as far as the scan before surgery already holds its pull"
+    rest = {
+        "sag-free": "; the scan before surgery is in balance with it",
+        "scan": "; the scan before surgery was taken as free of it, so that the trunk sags further",
+    }
+    return f"{options['gravity']:g} m/s²{rest.get(options.get('rest', ''), '')}"

@@ -7,21 +7,28 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from ..measures.comparison import DETECTABLE
 from ..relaxation import RelaxStatus
-from .comparison import DETECTABLE
 from .modelled import modelled, not_modelled
 from .sentences import sentences
 from .tables import error_rows, head, measure_rows, rotation_rows
 
 if TYPE_CHECKING:
+    from ..measures import SkinComparison
     from .style import Pose
 
 
-def page(poses: Sequence[Pose], summary: Mapping[str, Any], drawings: Mapping[str, bytes]) -> str:
+def page(
+    poses: Sequence[Pose],
+    comparison: SkinComparison | None,
+    summary: Mapping[str, Any],
+    drawings: Mapping[str, bytes],
+) -> str:
     """The text of the page; all that comes from files is escaped.
 
     Args:
         poses: before surgery, predicted, and the actual one where it is known.
+        comparison: of the predicted skin with the actual one, where that is known.
         summary: the summary of the result.
         drawings: by name the pictures that the page shows, as SVG.
     """
@@ -38,12 +45,12 @@ def page(poses: Sequence[Pose], summary: Mapping[str, Any], drawings: Mapping[st
         poses=len(poses),
         titles=", ".join(pose.look.title for pose in poses),
         pictures={name: b64encode(drawing).decode() for name, drawing in drawings.items()},
-        sentences=sentences(poses),
+        sentences=sentences(poses, comparison),
         measure_head=head(poses, "measure"),
         measure_rows=measure_rows(poses),
         rotation_head=head(poses, "vertebra"),
         rotation_rows=rotation_rows(poses),
-        error_rows=error_rows(poses),
+        error_rows=error_rows(comparison) if comparison else [],
         detectable=DETECTABLE,
         modelled=modelled(summary),
         not_modelled=not_modelled(summary),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..measures.regions import vertex_normals
 from ..measures.spine import asis_axis
 from ..surface import Surface
 
@@ -95,7 +96,7 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window) -> Relief:
     beside = face < 0
     corners = skin.faces[face]
     depth = np.einsum("ijk,ijk->ij", weights, vertices[:, 1][corners])
-    normal = np.einsum("ijk,ijkl->ijl", weights, _vertex_normals(vertices, skin.faces)[corners])
+    normal = np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, skin.faces))[0][corners])
     depth[beside], normal[beside] = np.nan, np.nan
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()])
@@ -145,13 +146,6 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
         device="cpu",
     )
     return face.numpy(), weights.numpy().astype(np.float64)
-
-
-def _vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals of the vertices, shape (vertices, 3)."""
-    import trimesh  # heavy
-
-    return np.array(trimesh.Trimesh(vertices, faces, process=False).vertex_normals)
 
 
 def _between_columns(values: np.ndarray, column: np.ndarray) -> np.ndarray:

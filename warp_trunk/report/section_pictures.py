@@ -9,6 +9,7 @@ import numpy as np
 
 from .relief import in_pelvis
 from .style import FAINT, Pose, new_figure
+from .tables import MISSING, signed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,6 +44,8 @@ def section_pictures(poses: Sequence[Pose]) -> Figure:
             axes.plot(*contact.T, color=look.colour, marker=look.marker, linestyle="", markersize=2.8)
         axes.set_title(level, loc="left", fontsize=9, fontweight="bold", pad=2)
         axes.set_title(_angles([pose.measures.bsr.get(level) for pose in poses]), loc="right", fontsize=8, pad=2)
+        if not axes.lines:
+            axes.text(0.5, 0.4, "not measured", transform=axes.transAxes, ha="center", color=FAINT)
         axes.set_aspect("equal")
     if levels:
         grid[0, 0].invert_xaxis()
@@ -60,4 +63,6 @@ def _seen(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
 
 
 def _angles(angles: Sequence[float | None]) -> str:
-    return " → ".join("?" if angle is None else f"{round(angle, 1) + 0.0:.1f}°" for angle in angles)
+    """Before and predicted, and the actual one in brackets."""
+    before, predicted, *actual = [angle if angle == MISSING else f"{angle}°" for angle in map(signed, angles)]
+    return f"{before} → {predicted}" + "".join(f" ({angle})" for angle in actual)

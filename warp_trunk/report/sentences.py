@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..measures import TrunkMeasures
-from .comparison import DETECTABLE, mean_absolute_error, planned_curves
+from ..measures import SkinComparison, TrunkMeasures
+from ..measures.comparison import DETECTABLE
+from .tables import planned_curves
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -13,17 +14,18 @@ if TYPE_CHECKING:
     from .style import Pose
 
 
-def sentences(poses: Sequence[Pose]) -> dict[str, str]:
+def sentences(poses: Sequence[Pose], comparison: SkinComparison | None) -> dict[str, str]:
     """What changes, what stays, and how sure that is; by these three headings.
 
     Args:
-        poses: before surgery, predicted, and the actual one where it is known.
+        poses: before surgery and predicted.
+        comparison: of the predicted skin with the actual one, where that is known.
     """
     before, predicted = poses[0].measures, poses[1].measures
     return {
         "What changes": f"{_plan(poses)} {_change(before, predicted)}",
         "What stays": _rest(before, predicted),
-        "How sure this is": _trust(poses),
+        "How sure this is": _trust(comparison),
     }
 
 
@@ -31,7 +33,7 @@ def _plan(poses: Sequence[Pose]) -> str:
     curves = planned_curves(poses[0].landmarks, poses[1].landmarks)
     if not curves:
         return "The spine has no curve of 10 degrees or more, and the operation is planned on that;"
-    curve, after = max(curves, key=lambda pair: pair[0].angle)
+    curve, after = max(curves, key=lambda pair: round(pair[0].angle))  # of equals the upper
     return (
         f"The operation is planned to straighten the largest curve of the spine from {curve.angle:.0f} "
         f"to {after:.0f} degrees (Cobb angle, {curve.upper} to {curve.lower});"
@@ -80,18 +82,18 @@ def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
     )
 
 
-def _trust(poses: Sequence[Pose]) -> str:
+def _trust(comparison: SkinComparison | None) -> str:
     own = "the real back can turn out differently"
-    if len(poses) < 3:
+    if comparison is None:
         return f"This is a computer simulation for research which has not been compared with patients: {own}."
-    error = mean_absolute_error(poses[1].measures.bsr, poses[2].measures.bsr)
+    error = comparison.bsr_error["T3-L5"]
     if error is None:
         return f"The prediction could not be compared with the actual back after surgery: {own}."
-    within = "less" if error < DETECTABLE else "no less"
+    within = "less" if error.undetectable else "no less"
     return (
-        f"Against the actual back after surgery the predicted rotation is wrong by {error:.1f} degrees on "
+        f"Against the actual back after surgery the predicted rotation is wrong by {error.mean:.1f} degrees on "
         f"average, {within} than the {DETECTABLE:g} degrees that such measurements can tell; "
-        "one such comparison says nothing about other patients."
+        "one comparison says nothing about other patients."
     )
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from .comparison import mean_absolute_error, planned_curves
+from ..measures import CobbAngle, SkinComparison, cobb_angles
+from ..measures.cobb import vertebral_tilt
+from ..measures.spine import spine_of
 
 if TYPE_CHECKING:
+    from ..landmarks import Landmarks
     from ..measures import TrunkMeasures
     from .style import Pose
 
@@ -60,14 +63,25 @@ def rotation_rows(poses: Sequence[Pose]) -> list[Row]:
     return [_row(level, [pose.measures.bsr.get(level) for pose in poses]) for level in poses[0].measures.bsr]
 
 
-def error_rows(poses: Sequence[Pose]) -> list[Row]:
-    """Mean absolute error of the predicted rotation by region [degrees]; none without an actual skin."""
-    if len(poses) < 3:
-        return []
-    predicted, actual = (pose.measures.bsr for pose in poses[1:])
-    regions = (("thoracic, T1 to T12", "T"), ("lumbar, L1 to L5", "L"), ("all levels", "TL"))
-    errors = [(name, mean_absolute_error(predicted, actual, letters)) for name, letters in regions]
-    return [[name, MISSING if error is None else f"{error:.2f}"] for name, error in errors]
+def error_rows(comparison: SkinComparison) -> list[Row]:
+    """How far the predicted skin is from the actual one, each a number with its name."""
+    rows = []
+    for name, error in comparison.bsr_error.items():
+        if error is not None:
+            spread = "" if error.sd is None else f" ± {error.sd:.2f}"
+            rows.append([f"Rotation of the back, mean absolute error {name} [°]", f"{error.mean:.2f}{spread}"])
+    back = comparison.distance["back"]
+    if back is not None:
+        for name, value in (("mean", back.mean), ("95 % are nearer than", back.p95), ("largest", back.maximum)):
+            rows.append([f"Distance of the skin of the back, {name} [mm]", f"{value:.1f}"])
+    return rows
+
+
+def planned_curves(before: Landmarks, after: Landmarks) -> list[tuple[CobbAngle, float]]:
+    """Every curve of the spine before surgery, and its angle between the same two vertebrae after [degrees]."""
+    spine = spine_of(after)
+    tilt = dict(zip(spine.levels, vertebral_tilt(spine.endplates), strict=True))
+    return [(curve, float(abs(tilt[curve.upper] - tilt[curve.lower]))) for curve in cobb_angles(before)]
 
 
 def signed(value: float | None, digits: int = 1) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..measures import measure
+from ..measures import compare_skins, measure
 from ..results import partial, read_result
 from .back_pictures import back_picture, hump_picture
 from .convergence_plot import convergence_plot
@@ -43,6 +43,9 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
     read = read_result(result)
     folder = _prepare(out)
     poses = poses_of(read)
+    comparison = None
+    if read.skin_actual is not None:
+        comparison = compare_skins(read.skin_after, read.skin_actual, read.landmarks_after)
     seen = window([(pose.skin, pose.landmarks) for pose in poses])
     reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
 
@@ -59,7 +62,7 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
         for name, figure in figures.items():
             _write(folder / f"{name}.png", file_of(figure, "png"))
         drawings = {name: file_of(figure, "svg") for name, figure in figures.items()}
-    _write(out / PAGE, page(poses, read.summary, drawings).encode())
+    _write(out / PAGE, page(poses, comparison, read.summary, drawings).encode())
     return out / PAGE
 
 
