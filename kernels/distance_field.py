@@ -12,17 +12,19 @@ def signed_distance(
     reach: wp.float32,
     distance: wp.array(dtype=wp.float32),
     face: wp.array(dtype=wp.int32),
+    nearest: wp.array(dtype=wp.vec3),
 ):
-    """Distance [mm], negative inside, and the nearest triangle; NaN and -1 farther away than `reach`.
+    """Distance [mm], negative inside, the nearest triangle and point; NaN and -1 farther away than `reach`.
 
     The winding number gives the right sign inside overlapping and self-intersecting parts too.
     """
     i = wp.tid()
     query = wp.mesh_query_point_sign_winding_number(mesh, points[i], reach)
     if query.result:
-        nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
-        distance[i] = query.sign * wp.length(points[i] - nearest)
+        nearest[i] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+        distance[i] = query.sign * wp.length(points[i] - nearest[i])
         face[i] = query.face
     else:
         distance[i] = wp.nan
         face[i] = -1
+        nearest[i] = wp.vec3(wp.nan)

@@ -8,6 +8,7 @@ from .flanks import FlankAsymmetry
 from .measures import TrunkMeasures, measure
 from .skin_distance import DistanceStatistics
 from .trunk_shift import SacralLine, TrunkShift
+from .volume import tissue_volume_change
 
 __all__ = [
     "BsrError",
@@ -24,4 +25,5 @@ __all__ = [
     "compare_skins",
     "measure",
     "mirror_asymmetry",
+    "tissue_volume_change",
 ]

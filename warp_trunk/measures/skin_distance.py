@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from ..surface import Surface
 
 _SAME_WAY = 0.5
-"""Skin that has turned by more than 60 degrees (its cosine) against its nearest point is not the same skin."""
+"""Cosine of 60 degrees: skin whose nearest point lies, or faces, further aside than this has none."""
+_TOUCHING = 1.0
+"""Where the nearest point is nearer than this its direction says nothing [mm]."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,10 @@ def skin_distance(skin: Surface, other: Surface, landmarks: Landmarks) -> SkinDi
     """Signed distance from each vertex of a skin to the nearest point of another skin, whatever its triangles.
 
     Cut planes are not skin and must not count. Those through neck and thighs face up and down, which no region
-    does; the arms' lie in the flanks, so that back and front are free of them. A vertex whose nearest point
-    faces another way by more than 60 degrees has met a cut plane or an edge and is left out (the rule of
-    compatible normals in registration, Rusinkiewicz and Levoy 2001).
+    does; the arms' lie in the flanks, so that back and front are free of them. Where one skin is cut off before
+    the other, what the other has more is left out: there the nearest point is on the edge of the cut, not
+    straight in front of or behind the skin (by more than 60 degrees), or faces another way (the rules of
+    registration, Rusinkiewicz and Levoy 2001).
 
     Args:
         skin: whose vertices are measured [mm].
@@ -70,11 +73,15 @@ def skin_distance(skin: Surface, other: Surface, landmarks: Landmarks) -> SkinDi
     from ..meshing.distance_field import SurfaceDistance  # heavy
 
     regions = regions_of(skin, landmarks)
-    distance, face = SurfaceDistance(other).nearest(skin.vertices)
-    towards = vertex_normals(other)[0][other.faces[face]].mean(axis=1)  # one triangle of a scan is mostly noise
-    same = np.einsum("vi,vi->v", towards, regions.normals) > _SAME_WAY * np.linalg.norm(towards, axis=1)
+    nearest = SurfaceDistance(other).nearest(skin.vertices)
+    away = nearest.point - skin.vertices
+    straight = np.abs(_cosine(away, regions.normals)) > _SAME_WAY
+    facing = vertex_normals(other)[0][other.faces[nearest.face]].mean(
+        axis=1
+    )  # a triangle of a scan is mostly noise
+    counted = (straight | (np.abs(nearest.distance) < _TOUCHING)) & (_cosine(facing, regions.normals) > _SAME_WAY)
     in_region = np.logical_or.reduce(list(regions.masks.values()))
-    return SkinDistance(signed=distance.astype(np.float64), counted=same & in_region, regions=regions)
+    return SkinDistance(nearest.distance.astype(np.float64), counted & in_region, regions)
 
 
 def distance_statistics(there: SkinDistance, back: SkinDistance) -> dict[str, DistanceStatistics | None]:
@@ -107,3 +114,9 @@ def _statistics(
         symmetric_mean=float(both),
         symmetric_maximum=float(max(size.max(), other_size.max())),
     )
+
+
+def _cosine(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Cosine of the angle between rows of vectors (n, 3); 0 for a vector of no length."""
+    lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+    return np.einsum("vi,vi->v", one, other) / np.maximum(lengths, 1e-12)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -14,8 +14,7 @@ from ..surface import Surface
 
 Box = tuple[slice, slice, slice]
 """The nodes of a block of a grid."""
-_FLOAT: Any = wp.float32
-_INT: Any = wp.int32
+_NEAREST: tuple[Any, ...] = (wp.float32, wp.int32, wp.vec3)
 
 
 @dataclass(frozen=True)
@@ -45,6 +44,17 @@ class Grid:
         return self.lower + self.spacing * nodes
 
 
+class Nearest(NamedTuple):
+    """The nearest points of a surface to other points."""
+
+    distance: np.ndarray
+    """Distance [mm], negative inside; NaN where the surface is out of reach, shape (n,), float32."""
+    face: np.ndarray
+    """Nearest triangle, -1 out of reach, shape (n,), int32."""
+    point: np.ndarray
+    """Nearest point [mm], NaN out of reach, shape (n, 3)."""
+
+
 class SurfaceDistance:
     """Signed distance to one closed surface, negative inside; the surface may overlap or cross itself."""
 
@@ -62,22 +72,22 @@ class SurfaceDistance:
 
     def at(self, points: np.ndarray, reach: float | None = None) -> np.ndarray:
         """Signed distance [mm] of points (n, 3); NaN where the surface is farther away than reach [mm]."""
-        return self.nearest(points, reach)[0]
+        return self.nearest(points, reach).distance
 
-    def nearest(self, points: np.ndarray, reach: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Signed distance [mm] of points (n, 3) and the nearest triangle; NaN and -1 beyond reach [mm]."""
+    def nearest(self, points: np.ndarray, reach: float | None = None) -> Nearest:
+        """Where the surface is nearest to points (n, 3), if within reach [mm]."""
         if reach is None:
             off = np.abs(points - self._middle).max(initial=0.0)
             reach = 2.0 * (self._size + float(off)) + 1.0
-        distance, face = (wp.empty(len(points), dtype=kind, device="cpu") for kind in (_FLOAT, _INT))
+        distance, face, nearest = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _NEAREST)
         wp.launch(
             signed_distance,
             dim=len(points),
             inputs=[self._mesh.id, wp.array(points - self._middle, dtype=wp.vec3, device="cpu"), reach],
-            outputs=[distance, face],
+            outputs=[distance, face, nearest],
             device="cpu",
         )
-        return distance.numpy(), face.numpy()
+        return Nearest(distance.numpy(), face.numpy(), nearest.numpy() + self._middle)
 
     def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
         """Signed distance [mm] in a block of a grid, cut off at -band and +band.
