@@ -42,12 +42,13 @@ class Measure:
     when: Literal["before", "after"] | None = None
     """Which landmarks go with the skin; when left out, before surgery for the case's own skin, else after."""
     out: Path | None = None
-    """Where to write, without ending: OUT.json and OUT.csv; <skin>_measures beside the skin when left out."""
+    """Folder for measures.json and measures.csv, or their name without ending; beside the skin when left out."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Prints the measures and writes them."""
         file = self.skin / SKIN_AFTER if self.skin.is_dir() else self.skin
         stem = self.out or file.with_name(f"{file.stem}_measures")
+        stem = stem / "measures" if stem.is_dir() else stem
         check_writable(stem)
         with Progress() as progress:
             with progress.stage("load", f"reading {file} and {self.case}"):
@@ -77,7 +78,7 @@ def measured(
     landmarks = case.landmarks_before if when == "before" else case.landmarks_after
     found = measure(skin, landmarks, case.skin if same and when == "after" else None)
     record: dict[str, Any] = {"case": case.name, "landmarks": when, "skin": measures_record(found)}
-    text = [f"{case.name}: the skin with its landmarks {when} surgery", "", measures_text(found)]
+    text = [f"{case.name.strip()}: the skin with its landmarks {when} surgery", "", measures_text(found)]
     if actual is not None:
         other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
         record |= {"actual": measures_record(other), "against": comparison_record(comparison)}
@@ -109,7 +110,9 @@ def read_skin(path: Path, case_folder: Path, case: Case) -> Surface:
         surface = header.axes.surface_to_lps(surface, header.units)
     fault = manifold_fault(surface)
     if fault is not None:
-        raise InputError(f"{path}: a skin must be closed to be measured, but {fault}; close the scan first")
+        raise InputError(
+            f"{path}: a skin must be closed to be measured, but {fault}; close it with warp-trunk close"
+        )
     volume = enclosed_volume(surface)
     if volume <= 0.0:
         raise InputError(

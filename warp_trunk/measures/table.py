@@ -65,6 +65,9 @@ def comparison_text(comparison: SkinComparison) -> str:
             f"{name:<8} {error.mean:.2f}{spread}° on average over {len(error.levels)} levels, {verdict} the "
             f"{DETECTABLE:g}° that can be detected; of the largest {error.of_maximum:+.2f}°"
         )
+    lines += ["", "Back surface rotation, predicted less actual [°]"]
+    differences = [f"{level} {_number(value)}" for level, value in comparison.bsr_difference.items()]
+    lines += [", ".join(differences[first : first + 6]) for first in range(0, len(differences), 6)]
     heads = ("area", "signed", "mean", "rms", "95 %", "max", "mean", "max")
     lines += [
         "",
