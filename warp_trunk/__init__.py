@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         compare_skins,
         measure,
         mirror_asymmetry,
+        tissue_volume_change,
     )
     from .meshing import MeshOptions, build_trunk
     from .model import Model, build_model
@@ -67,6 +68,7 @@ _MODULE = {
     "compare_skins": "measures",
     "measure": "measures",
     "mirror_asymmetry": "measures",
+    "tissue_volume_change": "measures",
     "MeshOptions": "meshing",
     "build_trunk": "meshing",
     "Model": "model",
@@ -154,6 +156,7 @@ __all__ = [
     "simulate",
     "skin_after",
     "spline_path",
+    "tissue_volume_change",
     "write_case",
     "write_landmarks",
     "write_result",
