@@ -3,8 +3,8 @@
 import numpy as np
 
 
-def column(path, entity, component):
-    """Values of a component by increment; the one without a time has None."""
+def column(path, entity, component, timeline="increment"):
+    """Values of a component by its place on a timeline; the one without a time has None."""
     from rerun.chunk import RrdReader
 
     found = {}
@@ -12,9 +12,11 @@ def column(path, entity, component):
         if chunk.entity_path != entity:
             continue
         batch = chunk.to_record_batch()
+        if not chunk.is_static and timeline not in batch.schema.names:
+            continue
         names = [name for name in batch.schema.names if name.endswith(f":{component}")]
         for name in names:
             values = batch.column(name).to_pylist()
-            steps = [None] * len(values) if chunk.is_static else batch.column("increment").to_pylist()
+            steps = [None] * len(values) if chunk.is_static else batch.column(timeline).to_pylist()
             found.update({step: np.array(v) for step, v in zip(steps, values, strict=True) if v is not None})
     return found

@@ -3,16 +3,22 @@
 import logging
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from rrd import column
 from small_trunk import made_up_increments, measured, small_case, start_recording
 
+from warp_trunk.bone_path import spline_path
+from warp_trunk.energy import Energy
+from warp_trunk.errors import InputError
+from warp_trunk.measures import measure
 from warp_trunk.recording.colours import COLOURS
-from warp_trunk.recording.drawing import Normals
+from warp_trunk.recording.drawing import BarPlot, Normals
+from warp_trunk.recording.numbers import table
 from warp_trunk.recording.stream import within
+from warp_trunk.relaxation import RelaxStep
 from warp_trunk.surface import Surface
 
 
@@ -178,3 +184,76 @@ def test_signed_colours_are_white_between_blue_and_red():
     assert blue[2] > blue[0] + 50
     assert red[0] > red[2] + 50
     assert white.min() > 240
+
+
+def test_steps_have_a_timeline_of_their_own(tmp_path):
+    case, trunk = small_case()
+    increments = made_up_increments(trunk, count=2)
+    path = tmp_path / "steps.rrd"
+
+    @dataclass
+    class Seen:
+        at: np.ndarray
+
+        def host_displacement(self):
+            return self.at
+
+    energy = Energy(distance=4.0, area=3.0, volume=2.0, gravity=0.0)
+    with start_recording(path, case, trunk, steps=True) as recording:
+        for increment in increments:
+            for part in (0.25, 0.75):
+                step = RelaxStep(energy, 0.1, 1.0, 8, 0.5)
+                recording.watch(step, Seen(part * increment.displacement))
+            recording.increment(increment, measured(case, trunk, increment))
+    skin = "/now/skin/displacement"
+    assert sorted(column(path, skin, "vertex_positions")) == [0, 1, 2]
+    steps = column(path, skin, "vertex_positions", "step")
+    assert sorted(steps) == [0, 1, 2, 3, 4]
+    first = case.skin.vertices + 0.25 * increments[0].displacement[trunk.skin_nodes]
+    np.testing.assert_allclose(steps[1], first, atol=1e-4)
+    energies = column(path, "/energy", "scalars", "step")
+    assert [energies[step].tolist() for step in (1, 2, 3, 4)] == [[4, 3, 2, 9]] * 4
+    assert sorted(column(path, "/energy", "scalars")) == [1, 2]
+
+
+def test_what_is_not_asked_for_is_not_there(recorded):
+    path, case, trunk, _ = recorded
+    assert start_recording(path.with_name("off.rrd"), case, trunk).watch is None
+    assert column(path, "/now/skin/displacement", "vertex_positions", "step") == {}
+    assert column(path, "/now/skin/asymmetry", "vertex_positions") == {}
+
+
+def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
+    path, case, trunk, _ = recorded
+    planned = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after).at(1.0)
+    (faces,) = column(path, "/target/bones", "triangle_indices").values()
+    bones = column(path, "/target/bones", "vertex_positions")[None]
+    np.testing.assert_allclose(bones[faces], (trunk.nodes + planned)[trunk.bone_faces], atol=1e-4)
+    actual = Surface(case.skin.vertices * [1.0, 1.1, 1.0], case.skin.faces[:, [1, 2, 0]])
+    known = replace(case, skin_after=actual)
+    start_recording(tmp_path / "a.rrd", known, trunk, colours=("distance",)).close()
+    np.testing.assert_allclose(
+        column(tmp_path / "a.rrd", "/target/skin", "vertex_positions")[None], actual.vertices, atol=1e-4
+    )
+    assert 0 in column(tmp_path / "a.rrd", "/now/skin/distance", "vertex_colors")
+    guessed = replace(known, skin_after_is_placeholder=True)
+    with pytest.raises(InputError, match="actual skin"):
+        start_recording(tmp_path / "b.rrd", guessed, trunk, colours=("distance",))
+
+
+def test_bars_stand_beside_their_level():
+    plot = BarPlot.of({"T1": 4.0, "T2": None, "T3": -2.0})
+    first, last = plot.bars({"T1": 4.0, "T2": None, "T3": -2.0}, 0)
+    assert first[1, 0] - plot.zero == pytest.approx(4.0 * plot.scale)
+    assert last[1, 0] - plot.zero == pytest.approx(-2.0 * plot.scale)
+    assert last[0, 1] - first[0, 1] == pytest.approx(2.0)
+    assert 0.0 < last[1, 0] < first[1, 0] < plot.width
+
+
+def test_the_table_says_before_now_and_target():
+    case, trunk = small_case()
+    (increment,) = made_up_increments(trunk, count=1)
+    now, before = measured(case, trunk, increment), measure(case.skin, case.landmarks_before)
+    rows = table(before, now, before, "target", 1.0).splitlines()
+    assert "| Back rotation, thoracic | +0.0° | +12.0° | +0.0° |" in rows
+    assert f"| Skin moved by up to |  | {now.skin_change_max:.1f} mm |  |" in rows

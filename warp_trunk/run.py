@@ -144,6 +144,7 @@ def run_case(
                 trunk,
                 before,
                 bone_path,
+                model=model,
                 colours=options.record_colours,
                 steps=options.record_steps,
                 live=live,

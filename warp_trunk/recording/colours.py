@@ -70,6 +70,8 @@ COLOURS: dict[ColourName, Colour] = {
             "mm",
             signed=True,
         ),
-        Colour("energy", "Energy density", "Energy of the tissue at the skin: dark red is strained most", "/cm³"),
+        Colour(
+            "energy", "Energy density", "Energy of the tissue under the skin: dark red is strained most", "per cm³"
+        ),
     )
 }

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..bone_path import BonePath
     from ..case import Case
     from ..energy import State
+    from ..model import Model
     from ..relaxation import RelaxStep
     from ..simulation import Increment
     from ..trunk_mesh import TrunkMesh
@@ -47,6 +48,7 @@ class Recording:
         before: TrunkMeasures,
         bone_path: BonePath,
         *,
+        model: Model | None = None,
         colours: Sequence[FurtherColour] = (),
         steps: bool = False,
         live: str | None = None,
@@ -60,6 +62,7 @@ class Recording:
             trunk: its mesh.
             before: measures of the skin before surgery; its worst level is the one whose section is shown.
             bone_path: where the bones go.
+            model: what is simulated; only the colour `energy` asks for it.
             colours: choices for the colour of the skin beside its displacement, see `painters`.
             steps: record every step of the relaxations too, on a timeline `step`; see `watch`.
             live: URL of a viewer that listens, to show everything as it is recorded.
@@ -78,7 +81,7 @@ class Recording:
         self.watch = self.step if steps else None
         """What `simulate` is to tell of its steps; None when they are not recorded."""
         planned = bone_path.at(1.0)
-        self._values = painters(case, trunk, colours)
+        self._values = painters(case, trunk, model, colours)
         start, end = self._painted(np.zeros_like(planned), 0.0), self._painted(planned, 1.0)
         most: dict[ColourName, float] = {
             name: max(float(np.nanpercentile(np.abs(values), 99.5)) for values in (start[name], end[name]))
@@ -111,6 +114,8 @@ class Recording:
         """Records the trunk after an increment: skin, bones, landmarks, section, rotations, energy and error."""
         for stream in self._streams:
             stream.wait()
+        if self.failed:
+            return
         self._at(increment=increment.number, step=self._steps or None)
         self._now(increment.displacement, measures, increment.load_factor)
         relaxation = increment.relaxation

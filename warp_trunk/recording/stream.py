@@ -52,6 +52,7 @@ class Stream:
         """Completes what was sent; does nothing the second time."""
         if not self._closed:
             self._closed = True
+            self.wait()
             if not within(1.0 if self.failed else WAIT, self._stream.disconnect) and not self.failed:
                 self._fail(f"closing took more than {WAIT:g} s")
 
