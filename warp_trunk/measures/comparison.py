@@ -74,11 +74,10 @@ def compare_skins(predicted: Surface, actual: Surface, landmarks: Landmarks) -> 
     Raises:
         InputError: no ASIS, or no vertebra, among the landmarks, or a skin that is open at a level.
     """
-    there = back_surface_rotation(predicted, landmarks)
-    here = back_surface_rotation(actual, landmarks)
+    theirs = back_surface_rotation(actual, landmarks)
     angles = {
-        level: None if tangent is None or here[level] is None else (tangent.angle, here[level].angle)
-        for level, tangent in there.items()
+        level: (tangent.angle, other.angle) if tangent and (other := theirs[level]) else None
+        for level, tangent in back_surface_rotation(predicted, landmarks).items()
     }
     distance = skin_distance(predicted, actual, landmarks)
     return SkinComparison(

@@ -1,0 +1,64 @@
+"""Measures of real anatomy, straight and symmetric as it is, and twisted by known angles."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warp_trunk.deformity.bone_landmarks import find_landmarks
+from warp_trunk.landmarks import Landmarks
+from warp_trunk.measures import compare_skins, measure, mirror_asymmetry
+from warp_trunk.surface import Surface, read_surface
+
+TWIST = 20.0
+"""Clockwise, over the height of the trunk above the pelvis [degrees]."""
+
+
+@pytest.fixture(scope="module")
+def anatomy():
+    folder = os.environ.get("WARP_TRUNK_ANATOMY")
+    if not folder:
+        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
+    files = [path for path in Path(folder, "bones").glob("*.ply") if path.stem[0] in "TL" or "hip" in path.stem]
+    bones = {path.stem: read_surface(path) for path in files}
+    return read_surface(Path(folder, "skin.ply")), find_landmarks(bones)
+
+
+def twist(points, bottom, top):
+    angle = -np.radians(TWIST) * np.clip((points[:, 2] - bottom) / (top - bottom), 0.0, None)
+    x, y, z = (points - [0.0, -60.0, 0.0]).T
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * x - s * y, s * x + c * y - 60.0, z])
+
+
+def test_straight_symmetric_anatomy_has_next_to_no_asymmetry(anatomy):
+    skin, landmarks = anatomy
+    measures = measure(skin, landmarks)
+    assert measures.missing == {}
+    assert len(measures.bsr) == 17
+    assert measures.cobb == ()
+    assert max(abs(angle) for angle in measures.bsr.values()) < 0.3
+    assert abs(measures.max_hump) < 0.5
+    assert abs(measures.trunk_shift.lateral) < 0.5
+    assert max(abs(flanks.index) for flanks in measures.flanks.values()) < 1.0
+    assert max(abs(angle) for angle in measures.axial_rotation.values()) < 3.0  # pedicles found on the meshes
+    assert np.abs(mirror_asymmetry(skin, landmarks)).mean() < 0.5
+
+
+def test_twisted_anatomy_has_the_angles_of_its_twist(anatomy):
+    skin, landmarks = anatomy
+    bottom, top = landmarks.of_bone("L5").points[:, 2].min() - 10.0, skin.vertices[:, 2].max()
+    turned = Landmarks(landmarks.names, twist(landmarks.points, bottom, top))
+    twisted = Surface(twist(skin.vertices, bottom, top), skin.faces)
+    straight, measures = measure(skin, landmarks), measure(twisted, turned)
+    for level in straight.bsr:
+        height = landmarks.of_bone(level).points[:, 2].mean()
+        angle = TWIST * (height - bottom) / (top - bottom)
+        assert measures.bsr[level] - straight.bsr[level] == pytest.approx(angle, abs=0.5)
+        assert measures.axial_rotation[level] - straight.axial_rotation[level] == pytest.approx(angle, abs=0.5)
+    assert measures.hump_height["T8"] > 15.0
+    error = compare_skins(twisted, skin, turned).bsr_error["T4-T12"]
+    assert error is not None
+    assert error.mean > 5.0
+    assert not error.undetectable
