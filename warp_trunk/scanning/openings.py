@@ -10,13 +10,15 @@ import numpy as np
 from ..surface import Surface
 from .overlap import boundary_vertices, covered_by, vertex_areas
 
-_STEEP = 0.75
-"""At an open end the skin at the rim leans on the plane through it by more than 41 degrees: its mean cosine."""
+_STEEP = 0.8
+"""At an open end the skin at the rim leans on the plane through it by more than 37 degrees: its mean cosine."""
 _FLAT = 0.15
 """The rim of an end is within this part of the root of its area of a plane on average."""
+_TO_RIM = 0.6
+"""An opening is taken to where the scans are nearer than this part of the reach."""
 _FITS = 8
 """How often the plane of a rim is fitted, each time to the points near the one before."""
-_SMALLEST_END = 1500.0
+_SMALLEST_END = 3000.0
 """Openings smaller than this [mm^2] are holes whatever their rim: a neck or an arm is larger."""
 
 
@@ -29,7 +31,7 @@ class Opening:
     normal: np.ndarray
     """Normal of the plane through its rim, outward, of length 1, shape (3,)."""
     area: float
-    """Area of the lid over it [mm^2]."""
+    """Area of the lid over it [mm^2], without a margin of some 6 mm along the rim."""
     is_end: bool
     """Whether it is where the scan ends (neck, arm, thigh), and not a hole in the skin."""
 
@@ -65,14 +67,15 @@ def find_openings(
     """
     from scipy.spatial import KDTree  # heavy
 
-    is_open = KDTree(points).query(lid.vertices)[0] > reach
+    from_scans = np.asarray(KDTree(points).query(lid.vertices)[0])
+    part = patches(lid, from_scans > _TO_RIM * reach)
+    is_open = np.isin(part, part[from_scans > reach])  # to the rim, where it is open at all
     if not is_open.any():
         return []
-    part = patches(lid, is_open)
     vertex_area = vertex_areas(lid)
     where = np.flatnonzero(is_open)
     distance, nearest = KDTree(lid.vertices[where]).query(rim[0])
-    opening_of_rim = np.where(distance < 2.0 * reach, part[where[nearest]], -1)
+    opening_of_rim = np.where(distance < reach, part[where[nearest]], -1)
     openings = []
     for number in np.unique(part[where]):
         members = is_open & (part == number)
