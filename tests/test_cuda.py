@@ -1,8 +1,12 @@
 """The same kernels on CUDA: run where there is a device, skipped elsewhere."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 import warp as wp
+from continuum import Continuum
 from meshes import block_with_bone, rotation
 from reference import Reference
 
@@ -41,6 +45,41 @@ def test_energies_are_those_of_numpy(precision: str, tolerance: float, gravity: 
     assert inverted == 0
     for term in ("distance", "area", "volume", "gravity"):
         assert getattr(energy, term) == pytest.approx(expected[term], rel=tolerance, abs=1e-12)
+
+
+@pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-5), ("float64", 1e-12)])
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_energies_of_a_layered_continuum_are_those_of_numpy(
+    precision: str, tolerance: float, gravity: float
+) -> None:
+    trunk = replace(TRUNK, tissue=(np.arange(len(TRUNK.tets)) % 2).astype(np.int8))
+    tissues = (Tissue(), Tissue(youngs_modulus=70.0, poisson_ratio=0.49))
+    model = build_model(
+        trunk, tissues, energy="neo-hookean", gravity=gravity, device="cuda:0", precision=precision
+    )
+    displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
+    state, _ = State.pair(model)
+    state.place(displacement)
+    state.evaluate()
+    energy, reference = state.energy(), Continuum(trunk, tissues, gravity)
+    for term, value in reference.energies(displacement).items():
+        assert getattr(energy, term) == pytest.approx(value, rel=tolerance, abs=1e-12)
+    found, wanted = np.empty_like(TRUNK.nodes), reference.gradient(displacement)
+    found[model.order] = state.gradient.numpy().sum(axis=0)
+    np.testing.assert_allclose(found, wanted, atol=tolerance * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("options", [{"energy": "neo-hookean"}, {"weights": "volume"}])
+def test_cpu_and_cuda_end_at_the_same_place(precision: str, options: dict[str, Any]) -> None:
+    tissue, relax = Tissue(poisson_ratio=0.49), RelaxOptions(tolerance=1e-3)
+    ends = []
+    for device in ("cpu", "cuda:0"):
+        model = build_model(TRUNK, tissue, device=device, precision=precision, **options)
+        *_, last = simulate(model, turning_path(), SimulationOptions(increments=2, relax=relax))
+        assert last.relaxation.status is RelaxStatus.CONVERGED
+        ends.append(last.displacement)
+    assert np.abs(ends[0] - ends[1]).max() < 2e-3
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
