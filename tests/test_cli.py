@@ -15,6 +15,7 @@ from warp_trunk.cli.arguments import one_line
 from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 from warp_trunk.cli.view import find_recording
 from warp_trunk.errors import InputError
+from warp_trunk.layers import depth as layer_depth
 from warp_trunk.meshing import TrunkBuild
 from warp_trunk.recording import stream, viewer
 from warp_trunk.relaxation import RelaxStatus
@@ -23,7 +24,7 @@ from warp_trunk.tissue import Tissue
 
 FLAGS = [
     "--out", "--tets", "--increments", "--device", "--precision", "--threads", "--method", "--tolerance",
-    "--epsilon", "--theta", "--gravity", "--bones", "--record", "--no-record",
+    "--epsilon", "--theta", "--gravity", "--rest", "--layers", "--bones", "--record", "--no-record",
     "--record-steps", "--record-colours", "--live",
 ]  # fmt: skip
 RESULT = {
@@ -95,6 +96,25 @@ def test_flags_reach_the_options(quick, tmp_path):
     assert not (tmp_path / "recording.rrd").exists()
     parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
     assert parameters | {"tets": 5000, "method": "conjugate", "theta": 7.0, "epsilon": 0.5} == parameters
+
+
+@pytest.mark.parametrize(
+    ("flags", "sags", "tissues"),
+    [
+        ([], False, 1),
+        (["--gravity=9.81"], True, 1),
+        (["--gravity=9.81", "--rest=scan"], False, 1),
+        (["--rest=sag-free", "--layers=depth"], False, 3),
+    ],
+)
+def test_gravity_stands_at_rest_and_layers_are_told(quick, monkeypatch, tmp_path, flags, sags, tissues):
+    monkeypatch.setattr(layer_depth, "LEAST_CUT", np.inf)  # the case is a box, which is flat all over
+    common = ["--device=cpu", "--increments=1", "--no-record", "--youngs-modulus=200"]
+    assert main(["simulate", "case", "--out", str(tmp_path), *common, *flags]) == OK
+    assert (quick["model"].scan is not None, len(quick["model"].tissues)) == (sags, tissues)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["sag_mm"] > 0.0) == sags == ("rest" in summary["seconds"])
+    assert (tissues > 1) == ("layers" in summary["seconds"])
 
 
 def test_bones_are_carried_by_the_spline_of_the_landmarks(quick, tmp_path):

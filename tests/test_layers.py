@@ -94,6 +94,12 @@ def test_the_ends_of_a_scan_are_not_skin() -> None:
     np.testing.assert_array_equal(skin, ~flat)
 
 
+def test_a_box_has_no_skin() -> None:
+    made = trimesh.creation.box([200.0, 150.0, 400.0])
+    with pytest.raises(InputError, match=r"skin: all of it is flat over more than 50 cm\^2"):
+        real_skin(Surface(made.vertices, made.faces))
+
+
 def test_no_layers_leave_the_mesh_as_it_is() -> None:
     bare = slab()
     assert layered(bare, Layers(), "none") is bare

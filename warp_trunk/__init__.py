@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from .deformity import SpineCurve, make_case
     from .errors import InputError
     from .landmarks import Landmarks, read_landmarks, write_landmarks
+    from .layers import Layers, layered
     from .measures import (
         BsrError,
         CobbAngle,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from .phantom import TrunkSize, phantom_case
     from .recording import Recording
     from .relaxation import Relaxation, RelaxOptions, RelaxStatus
+    from .rest import RestState, sag_free
     from .results import Result, read_result, read_summary, skin_after, write_result
     from .run import RunOptions, RunResult, run_case
     from .scanning import CloseOptions, CutPlane, align_parts, close_skin
@@ -54,6 +56,8 @@ _MODULE = {
     "Landmarks": "landmarks",
     "read_landmarks": "landmarks",
     "write_landmarks": "landmarks",
+    "Layers": "layers",
+    "layered": "layers",
     "BsrError": "measures",
     "CobbAngle": "measures",
     "DistanceStatistics": "measures",
@@ -79,6 +83,8 @@ _MODULE = {
     "Relaxation": "relaxation",
     "RelaxOptions": "relaxation",
     "RelaxStatus": "relaxation",
+    "RestState": "rest",
+    "sag_free": "rest",
     "Result": "results",
     "read_result": "results",
     "read_summary": "results",
@@ -116,12 +122,14 @@ __all__ = [
     "Increment",
     "InputError",
     "Landmarks",
+    "Layers",
     "MeshOptions",
     "Model",
     "Recording",
     "RelaxOptions",
     "RelaxStatus",
     "Relaxation",
+    "RestState",
     "Result",
     "RunOptions",
     "RunResult",
@@ -142,6 +150,7 @@ __all__ = [
     "close_skin",
     "cobb_angles",
     "compare_skins",
+    "layered",
     "make_case",
     "measure",
     "mirror_asymmetry",
@@ -153,6 +162,7 @@ __all__ = [
     "read_surface",
     "read_trunk",
     "run_case",
+    "sag_free",
     "simulate",
     "skin_after",
     "spline_path",

@@ -98,7 +98,10 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
     mesh = None if table.mesh is None else folder / table.mesh
     if mesh is not None and not mesh.is_file():
         raise InputError(f"{mesh}: there is no such file, but case.toml names it, layers.mesh; add it")
-    return Layers(**thickness, constants=table.constants, mesh=mesh)
+    try:
+        return Layers(**thickness, constants=table.constants, mesh=mesh)
+    except InputError as error:
+        raise InputError(f"{folder / 'case.toml'}: {error}") from None
 
 
 def write_layers(folder: Path, layers: Layers) -> LayerTable:

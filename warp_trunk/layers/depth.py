@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..errors import InputError
 from ..surface import Surface
 from ..trunk_mesh import TrunkMesh
 
@@ -22,6 +23,9 @@ def real_skin(skin: Surface) -> np.ndarray:
 
     A scan of the trunk ends in planes at the neck, the thighs and perhaps the arms, which close it but have
     muscle and bone under them. No skin is flat over 50 cm^2.
+
+    Raises:
+        InputError: all of it is flat.
     """
     import trimesh  # heavy
 
@@ -30,6 +34,11 @@ def real_skin(skin: Surface) -> np.ndarray:
     for patch in trimesh.graph.facets(mesh, facet_threshold=FLATNESS):
         if mesh.area_faces[patch].sum() > LEAST_CUT:
             is_skin[patch] = False
+    if not is_skin.any():
+        raise InputError(
+            f"skin: all of it is flat over more than {LEAST_CUT / 100.0:g} cm^2, as where a scan is cut off; "
+            "layers by depth need a curved skin, so give them by a mesh or leave them out"
+        )
     return is_skin
 
 
