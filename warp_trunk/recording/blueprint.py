@@ -20,7 +20,9 @@ GLASS = (255, 222, 200, 80)
 """Skin that shows what is behind it."""
 
 
-def layout(case: Case, before: TrunkMeasures, colours: Sequence[ColourName], target: str, tab: int = 0) -> Any:
+def layout(
+    case: Case, before: TrunkMeasures, colours: Sequence[ColourName], target: str, unit: str, tab: int = 0
+) -> Any:
     """Before, now and target side by side; below them section, rotations, table and plots.
 
     Args:
@@ -28,6 +30,7 @@ def layout(case: Case, before: TrunkMeasures, colours: Sequence[ColourName], tar
         before: its measures before surgery.
         colours: the choice of colours of the skin, a tab for each; one more shows the spine through the skin.
         target: what the third picture holds: actual (the skin after surgery) or target (the planned spine).
+        unit: of the energy.
         tab: the tab that is open.
     """
     import rerun as rr
@@ -75,7 +78,7 @@ def layout(case: Case, before: TrunkMeasures, colours: Sequence[ColourName], tar
         rrb.Vertical(
             rrb.Tabs(*coloured, through, active_tab=tab),
             rrb.Horizontal(
-                _section(case, before), _bars(before, target), _plots(), _texts(), column_shares=[4, 4, 3, 4]
+                _section(case, before), _bars(before, target), _plots(unit), _texts(), column_shares=[4, 4, 4, 3]
             ),
             row_shares=[5, 3],
         ),
@@ -108,7 +111,7 @@ def _section(case: Case, before: TrunkMeasures) -> Any:
     middle, wide = -(low[0] + high[0]) / 2.0, 0.55 * (high - low)[0]
     return rrb.Spatial2DView(
         origin="/section",
-        name=f"Section at {before.worst_level} from above: grey before, blue now",
+        name=f"Section at {before.worst_level} from above, back below",
         visual_bounds=rrb.VisualBounds2D(
             x_range=(middle - wide, middle + wide), y_range=(low[1] - 20.0, high[1] + 50.0)
         ),
@@ -127,11 +130,11 @@ def _bars(before: TrunkMeasures, target: str) -> Any:
     )
 
 
-def _plots() -> Any:
+def _plots(unit: str) -> Any:
     import rerun.blueprint as rrb
 
     return rrb.Tabs(
-        rrb.TimeSeriesView(origin="/energy", name="Energy", plot_legend=rrb.Corner2D.LeftTop),
+        rrb.TimeSeriesView(origin="/energy", name=f"Energy [{unit}]", plot_legend=rrb.Corner2D.LeftTop),
         rrb.TimeSeriesView(origin="/error", name="Error [log10 mm]"),
         rrb.TimeSeriesView(origin="/bsr", name="Rotation [°]"),
     )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from ..results.summary_text import RESEARCH
 from . import drawing
 
 if TYPE_CHECKING:
@@ -112,13 +113,18 @@ def table(
     three = (before, now, target)
     moved = "" if now.skin_change_max is None else f"{now.skin_change_max:.1f} mm"
     rows = [
-        row("Correction applied", ["0 %", f"{load_factor:.0%}", "100 %"]),
+        row("Correction applied", ["0 %", f"{100.0 * load_factor:.0f} %", "100 %"]),
         row("Back rotation, thoracic", [drawing.degrees(m.max_thoracic_bsr) for m in three]),
         row("Back rotation, lumbar", [drawing.degrees(m.max_lumbar_bsr) for m in three]),
         row("Largest Cobb angle", [_largest_cobb(m) for m in three]),
         row("Skin moved by up to", ["", moved, ""]),
     ]
-    return "\n".join([f"| | before | now | {target_name} |", "|---|---:|---:|---:|", *rows])
+    meaning = {
+        "actual": "Actual: the skin after surgery as it was scanned.",
+        "target": "Target: the planned spine, with the skin where the spline alone carries it.",
+    }
+    head = [f"| | before | now | {target_name} |", "|---|---:|---:|---:|"]
+    return "\n".join([*head, *rows, "", meaning[target_name], "", RESEARCH])
 
 
 def _largest_cobb(measures: TrunkMeasures) -> str:

@@ -62,7 +62,7 @@ class Recording:
             trunk: its mesh.
             before: measures of the skin before surgery; its worst level is the one whose section is shown.
             bone_path: where the bones go.
-            model: what is simulated; only the colour `energy` asks for it.
+            model: what is simulated: the colour `energy` asks for it, and its unit is shown.
             colours: choices for the colour of the skin beside its displacement, see `painters`.
             steps: record every step of the relaxations too, on a timeline `step`; see `watch`.
             live: URL of a viewer that listens, to show everything as it is recorded.
@@ -92,7 +92,8 @@ class Recording:
         assert target_skin is not None
         target = measure(target_skin, case.landmarks_after)
         name = "actual" if actual else "target"
-        blueprint = layout(case, before, tuple(self._values), name)
+        unit = "its own unit" if model is None else model.elements.unit
+        blueprint = layout(case, before, tuple(self._values), name, unit)
         self._file, *self._viewer = open_streams(case.name, self.path, live, blueprint)
         self._streams = [self._file, *self._viewer]
         level = before.worst_level
