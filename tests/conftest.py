@@ -1,8 +1,26 @@
 """What tests share. This folder is on the import path, for the helpers beside this file."""
 
+from pathlib import Path
+
 import pytest
+from report_results import write_small_result
 
 from warp_trunk.parallel import Parallel
+from warp_trunk.report import write_report
+
+
+@pytest.fixture(scope="session")
+def plain_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of a result without an actual skin, and with a name that is markup."""
+    return write_report(
+        write_small_result(tmp_path_factory.mktemp("plain"), name='<script>alert("x")</script> & Co')
+    )
+
+
+@pytest.fixture(scope="session")
+def compared_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of a result with an actual skin, turned 3 degrees further, and without the level T8."""
+    return write_report(write_small_result(tmp_path_factory.mktemp("compared"), turn_more=3.0, without="T8"))
 
 
 @pytest.fixture

@@ -70,7 +70,7 @@ def in_pelvis(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     return np.column_stack([(points[:, :2] - middle) @ axes.T, points[:, 2]])
 
 
-def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.5) -> Window:
+def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.75) -> Window:
     """The window that shows all backs, with square pixels of a size in mm."""
     points = np.concatenate([in_pelvis(skin.vertices, landmarks) for skin, landmarks in poses])
     spines = [landmarks.point(name)[2] for _, landmarks in poses for name in ("asis_left", "asis_right")]
