@@ -30,9 +30,8 @@ class Solid:
             material: its modulus, in N/mm^2 where there are loads.
             loads: constant forces on the nodes [N], shape (nodes, 3); none when left out.
         """
-        mesh = MeshTet(np.ascontiguousarray(nodes.T), np.ascontiguousarray(tets.T.astype(np.int64)))
         self.material = material
-        self.basis = Basis(mesh, ElementTetP1(), intorder=0)
+        self.basis = Basis(tet_mesh(nodes, tets), ElementTetP1(), intorder=0)
         self.rounding = 1e-14 * (material.mu + material.lam) * float(self.basis.dx.sum())
         self.loads = np.zeros_like(nodes) if loads is None else loads
 
@@ -65,10 +64,15 @@ class Solid:
         return np.stack(gradients) + np.eye(3)[:, :, None, None]
 
 
+def tet_mesh(nodes: np.ndarray, tets: np.ndarray) -> MeshTet:
+    """Nodes (nodes, 3) and corners (tets, 4) as scikit-fem holds them."""
+    return MeshTet(np.ascontiguousarray(nodes.T), np.ascontiguousarray(tets.T.astype(np.int64)))
+
+
 def weight(nodes: np.ndarray, tets: np.ndarray, force: float) -> np.ndarray:
     """Loads of a force that pulls down on every volume [N/mm^3]: shape (nodes, 3) [N]."""
-    mesh = MeshTet(np.ascontiguousarray(nodes.T), np.ascontiguousarray(tets.T.astype(np.int64)))
-    volumes = LinearForm(lambda v, _: v).assemble(Basis(mesh, ElementTetP1(), intorder=1))
+    basis = Basis(tet_mesh(nodes, tets), ElementTetP1(), intorder=1)
+    volumes = LinearForm(lambda v, _: v).assemble(basis)
     return volumes[:, None] * np.array([0.0, 0.0, -force])
 
 
