@@ -62,7 +62,7 @@ def test_window_ends_below_the_iliac_spines(landmarks):
 
 
 def test_depth_and_normals_are_those_of_a_slope(landmarks):
-    """A back that falls by 0.3 to the left and by 0.2 upwards: a plane, so depth and normal are known everywhere."""
+    """A back that falls by 0.3 to the left and by 0.2 upwards: depth and normal are known everywhere."""
     skin = sheet(lambda x, z: 80.0 - 0.3 * x - 0.2 * z)
     seen = Window(np.arange(100.0, -101.0, -10.0), np.arange(400.0, 9.0, -10.0), 10.0)
     back = relief(skin, landmarks, seen)
@@ -80,7 +80,7 @@ def test_beside_the_trunk_there_is_nothing(landmarks):
 
 
 def test_sides_are_compared_about_a_spine_that_stands_aside(landmarks):
-    """A slope of 0.1 to the right has the same difference wherever it is mirrored: twice 0.1 times the distance."""
+    """A slope of 0.1 has a known difference wherever it is mirrored: twice 0.1 times the distance."""
     aside = np.array([[-20.0 * (name[0] in "TL"), 0.0, 0.0] for name in landmarks.names])
     shifted = Landmarks(landmarks.names, landmarks.points + aside)
     seen = Window(np.arange(60.0, -61.0, -1.0), np.arange(350.0, 129.0, -1.0), 1.0)

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 from report_results import write_small_result
 
+from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.relaxation import RelaxStatus
 from warp_trunk.report import write_report
@@ -83,7 +84,7 @@ def test_picture_stands_before_the_sentences_and_they_before_the_numbers(plain):
 
 
 def test_numbers_of_the_prediction_are_the_angles_that_were_imposed(plain):
-    """The box is turned by 14 degrees over 420 mm, so by its height at every level; turned clockwise is positive."""
+    """The box is turned by 14 degrees over 420 mm, evenly with height; clockwise from above is positive."""
     rows = rotation_rows(poses_of(read_result(plain[0])))
     heights = {"T4": 360.0, "T8": 280.0, "T12": 200.0, "L3": 120.0}
     for level, before, predicted, change in rows:
@@ -137,20 +138,28 @@ def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_pat
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
 
 
-def test_same_result_gives_the_same_bytes(plain, tmp_path):
-    folder, text = plain
-    page = write_report(folder, tmp_path / "again")
-    assert page.read_text() == text
-    for name in PICTURES:
-        again = tmp_path / "again" / "report" / f"{name}.png"
-        assert again.read_bytes() == (folder / "report" / f"{name}.png").read_bytes()
-
-
 def test_folder_that_cannot_be_written_is_refused_before_any_drawing(plain, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setattr("warp_trunk.report.writing.poses_of", lambda _: pytest.fail("measured"))
     with pytest.raises(InputError, match="--out"):
         write_report(plain[0], tmp_path / "file" / "out")
+
+
+def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path, capsys):
+    assert main(["report", str(plain[0]), "--out", str(tmp_path / "taken along")]) == 0
+    page = tmp_path / "taken along" / "report.html"
+    assert str(page) in capsys.readouterr().out
+    assert page.read_text() == plain[1]
+    for name in PICTURES:
+        again = page.parent / "report" / f"{name}.png"
+        assert again.read_bytes() == (plain[0] / "report" / f"{name}.png").read_bytes()
+
+
+def test_command_refuses_what_is_no_result_in_one_line(tmp_path, capsys):
+    assert main(["report", str(tmp_path)]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert re.fullmatch(r"warp-trunk: .*summary\.json: cannot be read .*", last)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("value", "text"), [(1.25, "+1.2"), (-0.04, "+0.0"), (-3.0, "−3.0"), (None, "–")])
