@@ -89,3 +89,23 @@ def test_shapes_and_nugget_are_checked() -> None:
     for nugget in (-1.0, float("nan")):
         with pytest.raises(InputError, match="nugget"):
             fit_spline(SOURCES, TARGETS, nugget=nugget)
+
+
+@pytest.mark.parametrize("nugget", [0.0, 3.0])
+def test_a_constant_drift_agrees_with_scipy(nugget: float) -> None:
+    reference = RBFInterpolator(SOURCES, TARGETS - SOURCES, kernel="linear", degree=0, smoothing=nugget)
+    expected = POINTS + reference(POINTS)
+    np.testing.assert_allclose(fit_spline(SOURCES, TARGETS, nugget, drift="constant")(POINTS), expected, atol=1e-8)
+
+
+def test_a_constant_drift_needs_one_landmark_and_shifts_by_it() -> None:
+    spline = fit_spline(SOURCES[:1], TARGETS[:1], drift="constant")
+    np.testing.assert_allclose(spline(POINTS), POINTS + TARGETS[0] - SOURCES[0], atol=1e-9)
+    with pytest.raises(InputError, match="drift"):
+        fit_spline(SOURCES, TARGETS, drift="cubic")  # pyright: ignore[reportArgumentType]
+
+
+def test_bending_is_what_is_not_affine() -> None:
+    spline = fit_spline(SOURCES, TARGETS)
+    expected = np.linalg.norm(POINTS[:, None] - SOURCES[None], axis=2) @ spline.weights
+    np.testing.assert_allclose(spline.bending(POINTS), expected, atol=1e-8)

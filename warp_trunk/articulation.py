@@ -110,9 +110,9 @@ def _hold(points: np.ndarray) -> bool:
 
 def _ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
     """The middle of the end of a bone at its neighbour, and of the end furthest from there, shape (2, 3)."""
-    from scipy.spatial import cKDTree  # heavy
+    from scipy.spatial import KDTree  # heavy
 
-    near, _ = cKDTree(neighbour).query(vertices)
+    near, _ = KDTree(neighbour).query(vertices)
     joint = vertices[near <= near.min() + _END].mean(axis=0)
     far = np.linalg.norm(vertices - joint, axis=1)
     return np.array([joint, vertices[far >= far.max() - _END].mean(axis=0)])

@@ -8,7 +8,7 @@ import numpy as np
 
 from .trunk_mesh import TrunkMesh
 
-_REACH = 5.0
+_REACH = 8.0
 """How far from the border between two bones their joint reaches [mm]."""
 
 
@@ -19,11 +19,11 @@ def free_joints(trunk: TrunkMesh) -> TrunkMesh:
     by both, triangles that span two bones would be torn to several times their size and tetrahedra turned
     inside out, which relaxation cannot mend.
     """
-    from scipy.spatial import cKDTree  # heavy
+    from scipy.spatial import KDTree  # heavy
 
     edges = np.unique(np.sort(trunk.bone_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     border = np.unique(edges[trunk.bone[edges[:, 0]] != trunk.bone[edges[:, 1]]])
     if len(border) == 0:
         return trunk
-    distance, _ = cKDTree(trunk.nodes[border]).query(trunk.nodes, distance_upper_bound=_REACH)
+    distance, _ = KDTree(trunk.nodes[border]).query(trunk.nodes, distance_upper_bound=_REACH)
     return replace(trunk, bone=np.where(np.isfinite(distance), np.int32(-1), trunk.bone))

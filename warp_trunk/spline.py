@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import warp as wp
@@ -24,7 +24,7 @@ _FLAT = 1e-6
 
 @dataclass(frozen=True)
 class Spline:
-    """The map x -> x + a + B (x - m) + sum_i w_i |x - c_i|, from `fit_spline`.
+    """The map x -> x + a + B (x - m) + sum_i w_i |x - c_i|, from `fit_spline`; B = 0 for a constant drift.
 
     What is fitted is the displacement, not the target: landmarks that do not move make every coefficient
     exactly zero, and the map is the identity to the last bit.
@@ -52,6 +52,10 @@ class Spline:
         wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device=choose_device("auto"))
         return out.numpy().copy()
 
+    def bending(self, points: np.ndarray) -> np.ndarray:
+        """The part of the displacement that is not affine, shape (m, 3) [mm] -> (m, 3) [mm], float64."""
+        return self.displacement(points) - self.constant - (points - self.origin) @ self.linear.T
+
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """Gradient of the map at points, shape (m, 3) [mm] -> (m, 3, 3); a determinant <= 0 is a fold."""
         out = wp.empty(len(points), dtype=_MATRIX, device=choose_device("auto"))
@@ -66,7 +70,11 @@ class Spline:
 
 
 def fit_spline(
-    sources: np.ndarray, targets: np.ndarray, nugget: float = 0.0, names: Sequence[str] | None = None
+    sources: np.ndarray,
+    targets: np.ndarray,
+    nugget: float = 0.0,
+    names: Sequence[str] | None = None,
+    drift: Literal["linear", "constant"] = "linear",
 ) -> Spline:
     """The spline of kernel r with an affine part that carries sources to targets (T of eq. 1 of [1]).
 
@@ -81,26 +89,30 @@ def fit_spline(
         nugget: variance of the landmarks over the slope of the variogram [mm]; 0 meets every landmark, more
             smooths, and infinity is the affine least-squares fit.
         names: what to call the landmarks in an error; their numbers when left out.
+        drift: what the map is far from the landmarks, and what it is exactly where they allow it: an affine
+            map, or (constant) a shift, which is enough for the kernel and asks for no more than one landmark.
 
     Raises:
-        InputError: shapes that differ, a number that is not finite, a negative nugget, fewer than four
-            landmarks, coincident ones (allowed with a nugget), or all of them in one plane.
+        InputError: shapes that differ, a number that is not finite, a negative nugget, coincident landmarks
+            (allowed with a nugget), or, for a linear drift, fewer than four or all of them in one plane.
     """
     sources = np.asarray(sources, dtype=np.float64)
     targets = np.asarray(targets, dtype=np.float64)
     called = [f"number {i}" for i in range(len(sources))] if names is None else list(names)
-    _check(sources, targets, nugget, called)
+    _check(sources, targets, nugget, called, drift)
 
     n = len(sources)
     origin = sources.mean(axis=0)
-    scale = float(np.abs(sources - origin).max())
+    scale = float(np.abs(sources - origin).max()) or 1.0
     c = (sources - origin) / scale
-    A = np.zeros((n + 4, n + 4))
+    terms = 4 if drift == "linear" else 1
+    A = np.zeros((n + terms, n + terms))
     A[:n, :n] = np.linalg.norm(c[:, None] - c[None], axis=2) - (nugget / scale) * np.eye(n)
     A[:n, n] = A[n, :n] = 1.0
-    A[:n, n + 1 :] = c
-    A[n + 1 :, :n] = c.T
-    rhs = np.zeros((n + 4, 3))
+    if drift == "linear":
+        A[:n, n + 1 :] = c
+        A[n + 1 :, :n] = c.T
+    rhs = np.zeros((n + terms, 3))
     rhs[:n] = targets - sources
     solution = np.linalg.solve(A, rhs)
     solution += np.linalg.solve(A, rhs - A @ solution)  # one refinement, for landmarks met to 1e-9 mm
@@ -109,11 +121,11 @@ def fit_spline(
         centres=sources - origin,
         weights=solution[:n] / scale,
         constant=solution[n],
-        linear=solution[n + 1 :].T / scale,
+        linear=solution[n + 1 :].T / scale if drift == "linear" else np.zeros((3, 3)),
     )
 
 
-def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[str]) -> None:
+def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[str], drift: str) -> None:
     if sources.ndim != 2 or sources.shape[1] != 3 or sources.shape != targets.shape:
         raise InputError(
             "spline: sources and targets must both have shape (n, 3), "
@@ -123,9 +135,12 @@ def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[
         raise InputError(f"spline: names must be one for each landmark, not {len(names)} for {len(sources)}")
     if not nugget >= 0.0:
         raise InputError(f"spline: 'nugget' must be at least 0 mm, not {nugget}")
-    if len(sources) < 4:
+    if drift not in ("linear", "constant"):
+        raise InputError(f"spline: 'drift' must be linear or constant, not {drift!r}")
+    least = 4 if drift == "linear" else 1
+    if len(sources) < least:
         raise InputError(
-            f"spline: at least 4 landmarks are needed, not {len(sources)} ({_list(names)}); add landmarks"
+            f"spline: at least {least} landmarks are needed, not {len(sources)} ({_list(names)}); add landmarks"
         )
     bad = np.flatnonzero(~np.isfinite(np.hstack([sources, targets])).all(axis=1))
     if len(bad):
@@ -140,6 +155,8 @@ def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[
                 f"spline: no two landmarks may coincide, but {_list(found)} do; "
                 "remove one of each, or set a nugget"
             )
+    if drift == "constant":
+        return
     spread = np.linalg.svd(sources - sources.mean(axis=0), compute_uv=False)
     if spread[2] <= _FLAT * spread[0]:
         raise InputError(

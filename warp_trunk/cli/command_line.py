@@ -17,10 +17,13 @@ from .close import Close
 from .demo import Demo
 from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
 from .export import Export
+from .fit_atlas import FitAtlas
 from .make_case import MakeCase
 from .measure import Measure
+from .register import Register
 from .report import Report
 from .simulate import Simulate
+from .triangulate import Triangulate
 from .view import View
 
 Command = (
@@ -28,9 +31,12 @@ Command = (
     | Annotated[Demo, subcommand("demo")]
     | Annotated[MakeCase, subcommand("make-case")]
     | Annotated[Export, subcommand("export")]
+    | Annotated[FitAtlas, subcommand("fit-atlas")]
     | Annotated[Measure, subcommand("measure")]
+    | Annotated[Register, subcommand("register")]
     | Annotated[Report, subcommand("report")]
     | Annotated[Simulate, subcommand("simulate")]
+    | Annotated[Triangulate, subcommand("triangulate")]
     | Annotated[View, subcommand("view")]
 )
 

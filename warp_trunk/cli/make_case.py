@@ -9,9 +9,9 @@ from typing import Literal
 
 from ..case import write_case
 from ..deformity import SpineCurve, make_case
-from ..errors import InputError
 from ..progress import Progress
 from ..surface import read_surface
+from .bone_folder import read_bones
 from .exit_status import OK
 
 
@@ -43,14 +43,9 @@ class MakeCase:
         curve = SpineCurve(
             kind=self.curve, cobb=self.cobb, apical_rotation=self.rotation, direction=self.direction
         )
-        if not self.bones.is_dir():
-            raise InputError(f"{self.bones}: there is no such folder; --bones is a folder of bone surfaces")
-        files = sorted(
-            path for path in self.bones.iterdir() if path.suffix.lower() in {".ply", ".stl", ".obj", ".off"}
-        )
         with Progress() as progress:
-            with progress.stage("load", f"reading {len(files)} bones and the skin"):
-                bones = {path.stem: read_surface(path) for path in files}
+            with progress.stage("load", f"reading the skin and the bones of {self.bones}"):
+                bones = read_bones(self.bones)
                 skin = read_surface(self.skin)
             with progress.stage("make", f"imposing a {self.curve} curve of {self.cobb:g} degrees"):
                 case = make_case(skin, bones, curve, self.correction, placeholder=self.placeholder)

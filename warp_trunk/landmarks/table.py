@@ -15,13 +15,18 @@ COLUMNS = ("name", "x", "y", "z")
 
 
 def read_table(path: Path, columns: tuple[str, ...] = COLUMNS) -> Landmarks:
-    """Landmarks from the columns of a CSV file; the numbers are taken as they stand.
+    """Landmarks from the columns of a CSV file; see `read_rows`."""
+    return Landmarks(*read_rows(path, columns))
+
+
+def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names and numbers, shape (n, columns - 1), from the columns of a CSV file, as they stand.
 
     Empty lines, spaces around a field, and columns that are not named are passed over.
 
     Args:
         path: the file, which begins with the names of its columns.
-        columns: which of them hold the landmark's name and its x, y and z.
+        columns: which of them hold the landmark's name and its coordinates.
 
     Raises:
         InputError: an unreadable file, a header without these columns, a line with another number of fields,
@@ -63,7 +68,7 @@ def read_table(path: Path, columns: tuple[str, ...] = COLUMNS) -> Landmarks:
         )
     if not points:
         raise InputError(f"{path}: there is no landmark in it; a case needs six for each vertebra and the ASIS")
-    return Landmarks(tuple(first_line), np.array(points, dtype=np.float64))
+    return tuple(first_line), np.array(points, dtype=np.float64)
 
 
 def _coordinate(text: str, what: str) -> float:

@@ -1,0 +1,21 @@
+"""A postero-anterior and a lateral film of landmarks, taken with sources 1800 mm from the films."""
+
+import numpy as np
+
+from warp_trunk.landmarks import Landmarks
+from warp_trunk.reconstruction.films import Film, project, projection_matrix
+
+
+def biplanar(landmarks: Landmarks, noise: float = 0.0, seed: int = 0) -> tuple[Film, Film]:
+    """Both films in mm, with v upward, and a normal error of this standard deviation in each coordinate."""
+    x, y, z = landmarks.points.mean(axis=0)
+    rng = np.random.default_rng(seed)
+    films = []
+    for view, source, origin, across in (
+        ("pa.csv", [x, y + 1500.0, z], [x, y - 300.0, z], [1.0, 0.0, 0.0]),
+        ("lateral.csv", [x - 1500.0, y, z], [x + 300.0, y, z], [0.0, 1.0, 0.0]),
+    ):
+        P = projection_matrix(np.array(source), np.array(origin), np.array(across), np.array([0.0, 0.0, 1.0]))
+        places = project(P, landmarks.points)
+        films.append(Film(view, landmarks.names, places + noise * rng.normal(size=places.shape), P))
+    return films[0], films[1]

@@ -1,0 +1,90 @@
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from warp_trunk.errors import InputError
+from warp_trunk.landmarks import Landmarks
+from warp_trunk.phantom import straight_trunk
+from warp_trunk.reconstruction import fit_atlas
+from warp_trunk.rigid import fit_rigid
+from warp_trunk.spline import fit_spline
+from warp_trunk.surface import Surface
+
+TURN = Rotation.from_rotvec([0.3, -0.2, 0.9])
+
+
+@cache
+def atlas() -> tuple[dict[str, Surface], Landmarks]:
+    """Two vertebrae, a rib without landmarks and the hips; the landmarks of these."""
+    _, bones, landmarks = straight_trunk()
+    few = {name: bones[name] for name in ("T7", "T8", "rib_left_07", "hip_left", "hip_right")}
+    rows = [i for i, name in enumerate(landmarks.names) if name.startswith(("T7_", "T8_", "asis"))]
+    return few, Landmarks(tuple(landmarks.names[i] for i in rows), landmarks.points[rows])
+
+
+def patient(noise: float = 0.0) -> Landmarks:
+    """The landmarks of a child's smaller spine, in another place, with an error of this size."""
+    _, landmarks = atlas()
+    points = 0.8 * TURN.apply(landmarks.points) + 50.0
+    return Landmarks(landmarks.names, points + noise * np.random.default_rng(4).normal(size=points.shape))
+
+
+def test_an_affine_patient_gets_bones_that_are_affine_images() -> None:
+    bones, landmarks = atlas()
+    fit = fit_atlas(bones, landmarks, patient())
+    for name, bone in fit.bones.items():
+        np.testing.assert_allclose(bone.vertices, 0.8 * TURN.apply(bones[name].vertices) + 50.0, atol=1e-7)
+    assert fit.own == ("T7", "T8")
+    assert np.nanmax(fit.left_out) < 1e-7
+
+
+def test_without_a_nugget_it_is_the_spline_of_the_bones_own_landmarks() -> None:
+    bones, landmarks = atlas()
+    fit, there = fit_atlas(bones, landmarks, patient(3.0)), patient(3.0)
+    before, after = landmarks.of_bone("T7").points, there.of_bone("T7").points
+    np.testing.assert_allclose(
+        fit.bones["T7"].vertices, fit_spline(before, after)(bones["T7"].vertices), atol=1e-7
+    )
+    whole = fit_spline(landmarks.points, there.points)(bones["rib_left_07"].vertices)
+    np.testing.assert_allclose(fit.bones["rib_left_07"].vertices, whole, atol=1e-6)
+    assert fit.miss.max() < 1e-8
+
+
+@pytest.mark.parametrize("nugget", [0.0, 5.0])
+def test_left_out_errors_follow_from_the_whole_system(nugget: float) -> None:
+    # e_i = w_i / (A^-1)_ii, without leaving anything out (Dubrule 1983)
+    bones, landmarks = atlas()
+    fit, there = fit_atlas(bones, landmarks, patient(3.0), nugget=nugget), patient(3.0)
+    rows = [i for i, name in enumerate(landmarks.names) if name.startswith("T8_")]
+    x, u = landmarks.points[rows], there.points[rows] - landmarks.points[rows]
+    # the nugget belongs to the patient's scale: the bone is turned first, which changes no distance
+    A = np.zeros((10, 10))
+    A[:6, :6] = np.linalg.norm(x[:, None] - x[None], axis=2) - nugget * np.eye(6)
+    A[:6, 6], A[6, :6] = 1.0, 1.0
+    A[:6, 7:], A[7:, :6] = x - x.mean(axis=0), (x - x.mean(axis=0)).T
+    inverse = np.linalg.inv(A)
+    expected = np.linalg.norm(inverse[:6, :6] @ u / np.diag(inverse)[:6, None], axis=1)
+    np.testing.assert_allclose(fit.left_out[rows], expected, rtol=1e-6)
+
+
+def test_a_constant_drift_with_a_large_nugget_moves_bones_rigidly() -> None:
+    bones, landmarks = atlas()
+    fit = fit_atlas(bones, landmarks, patient(3.0), drift="constant", nugget=1e9)
+    motion = fit_rigid(landmarks.of_bone("T7").points, patient(3.0).of_bone("T7").points)
+    np.testing.assert_allclose(fit.bones["T7"].vertices, motion.apply(bones["T7"].vertices), atol=1e-4)
+
+
+def test_a_nugget_smooths() -> None:
+    bones, landmarks = atlas()
+    misses = [fit_atlas(bones, landmarks, patient(3.0), nugget=g).miss.mean() for g in (0.0, 2.0, 20.0)]
+    assert misses == sorted(misses)
+    assert misses[2] > 0.1
+
+
+def test_a_landmark_the_patient_has_not_is_named() -> None:
+    bones, landmarks = atlas()
+    few = Landmarks(landmarks.names[:-1], patient().points[:-1])
+    with pytest.raises(InputError, match=f"'{landmarks.names[-1]}' is missing"):
+        fit_atlas(bones, landmarks, few)

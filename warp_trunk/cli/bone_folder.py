@@ -1,0 +1,24 @@
+"""A folder of bones, as commands take it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import InputError
+from ..surface import Surface, read_surface
+
+_ENDINGS = (".ply", ".stl", ".obj", ".off")
+
+
+def read_bones(folder: Path) -> dict[str, Surface]:
+    """Surfaces by the names of their files, sorted.
+
+    Raises:
+        InputError: no such folder, no surface in it, or one that cannot be read.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; --bones is a folder of bone surfaces")
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in _ENDINGS)
+    if not files:
+        raise InputError(f"{folder}: there is no surface in it; give each bone as <name>.ply")
+    return {path.stem: read_surface(path) for path in files}
