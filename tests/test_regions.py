@@ -24,10 +24,12 @@ def cylinder():
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_areas_are_those_of_their_part_of_a_cylinder(cylinder, band, side):
     """Back is 120 degrees of the circle and a flank 60; bands end half way between their vertebrae."""
-    _, regions = cylinder
+    skin, regions = cylinder
     low, high = BANDS[band]
     for part in ("back", "flank"):
-        area = regions.area[regions.masks[f"{band}, {part} {side}"]].sum()
+        mask = regions.masks[f"{band}, {part} {side}"]
+        assert skin.vertices[mask, 0].mean() * (1.0 if side == "left" else -1.0) > 30.0
+        area = regions.area[mask].sum()
         assert area == pytest.approx(RADIUS * math.radians(60.0) * (high - low), rel=0.03)
 
 

@@ -20,6 +20,7 @@ def test_circle_of_a_sphere_turns_counterclockwise():
 def test_box_is_cut_in_its_rectangle_also_through_its_vertices(height):
     (loop,) = section(box((30.0, 40.0, 20.0), splits=2), height)
     assert enclosed_area(loop) == pytest.approx(1200.0, rel=1e-12)
+    assert (loop != np.roll(loop, 1, axis=0)).any(axis=1).all()  # each point once
     np.testing.assert_allclose(loop.min(axis=0), [-15.0, -20.0])
     np.testing.assert_allclose(loop.max(axis=0), [15.0, 20.0])
 
@@ -112,3 +113,12 @@ def test_of_several_loops_the_largest_around_the_spine_counts():
     hooked = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [8.0, 10.0], [8.0, 2.0], [0.0, 2.0]])
     assert not encloses(hooked, np.array([4.0, 6.0]))
     assert encloses(hooked, np.array([9.0, 6.0]))
+
+
+def test_bodies_that_touch_along_an_edge_are_refused():
+    """Four triangles at one edge: which way the section goes on there is anybody's guess."""
+    one, other = box((10.0, 10.0, 10.0)), box((10.0, 10.0, 10.0), (10.0, 10.0, 0.0))
+    both = joined(one, other)
+    vertices, number = np.unique(both.vertices, axis=0, return_inverse=True)
+    with pytest.raises(InputError, match="z = 2 mm"):
+        sections(Surface(vertices, number.reshape(-1)[both.faces]), [20.0, 2.0])
