@@ -28,6 +28,7 @@ def test_record_is_plain_json_and_holds_the_measures(turned):
     assert record["levels"]["L5"]["flank_asymmetry_percent"] == pytest.approx(0.0, abs=1e-9)
     assert record["max_thoracic_bsr_deg"] == measures.max_thoracic_bsr
     assert record["max_hump_level"] == measures.hump_level
+    assert record["levels"]["T4"]["axial_rotation_deg"] is None  # no pedicles among these landmarks
     assert record["trunk_shift_over"] == "L5"
     assert record["curves"] == []
 
