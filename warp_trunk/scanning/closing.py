@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,9 +90,13 @@ def close_skin(
     lid, samples = _level_set(parts, reaches, spacing)
     openings = find_openings(lid, samples, rim_of(parts, reaches), _OPEN * spacing)
     skin = fit_to_points(coarsen(lid, options.edge_length, 1.0), points, areas, options.smoothing, 3.0 * spacing)
-    if options.flat_ends:
-        for end in (o for o in openings if o.is_end and not any(_near(o, cut) for cut in cuts)):
-            skin = _flatten(skin, end, samples, _OPEN * spacing, options.edge_length)
+    for number, end in enumerate(openings):
+        if end.is_end and not any(_near(end, cut) for cut in cuts):
+            flat = (
+                _flatten(skin, end, samples, _OPEN * spacing, options.edge_length) if options.flat_ends else None
+            )
+            openings[number] = replace(end, is_end=flat is not None)
+            skin = flat or skin
     skin = cut_flat(skin, cuts, options.edge_length)
     check_solid(skin, "closed skin")
     handles = 1 - (len(skin.vertices) - len(skin.faces) // 2) // 2
@@ -132,8 +136,11 @@ def _near(end: Opening, cut: CutPlane) -> bool:
     return bool(off and cut.distance(end.centre) > -_AT_CUT)
 
 
-def _flatten(skin: Surface, end: Opening, samples: np.ndarray, reach: float, edge_length: float) -> Surface:
-    """Cut what stands over the plane of an end; of the skin that was seen, a few rings at most."""
+def _flatten(skin: Surface, end: Opening, samples: np.ndarray, reach: float, edge_length: float) -> Surface | None:
+    """Cut what stands over the plane of an end; of the skin that was seen, a few rings at most.
+
+    None where that is not enough, because the skin around goes on beyond the plane.
+    """
     from scipy.spatial import KDTree  # heavy
 
     plane = CutPlane(tuple(end.centre.tolist()), tuple(end.normal.tolist()))
@@ -144,5 +151,5 @@ def _flatten(skin: Surface, end: Opening, samples: np.ndarray, reach: float, edg
     for _ in range(_RINGS):
         near[skin.faces[near[skin.faces].any(axis=1)]] = True
     if not (near & (plane.distance(skin.vertices) > 0.0)).any() or goes_on_beyond(skin, plane, near, edge_length):
-        return skin
+        return None
     return cut_within(skin, plane, near, edge_length)

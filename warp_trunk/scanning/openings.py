@@ -12,6 +12,10 @@ from .overlap import boundary_vertices, covered_by, vertex_areas
 
 _STEEP = 0.8
 """At an open end the skin at the rim leans on the plane through it by more than 37 degrees: its mean cosine."""
+_UPRIGHT = 0.8
+"""A plane whose normal is within 37 degrees of the z axis may be that of a neck or of the thighs."""
+_BEYOND = 0.2
+"""Beyond such an end the scan goes on by less than this part of the root of its area."""
 _FLAT = 0.15
 """The rim of an end is within this part of the root of its area of a plane on average."""
 _TO_RIM = 0.6
@@ -33,7 +37,7 @@ class Opening:
     area: float
     """Area of the lid over it [mm^2], without a margin of some 6 mm along the rim."""
     is_end: bool
-    """Whether it is where the scan ends (neck, arm, thigh), and not a hole in the skin."""
+    """Whether it is where the scan ends (neck, arm, thigh) and was closed flat, and not a hole in the skin."""
 
 
 def rim_of(parts: Mapping[str, Surface], reaches: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -56,8 +60,9 @@ def find_openings(
 ) -> list[Opening]:
     """The openings of a scan, largest first.
 
-    An opening is an end if the skin at its rim stands steeply on the plane through the rim, as on the stump of
-    a neck; at a hole in the skin the lid goes on in the direction of the skin.
+    An opening is an end if its rim is flat, and either the skin at the rim stands steeply on the plane through
+    it, as on the stump of an arm, or the scan ends there above or below; at a hole in the skin the lid goes on
+    in the direction of the skin.
 
     Args:
         lid: the level set of the winding number, which spans each opening; closed.
@@ -84,12 +89,15 @@ def find_openings(
         centre = lid.vertices[members].mean(axis=0)
         normal = vertex_area[members].sum(axis=0)
         normal /= max(float(np.linalg.norm(normal)), 1e-12)
-        steep = False
+        is_end = False
         if at_rim.sum() >= 3:
             centre, normal, off = _plane_through(rim[0][at_rim], normal)
             flat = off < _FLAT * np.sqrt(size)
-            steep = flat and float((rim[1][at_rim] @ normal).mean()) < _STEEP
-        openings.append(Opening(centre, normal, size, steep and size > _SMALLEST_END))
+            steep = float((rim[1][at_rim] @ normal).mean()) < _STEEP
+            beyond = float(((points - centre) @ normal).max())
+            last = abs(normal[2]) > _UPRIGHT and beyond < _BEYOND * np.sqrt(size)
+            is_end = flat and (steep or last) and size > _SMALLEST_END
+        openings.append(Opening(centre, normal, size, bool(is_end)))
     return sorted(openings, key=lambda opening: -opening.area)
 
 
