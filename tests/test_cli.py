@@ -24,7 +24,8 @@ from warp_trunk.tissue import Tissue
 
 FLAGS = [
     "--out", "--tets", "--increments", "--device", "--precision", "--threads", "--method", "--tolerance",
-    "--epsilon", "--theta", "--gravity", "--rest", "--layers", "--bones", "--record", "--no-record",
+    "--epsilon", "--theta", "--poisson-ratio", "--energy", "--weights", "--gravity", "--rest", "--layers",
+    "--bones", "--record", "--no-record",
     "--record-steps", "--record-colours", "--live",
 ]  # fmt: skip
 RESULT = {
@@ -84,7 +85,8 @@ def test_simulate_writes_and_prints_the_result(quick, tmp_path, capsys):
 def test_flags_reach_the_options(quick, tmp_path):
     flags = [
         "--tets=5000", "--increments=3", "--device=cpu", "--precision=float64", "--threads=1",
-        "--method=conjugate", "--tolerance=0.5", "--theta=7", "--gravity=9.81", "--bones=spline", "--no-record",
+        "--method=conjugate", "--tolerance=0.5", "--theta=7", "--gravity=9.81", "--energy=neo-hookean",
+        "--poisson-ratio=0.3", "--bones=spline", "--no-record",
     ]  # fmt: skip
     assert main(["simulate", "case", "--out", str(tmp_path), *flags]) == OK
     model, options = quick["model"], quick["options"]
@@ -93,6 +95,7 @@ def test_flags_reach_the_options(quick, tmp_path):
     assert (options.relax.method, options.relax.tolerance) == ("conjugate", 0.5)
     assert (model.device, model.precision, model.gravity) == ("cpu", "float64", 9.81)
     assert (model.tissue.theta, model.tissue.epsilon) == (7.0, 0.5)  # the latter from the case
+    assert (model.elements.unit, model.tissue.poisson_ratio) == ("mJ", 0.3)
     assert not (tmp_path / "recording.rrd").exists()
     parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
     assert parameters | {"tets": 5000, "method": "conjugate", "theta": 7.0, "epsilon": 0.5} == parameters

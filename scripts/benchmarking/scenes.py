@@ -27,6 +27,7 @@ from warp_trunk import (
     simulate,
 )
 from warp_trunk.energy import State
+from warp_trunk.model import EnergyName, WeightsName
 
 from .problem import Problem
 from .record import Setting
@@ -91,10 +92,18 @@ def scenes_table(problem: Problem, setting: Setting) -> str:
 def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
     """The default and everything that is measured against it."""
 
-    def model(precision: str = setting.precision, gravity: float = 0.0, **tissue: float) -> Model:
+    def model(
+        precision: str = setting.precision,
+        gravity: float = 0.0,
+        energy: EnergyName = "itmsm",
+        weights: WeightsName = "count",
+        **tissue: float,
+    ) -> Model:
         return build_model(
             problem.trunk,
             replace(problem.tissue, **tissue),
+            energy=energy,
+            weights=weights,
             gravity=gravity,
             device=setting.device,
             precision=precision,
@@ -108,6 +117,9 @@ def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
         Scene("no volume term (theta 0)", model(theta=0.0)),
         Scene("gravity", model(gravity=GRAVITY)),
         Scene("float64", model(precision="float64")),
+        Scene("weights by volume", model(weights="volume")),
+        Scene("neo-hookean, nu 0.45", model(energy="neo-hookean", poisson_ratio=0.45)),
+        Scene("neo-hookean, nu 0.49", model(energy="neo-hookean", poisson_ratio=0.49)),
         Scene("skin and measures after each increment", default, lambda: _measuring(problem)),
     ]
     if importlib.util.find_spec("rerun") is not None:
