@@ -7,10 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .bone_path import BonePath, spline_path
+    from .articulation import bone_motions
+    from .bone_path import BonePath, rigid_path, spline_path
     from .case import Case, read_case, write_case
     from .deformity import SpineCurve, make_case
     from .errors import InputError
+    from .joints import free_joints
     from .landmarks import Landmarks, read_landmarks, write_landmarks
     from .layers import Layers, layered
     from .measures import (
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from .meshing import MeshOptions, build_trunk
     from .model import Model, build_model
     from .phantom import TrunkSize, phantom_case
+    from .reconstruction import Film, fit_atlas, read_film, register_skin, triangulate
     from .recording import Recording
     from .relaxation import Relaxation, RelaxOptions, RelaxStatus
     from .rest import RestState, sag_free
@@ -45,7 +48,9 @@ if TYPE_CHECKING:
     from .trunk_mesh import TrunkMesh, read_trunk, write_trunk
 
 _MODULE = {
+    "bone_motions": "articulation",
     "BonePath": "bone_path",
+    "rigid_path": "bone_path",
     "spline_path": "bone_path",
     "Case": "case",
     "read_case": "case",
@@ -53,6 +58,7 @@ _MODULE = {
     "SpineCurve": "deformity",
     "make_case": "deformity",
     "InputError": "errors",
+    "free_joints": "joints",
     "Landmarks": "landmarks",
     "read_landmarks": "landmarks",
     "write_landmarks": "landmarks",
@@ -79,6 +85,11 @@ _MODULE = {
     "build_model": "model",
     "TrunkSize": "phantom",
     "phantom_case": "phantom",
+    "Film": "reconstruction",
+    "fit_atlas": "reconstruction",
+    "read_film": "reconstruction",
+    "register_skin": "reconstruction",
+    "triangulate": "reconstruction",
     "Recording": "recording",
     "Relaxation": "relaxation",
     "RelaxOptions": "relaxation",
@@ -118,6 +129,7 @@ __all__ = [
     "CutPlane",
     "DistanceStatistics",
     "DualTangent",
+    "Film",
     "FlankAsymmetry",
     "Increment",
     "InputError",
@@ -145,28 +157,35 @@ __all__ = [
     "TrunkSize",
     "align_parts",
     "back_surface_rotation",
+    "bone_motions",
     "build_model",
     "build_trunk",
     "close_skin",
     "cobb_angles",
     "compare_skins",
+    "fit_atlas",
+    "free_joints",
     "layered",
     "make_case",
     "measure",
     "mirror_asymmetry",
     "phantom_case",
     "read_case",
+    "read_film",
     "read_landmarks",
     "read_result",
     "read_summary",
     "read_surface",
     "read_trunk",
+    "register_skin",
+    "rigid_path",
     "run_case",
     "sag_free",
     "simulate",
     "skin_after",
     "spline_path",
     "tissue_volume_change",
+    "triangulate",
     "write_case",
     "write_landmarks",
     "write_result",
