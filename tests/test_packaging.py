@@ -14,7 +14,7 @@ import warp_trunk
 ROOT = Path(warp_trunk.__file__).parent
 KERNELS = Path(importlib.import_module("warp_trunk.kernels").__file__).parent
 ENGINE = ["model", "energy", "parallel", "simulation", "relaxation", "kernels"]
-HEAVY = ["rerun", "tetgen", "trimesh", "warp", "meshio", "scipy", "tyro", "rich"]
+HEAVY = ["rerun", "tetgen", "trimesh", "warp", "meshio", "scipy", "tyro", "rich", "matplotlib", "jinja2"]
 
 
 def sources():
@@ -113,6 +113,15 @@ def test_every_folder_is_listed_for_the_wheel():
     ]
     rooms = {path.parent.name for path in ROOT.glob("*/*.py")}
     assert set(listed) == {"warp_trunk", "warp_trunk.kernels", *(f"warp_trunk.{room}" for room in rooms)}
+
+
+def test_every_other_file_is_listed_for_the_wheel():
+    """setuptools leaves out what is neither Python nor listed."""
+    listed = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["tool"]["setuptools"][
+        "package-data"
+    ]
+    others = {path for path in ROOT.rglob("*") if path.is_file() and path.suffix not in {".py", ".pyc"}}
+    assert others == {ROOT.parent / room.replace(".", "/") / name for room in listed for name in listed[room]}
 
 
 def test_unknown_name_is_an_attribute_error():

@@ -13,6 +13,7 @@ from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.relaxation import RelaxStatus
 from warp_trunk.report import write_report
+from warp_trunk.report.modelled import modelled, not_modelled
 from warp_trunk.report.sentences import sentences
 from warp_trunk.report.tables import rotation_rows, signed
 from warp_trunk.report.writing import poses_of
@@ -136,6 +137,27 @@ def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_pat
     assert text.index("did not reach its end (STALLED)") < text.index("<img")
     assert "What changes" not in text
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
+
+
+def test_what_was_modelled_follows_the_options(plain):
+    summary = read_result(plain[0]).summary
+    said, not_said = " ".join(modelled(summary)), " ".join(not_modelled(summary))
+    assert "one elastic material" in said
+    assert "springs" in said
+    assert "already holds" in said
+    assert "skin, fat and muscle" in not_said
+    assert "joints" in not_said
+    tissues = [{"youngs_modulus": 130.0}, {"youngs_modulus": 2.5}]
+    options = {"bones": "rigid", "gravity": 9.81, "rest": "sag-free"}
+    other = {**summary, "tissues": tissues, "terms": ["shape", "gravity"], "parameters": options}
+    said, not_said = " ".join(modelled(other)), " ".join(not_modelled(other))
+    assert "2 elastic materials" in said
+    assert "130, 2.5 kPa" in said
+    assert "neo-Hookean" in said
+    assert "9.81 m/s²; the scan before surgery is in balance" in said
+    assert "rigid body" in said
+    assert "skin, fat" not in not_said
+    assert "joints" not in not_said
 
 
 def test_folder_that_cannot_be_written_is_refused_before_any_drawing(plain, tmp_path, monkeypatch):
