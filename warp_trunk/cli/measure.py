@@ -52,9 +52,12 @@ class Measure:
         check_writable(stem)
         with Progress() as progress:
             with progress.stage("load", f"reading {file} and {self.case}"):
+                skin = read_skin(file, self.case)
+                actual = None if self.against is None else read_skin(self.against, self.case)
                 case = read_case(self.case)
-                skin = read_skin(file, self.case, case)
-                actual = None if self.against is None else read_skin(self.against, self.case, case)
+                check_place(file, skin, case)
+                if self.against is not None and actual is not None:
+                    check_place(self.against, actual, case)
             with progress.stage("measure", "measuring"):
                 record, text = measured(case, skin, actual, self.when)
                 tissue = tissue_change(file, skin)
@@ -98,11 +101,11 @@ def tissue_change(file: Path, skin: Surface) -> float | None:
     return tissue_volume_change(trunk, displacement)
 
 
-def read_skin(path: Path, case_folder: Path, case: Case) -> Surface:
+def read_skin(path: Path, case_folder: Path) -> Surface:
     """A skin of the patient in LPS and mm, closed and oriented outward.
 
     Raises:
-        InputError: it cannot be read, it is open or inside out, or it lies elsewhere than the skin of the case.
+        InputError: it cannot be read, or it is open or inside out.
     """
     surface = read_surface(path)
     if case_folder.resolve() in path.resolve().parents:
@@ -119,6 +122,11 @@ def read_skin(path: Path, case_folder: Path, case: Case) -> Surface:
             f"{path}: triangles must be counterclockwise seen from outside, they hold {volume / 1000:.3g} cm3; "
             "turn them round"
         )
+    return surface
+
+
+def check_place(path: Path, surface: Surface, case: Case) -> None:
+    """Raise InputError where a surface lies elsewhere than the skin of the case, or is of another size."""
     (low, high), (own_low, own_high) = (
         (one.vertices.min(axis=0), one.vertices.max(axis=0)) for one in (surface, case.skin)
     )
@@ -131,7 +139,6 @@ def read_skin(path: Path, case_folder: Path, case: Case) -> Surface:
             f"{path}: must lie where the skin of the case is, z {own_low[2]:.0f} to {own_high[2]:.0f} mm, "
             f"but has z {low[2]:.0f} to {high[2]:.0f}; give it in mm and LPS axes, registered to the case"
         )
-    return surface
 
 
 def check_writable(stem: Path) -> None:
