@@ -63,6 +63,14 @@ def test_says_when_no_step_helps() -> None:
         equilibrium(solid, start, trunk.prescribed, lambda matrix, _: lambda b: -superlu(matrix, _)(b))
 
 
+def test_stays_at_rest() -> None:
+    trunk = block((2, 2, 2))
+    solid = Solid(trunk.nodes, trunk.tets, NeoHookean(1.0, 0.45))
+    found = equilibrium(solid, np.zeros_like(trunk.nodes), trunk.prescribed, superlu)
+    assert found.steps == 1
+    np.testing.assert_allclose(found.displacement, 0.0, atol=1e-12)
+
+
 def test_both_ends_are_the_same_and_every_way_is_accurate() -> None:
     comparison = Comparison(problem(), gravity=3.0, factorise=superlu)
     fine, _ = comparison.simulated(comparison.model("float64"), 1e-6, 2)

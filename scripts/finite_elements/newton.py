@@ -38,11 +38,6 @@ class Equilibrium:
     solve_seconds: float
     """Factors and solves [s]."""
 
-    @property
-    def seconds(self) -> float:
-        """Both [s]."""
-        return self.assembly_seconds + self.solve_seconds
-
 
 def equilibrium(
     solid: Solid,
@@ -97,7 +92,7 @@ def equilibrium(
         clock.assembled()
         direction[free] = -solve(forces.T.ravel()).reshape(3, -1).T
         clock.solved()
-        if (direction[free] * forces).sum() < 0.0:
+        if (direction[free] * forces).sum() <= 0.0:
             for length in SHORTENED:
                 trial = solid.energy(displacement + length * direction)
                 if trial <= energy + solid.rounding:
@@ -115,15 +110,15 @@ def equilibrium(
         if length == 0.0:
             raise NotConvergedError(f"no step lowers the energy in step {step}, of {longest:.3g} mm")
         displacement, energy = displacement + length * direction, trial
-        first, shrink = step == 1, longest / last if length == 1.0 else 1.0
+        shrink = longest / last if length == 1.0 and step > 1 else 1.0
         last = longest
-        left = longest * shrink / (1.0 - shrink) if shrink < 1.0 and not first else np.inf
+        left = longest * shrink / (1.0 - shrink) if shrink < 1.0 else longest
         clock.assembled()
         if enough(displacement) if enough else left <= tolerance:
             return Equilibrium(
                 displacement, step, factorisations, left, clock.assembly_seconds, clock.solve_seconds
             )
-        if shrink > keep or keep == 0.0:
+        if keep == 0.0 or (step > 1 and shrink > keep):
             solve = None
     raise NotConvergedError(f"{MOST_STEPS} steps, the last of {last:.3g} mm")
 
