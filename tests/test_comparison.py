@@ -13,7 +13,7 @@ LEVELS = {f"T{i}": 370.0 - 20.0 * i for i in range(1, 13)} | {f"L{i}": 130.0 - 2
 
 def twisted(top, bottom=0.0):
     """An elliptic trunk turned clockwise by angles that run evenly from its bottom to its top [degrees]."""
-    straight = tube(ellipse(), rows=100)
+    straight = tube(ellipse(240), rows=40)
     angle = -np.radians(bottom + (top - bottom) * straight.vertices[:, 2] / 400.0)
     x, y = (straight.vertices[:, :2] - SPINE).T
     c, s = np.cos(angle), np.sin(angle)
@@ -51,7 +51,7 @@ def test_a_skin_against_itself_has_no_error():
 def test_actual_skin_with_arms_and_other_triangles():
     turn = rotation(-5.0)
     actual = joined(
-        tube((ellipse(500) - SPINE) @ turn.T, rows=70), tube(ellipse(60, 30.0, 35.0) + np.array([-230.0, -50.0]))
+        tube((ellipse(300) - SPINE) @ turn.T, rows=30), tube(ellipse(60, 30.0, 35.0) + np.array([-230.0, -50.0]))
     )
     comparison = compare_skins(twisted(5.0, 5.0), actual, spine(LEVELS, (0.0, 0.0)))
     error = comparison.bsr_error["T4-T12"]
@@ -63,7 +63,7 @@ def test_actual_skin_with_arms_and_other_triangles():
 
 
 def test_levels_that_one_of_the_skins_misses_do_not_count():
-    short = tube(ellipse() - SPINE, 0.0, 300.0, rows=60)
+    short = tube(ellipse(240) - SPINE, 0.0, 300.0, rows=30)
     comparison = compare_skins(twisted(0.0), short, spine(LEVELS, (0.0, 0.0)))
     assert comparison.bsr_difference["T3"] is None
     error = comparison.bsr_error["T3-L5"]

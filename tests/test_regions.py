@@ -16,7 +16,7 @@ BANDS = {"upper thoracic": (330.0, 370.0), "main thoracic": (210.0, 330.0), "lum
 
 @pytest.fixture(scope="module")
 def cylinder():
-    skin = tube(ellipse(720, RADIUS, RADIUS), rows=400)
+    skin = tube(ellipse(360, RADIUS, RADIUS), rows=200)
     return skin, regions_of(skin, spine(LEVELS, (0.0, 20.0)))
 
 
@@ -45,7 +45,7 @@ def test_front_and_back_are_a_third_each_and_caps_are_no_region(cylinder):
 
 def test_left_is_left_of_the_spine_as_it_runs():
     """A spine that leans from 60 mm left at the bottom to 60 mm right at the top parts the back there."""
-    skin = tube(ellipse(720, RADIUS, RADIUS), rows=40)
+    skin = tube(ellipse(360, RADIUS, RADIUS), rows=40)
     leaning = spine({"T1": 390.0, "L5": 10.0}, (0.0, 20.0))
     leaning.points[:2, 0], leaning.points[2:4, 0] = -60.0, 60.0
     left = regions_of(skin, leaning).to_left
@@ -56,19 +56,19 @@ def test_left_is_left_of_the_spine_as_it_runs():
 def test_turning_the_whole_patient_changes_nothing(cylinder):
     _, regions = cylinder
     turn = rotation(40.0)
-    skin = tube(ellipse(720, RADIUS, RADIUS) @ turn.T, rows=400)
+    skin = tube(ellipse(360, RADIUS, RADIUS) @ turn.T, rows=200)
     turned = regions_of(skin, spine(LEVELS, turn @ [0.0, 20.0], [tuple(turn @ point) for point in ASIS]))
     for region, mask in turned.masks.items():
-        assert (mask != regions.masks[region]).mean() < 0.002  # vertices on a border
+        assert (mask != regions.masks[region]).mean() < 0.006  # two columns of vertices, on a border
 
 
 def test_area_of_the_vertices_is_that_of_the_surface(cylinder):
     skin, regions = cylinder
     a, b, c = (skin.vertices[skin.faces[:, k]] for k in range(3))
     assert regions.area.sum() == pytest.approx(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    normals = vertex_normals(skin)[0][400:-1600]
-    outward = skin.vertices[400:-1600] * [1.0, 1.0, 0.0] / RADIUS
-    np.testing.assert_allclose(normals[720:-720], outward[720:-720], atol=0.01)
+    normals = vertex_normals(skin)[0][360:-722]
+    outward = skin.vertices[360:-722] * [1.0, 1.0, 0.0] / RADIUS
+    np.testing.assert_allclose(normals, outward, atol=0.01)
 
 
 def test_without_vertebrae_there_are_no_regions(cylinder):
