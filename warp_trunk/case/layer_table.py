@@ -106,19 +106,17 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
 
 def write_layers(folder: Path, layers: Layers) -> LayerTable:
     """Writes the files of the layers into a case folder; the table names them. Lengths are in mm."""
-    thickness: list[float | str] = []
+    thickness: dict[str, Any] = {}
     for name in THICKNESS:
-        value = getattr(layers, name)
-        if isinstance(value, np.ndarray):
-            (folder / f"{name}.txt").write_text(
-                "".join(f"{number!r}\n" for number in value.tolist()), encoding="utf-8"
-            )
-            value = f"{name}.txt"
-        thickness.append(value)
+        thickness[name] = getattr(layers, name)
+        if isinstance(thickness[name], np.ndarray):
+            lines = "".join(f"{number!r}\n" for number in thickness[name].tolist())
+            thickness[name] = f"{name}.txt"
+            (folder / thickness[name]).write_text(lines, encoding="utf-8")
     if layers.mesh is not None and layers.mesh.parent.resolve() != folder.resolve():
         shutil.copy(layers.mesh, folder)
-    mesh = None if layers.mesh is None else layers.mesh.name
-    return LayerTable(*thickness, mesh, {name: dict(given) for name, given in layers.constants.items()})
+    constants = {name: dict(given) for name, given in layers.constants.items()}
+    return LayerTable(mesh=None if layers.mesh is None else layers.mesh.name, constants=constants, **thickness)
 
 
 def read_numbers(path: Path, count: int) -> np.ndarray:

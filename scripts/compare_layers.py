@@ -1,0 +1,62 @@
+"""What skin, fat and muscle change of the skin against one tissue: python scripts/compare_layers.py CASE [TETS]"""
+
+from __future__ import annotations
+
+import sys
+from typing import get_args
+
+import numpy as np
+
+from warp_trunk import (
+    Layers,
+    MeshOptions,
+    build_model,
+    build_trunk,
+    layered,
+    measure,
+    read_case,
+    simulate,
+    skin_after,
+    spline_path,
+)
+from warp_trunk.model import EnergyName
+
+SCENES = {
+    "skin, fat, muscle": Layers(),
+    "skin, no fat": Layers(fat_thickness=0.0),
+    "fat, no skin": Layers(skin_thickness=0.0),
+    "fat of 12 mm": Layers(fat_thickness=12.0),
+    "skin of 56 kPa": Layers(constants={"skin": {"youngs_modulus": 56.0}}),
+    "muscle of 3 kPa": Layers(constants={"muscle": {"youngs_modulus": 3.0}}),
+    "muscle of 30 kPa": Layers(constants={"muscle": {"youngs_modulus": 30.0}}),
+}
+
+
+def main(folder: str, tets: int = 225_000) -> None:
+    """Prints the table for the case in a folder, each energy against its own uniform tissue."""
+    case = read_case(folder)
+    trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets))
+    path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+    print("| energy | tissue | skin max [mm] | skin mean [mm] | BSR max [degrees] | linear iterations |")
+    print("|---|---|---|---|---|---|")
+    for energy in get_args(EnergyName):
+        reference = None
+        for name, layers in {"one": None, **SCENES}.items():
+            mesh = trunk if layers is None else layered(trunk, layers, "depth")
+            tissue = case.tissue if layers is None else layers.tissues(case.tissue)
+            increments = list(simulate(build_model(mesh, tissue, energy=energy), path))
+            skin = skin_after(case, trunk, increments[-1].displacement)
+            rotation = measure(skin, case.landmarks_after).bsr.values()
+            now = skin.vertices, np.array([np.nan if value is None else value for value in rotation])
+            reference = reference or now
+            distance = np.linalg.norm(now[0] - reference[0], axis=1)
+            turned = np.nanmax(np.abs(now[1] - reference[1]))
+            spent = sum(increment.relaxation.linear_iterations for increment in increments)
+            print(
+                f"| {energy} | {name} | {distance.max():.1f} | {distance.mean():.1f} | {turned:.1f} | {spent} |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], *(int(value) for value in sys.argv[2:3]))
