@@ -16,7 +16,7 @@ _LINE = 1e-4
 then narrower than 1 % of their length."""
 
 
-def fit_rigid(before: np.ndarray, after: np.ndarray, weights: np.ndarray | None = None) -> RigidTransform:
+def fit_rigid(before: np.ndarray, after: np.ndarray) -> RigidTransform:
     """The rotation and shift that carry points nearest to their places after, in least squares (Kabsch).
 
     Two points, or points on a line, leave the turn about that line open; of all rotations that fit equally
@@ -25,7 +25,6 @@ def fit_rigid(before: np.ndarray, after: np.ndarray, weights: np.ndarray | None 
     Args:
         before: shape (n, 3) [mm], at least one.
         after: the same points moved, shape (n, 3) [mm].
-        weights: of each point, shape (n,), positive; all the same when left out.
 
     Raises:
         InputError: no points, shapes that differ, or a number that is not finite.
@@ -39,13 +38,12 @@ def fit_rigid(before: np.ndarray, after: np.ndarray, weights: np.ndarray | None 
         )
     if not (np.isfinite(before).all() and np.isfinite(after).all()):
         raise InputError("rigid fit: coordinates must be finite; correct or remove the points that are not")
-    weights = np.ones(len(before)) if weights is None else weights
-    from_centre, to_centre = (np.average(points, axis=0, weights=weights) for points in (before, after))
+    from_centre, to_centre = before.mean(axis=0), after.mean(axis=0)
     a, b = before - from_centre, after - to_centre
-    U, extents, Vt = np.linalg.svd((weights[:, None] * a).T @ b)
+    U, extents, Vt = np.linalg.svd(a.T @ b)
     if extents[1] <= _LINE * extents[0]:  # on a line, or one point
-        a, b, weights = U[:, :1].T * extents[0], Vt[:1] * extents[0], np.ones(1)
-    rotation = Rotation.align_vectors(b, a, weights)[0] if extents[0] > 0.0 else Rotation.identity()
+        a, b = U[:, :1].T, Vt[:1]
+    rotation = Rotation.align_vectors(b, a)[0] if extents[0] > 0.0 else Rotation.identity()
     return RigidTransform.from_components(to_centre - rotation.apply(from_centre), rotation)
 
 
