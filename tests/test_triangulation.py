@@ -1,14 +1,18 @@
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from biplanar import biplanar
 
+from warp_trunk.deformity import find_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.landmarks import Landmarks
 from warp_trunk.phantom import straight_trunk
 from warp_trunk.reconstruction import Film, read_film, triangulate
 from warp_trunk.reconstruction.films import project, projection_matrix
+from warp_trunk.surface import read_surface
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +82,18 @@ def test_no_other_point_misses_less(landmarks) -> None:
 def test_one_millimetre_on_the_film_gives_less_than_the_papers_error_in_space(landmarks) -> None:
     found = triangulate(*biplanar(landmarks, noise=1.0), limit=6.0)
     assert np.linalg.norm(found.landmarks.points - landmarks.points, axis=1).mean() < 2.1
+
+
+@pytest.mark.skipif(not os.environ.get("WARP_TRUNK_ANATOMY"), reason="WARP_TRUNK_ANATOMY is not set")
+def test_on_real_anatomy_it_is_better_than_the_papers_error() -> None:
+    bones = {
+        path.stem: read_surface(path) for path in (Path(os.environ["WARP_TRUNK_ANATOMY"]) / "bones").iterdir()
+    }
+    landmarks = find_landmarks(bones)
+    found = triangulate(*biplanar(landmarks, noise=1.0), limit=8.0)
+    error = np.linalg.norm(found.landmarks.points - landmarks.points, axis=1)
+    assert error.mean() < 2.1
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(np.mean(found.error**2)), rel=0.25)
 
 
 def test_swapped_names_are_named(landmarks) -> None:
