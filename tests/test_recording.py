@@ -17,7 +17,7 @@ from warp_trunk.measures import measure
 from warp_trunk.recording.colours import COLOURS
 from warp_trunk.recording.drawing import BarPlot, Normals
 from warp_trunk.recording.numbers import table
-from warp_trunk.recording.stream import within
+from warp_trunk.recording.stream import Stream, within
 from warp_trunk.relaxation import RelaxStep
 from warp_trunk.surface import Surface
 
@@ -98,7 +98,7 @@ def test_a_blueprint_and_the_text_are_in_the_file(recorded):
     assert column(recorded[0], "/summary", "text")[None].item() == "# The end"
 
 
-def test_logged_arrays_are_copies(tmp_path):
+def test_logged_arrays_are_copies(tmp_path, monkeypatch):
     """Rerun keeps references to contiguous arrays and writes them later; what the engine does to its own must
     not show, whatever their type."""
     case, trunk = small_case()
@@ -107,12 +107,14 @@ def test_logged_arrays_are_copies(tmp_path):
     increments = made_up_increments(trunk)
     expected = {k.number: (trunk.nodes + k.displacement)[trunk.skin_nodes] for k in increments}
     path = tmp_path / "copies.rrd"
-    recording = start_recording(path, case, trunk)
-    for stream in recording._streams:
-        stream.wait = stream.send = lambda: None  # nothing is written before the arrays change
-    for increment in increments:
-        recording.increment(increment, measured(case, trunk, increment))
-        increment.displacement[:] = 1e6
+    with monkeypatch.context() as slow:  # nothing is written before the arrays change
+        slow.setattr(Stream, "_flush", lambda *_: None)
+        slow.setenv("RERUN_FLUSH_TICK_SECS", "1000")
+        slow.setenv("RERUN_FLUSH_NUM_BYTES", str(10**9))
+        recording = start_recording(path, case, trunk)
+        for increment in increments:
+            recording.increment(increment, measured(case, trunk, increment))
+            increment.displacement[:] = 1e6
     case.skin.faces[:] = 0
     skin[:] = 1e6
     recording.close()

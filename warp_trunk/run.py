@@ -17,7 +17,7 @@ from .measures import TrunkMeasures, measure
 from .meshing import MeshOptions, make_trunk
 from .model import EnergyName, WeightsName, build_model
 from .progress import Progress
-from .recording import FurtherColour, Recording, check_colours, start_viewer
+from .recording import FurtherColour, Recording, check_colours, load_rerun, start_viewer
 from .rest import sag_free
 from .results import RECORDING, partial, prepare_folder, skin_after, write_result
 from .results.summary_text import markdown
@@ -108,6 +108,8 @@ def run_case(
         raise InputError("--live: shows what is recorded; leave --no-record out")
     live = start_viewer() if options.live else None
     start = time.perf_counter()
+    if options.record:
+        load_rerun()
     with progress.stage("build", "meshing the soft tissue"):
         build = make_trunk(case.skin, case.bones, options.mesh)
     progress.add("surface", build.surface_seconds)

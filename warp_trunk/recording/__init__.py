@@ -3,7 +3,8 @@
 from .colours import FurtherColour
 from .painting import check_colours
 from .recording import Recording
+from .stream import load_rerun
 from .viewer import start_viewer, view
 from .web import view_in_browser
 
-__all__ = ["FurtherColour", "Recording", "check_colours", "start_viewer", "view", "view_in_browser"]
+__all__ = ["FurtherColour", "Recording", "check_colours", "load_rerun", "start_viewer", "view", "view_in_browser"]

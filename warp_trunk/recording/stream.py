@@ -6,6 +6,7 @@ would last for ever; so every wait here has an end, and what fails is left behin
 
 from __future__ import annotations
 
+import importlib
 import logging
 import threading
 from collections.abc import Callable
@@ -67,6 +68,11 @@ class Stream:
     def _fail(self, reason: str) -> None:
         self.failed = reason
         _log.warning("%s: recording stopped (%s); the simulation goes on without it", self.place, reason)
+
+
+def load_rerun() -> None:
+    """Imports Rerun in a thread of its own: that takes a second, in which meshes and kernels can be loaded."""
+    threading.Thread(target=importlib.import_module, args=("rerun",)).start()
 
 
 def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> list[Stream]:
