@@ -20,6 +20,7 @@ from warp_trunk.meshing import TrunkBuild
 from warp_trunk.recording import stream, viewer
 from warp_trunk.relaxation import RelaxStatus
 from warp_trunk.results import prepare_folder
+from warp_trunk.surface import write_surface
 from warp_trunk.tissue import Tissue
 
 FLAGS = [
@@ -125,6 +126,17 @@ def test_bones_are_carried_by_the_spline_of_the_landmarks(quick, tmp_path):
     assert np.abs(quick["bone_path"].displacement).max() == pytest.approx(12.0, rel=0.5)
 
 
+def test_bones_move_rigidly_where_asked(quick, tmp_path):
+    arguments = ["--increments", "1", "--no-record", "--device", "cpu", "--bones", "rigid"]
+    assert main(["demo", "--out", str(tmp_path), *arguments]) == OK
+    _, trunk = small_case()
+    here = trunk.nodes[trunk.bone == 0]
+    there = here + quick["bone_path"].at(0.3)[trunk.bone == 0]
+    before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (here, there))
+    np.testing.assert_allclose(after, before, atol=1e-9)
+    assert np.abs(there - here).max() > 0.5
+
+
 def test_only_convergence_ends_with_zero(quick, tmp_path):
     quick["status"] = RelaxStatus.STALLED
     assert main(["demo", "--out", str(tmp_path), "--device", "cpu", "--no-record"]) == NOT_CONVERGED
@@ -204,7 +216,7 @@ def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeyp
 def test_make_case_hands_on_what_was_asked(tmp_path, monkeypatch, capsys):
     case, _ = small_case()
     (tmp_path / "bones").mkdir()
-    (tmp_path / "bones" / "T7.ply").write_bytes(b"")
+    write_surface(tmp_path / "bones" / "T7.ply", case.bones["spine"])
     (tmp_path / "bones" / "SOURCE.md").write_text("not a bone")
     asked = {}
 
