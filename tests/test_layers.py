@@ -1,5 +1,6 @@
 """Layers under the skin: the parts of each tetrahedron, thickness from files, labels from meshes."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.layers import Layers, layered
 from warp_trunk.layers.depth import part_negative, real_skin
 from warp_trunk.model import EnergyName, build_model
-from warp_trunk.surface import Surface
+from warp_trunk.surface import Surface, read_surface
 from warp_trunk.tissue import Tissue
 from warp_trunk.trunk_mesh import TrunkMesh, check_trunk, read_trunk, tet_volumes, write_trunk
 
@@ -92,6 +93,21 @@ def test_the_ends_of_a_scan_are_not_skin() -> None:
     skin = real_skin(Surface(made.vertices, made.faces))
     flat = np.abs(made.face_normals[:, 2]) > 0.5
     np.testing.assert_array_equal(skin, ~flat)
+
+
+@pytest.mark.skipif("WARP_TRUNK_ANATOMY" not in os.environ, reason="WARP_TRUNK_ANATOMY names no anatomy")
+def test_neck_thighs_and_arms_of_real_anatomy_are_cuts() -> None:
+    """The planes of the cuts are those of the case's anatomy: z = 730 and 1405, |x| = 157 + 0.17 (z - 1122)."""
+    skin = read_surface(Path(os.environ["WARP_TRUNK_ANATOMY"]) / "skin.ply")
+    centres = skin.vertices[skin.faces].mean(axis=1)
+    x, z = np.abs(centres[:, 0]), centres[:, 2]
+    ends = (np.abs(z - 730.0) < 0.5) | (np.abs(z - 1405.0) < 0.5)
+    arms = (np.abs(x - 157.0 - 0.17 * (z - 1122.0)) < 0.5) & (z > 1125.0)
+    area = trimesh.Trimesh(skin.vertices, skin.faces, process=False).area_faces
+    found = np.where(real_skin(skin), 0.0, area)
+    assert found[ends].sum() > 0.9 * area[ends].sum()
+    assert found[arms].sum() > 0.8 * area[arms].sum()  # where remeshing left them flat
+    assert found[~ends & ~arms].sum() < 0.01 * area.sum()
 
 
 def test_a_box_has_no_skin() -> None:

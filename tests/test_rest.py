@@ -8,6 +8,7 @@ from meshes import block_with_bone, grid, rotate, trunk
 from reference import Reference
 
 from warp_trunk.bone_path import BonePath
+from warp_trunk.energy import State
 from warp_trunk.errors import InputError
 from warp_trunk.model import EnergyName, Model, build_model
 from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
@@ -107,3 +108,13 @@ def test_tissue_too_soft_to_stand_is_refused() -> None:
         InputError, match=r"^gravity: no rest state .* modulus of 0\.01 kPa .* raise youngs_modulus"
     ):
         sag_free(standing(youngs_modulus=0.01))
+
+
+def test_gravity_has_the_energy_of_the_masses_where_they_are() -> None:
+    """m g z of the masses of the rest state at the heights of the scan, in mJ."""
+    model = sag_free(standing("neo-hookean")).model
+    state, _ = State.pair(model)
+    state.evaluate()
+    mass = 1000e-9 * tet_volumes(at_rest(model).nodes, BARE.tets)
+    heights = BARE.nodes[BARE.tets][:, :, 2].mean(axis=1)
+    assert state.energy().gravity == pytest.approx(GRAVITY * mass @ heights, rel=1e-12)
