@@ -140,6 +140,12 @@ def test_two_films_from_one_side_are_refused(landmarks) -> None:
         triangulate(pa, replace(pa, view="again.csv"))
 
 
+def test_one_projection_for_both_films_is_refused(landmarks) -> None:
+    pa, lateral = biplanar(landmarks)
+    with pytest.raises(InputError, match="meet in a source"):
+        triangulate(pa, replace(lateral, projection=pa.projection))
+
+
 def test_reads_films(tmp_path, landmarks) -> None:
     pa, _ = biplanar(landmarks)
     rows = "\n".join(f"{name},{u!r},{v!r}" for name, (u, v) in zip(pa.names, pa.points.tolist(), strict=True))

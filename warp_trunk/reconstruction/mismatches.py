@@ -64,7 +64,7 @@ def check_miss(films: tuple[Film, Film], names: tuple[str, ...], miss: np.ndarra
     marked = np.isin(np.arange(len(names)), bad)
     raise InputError(
         f"{films[1].view}: {_named(names, marked)} cannot be the same on {films[0].view}, and miss by "
-        f"{miss[bad[0]].max():.1f} where {limit:g} is allowed; mark them again on both films"
+        f"{miss[bad[0]].max():.1f} where {limit:g} is allowed; mark them again, or check the projections"
     )
 
 

@@ -30,7 +30,7 @@ def meeting_point(
         The point [mm], shape (3,), and how its places on the films change with it, shape (2 films, 3).
 
     Raises:
-        InputError: rays that are parallel.
+        InputError: rays that are parallel, or meet in a source.
     """
     from scipy.optimize import least_squares  # heavy
 
@@ -40,6 +40,11 @@ def meeting_point(
     if not spread[2] > _PARALLEL * spread[0]:
         raise InputError(
             f"triangulate: the rays of '{name}' are parallel; the films must be taken from different sides"
+        )
+    if any(abs(P[2] @ [*start, 1.0]) <= _PARALLEL * np.abs(P[2] * [*start, 1.0]).max() for P in projections):
+        raise InputError(
+            f"triangulate: the rays of '{name}' meet in a source; the films must have different sources, so give "
+            "each its own projection"
         )
 
     def off(X: np.ndarray) -> np.ndarray:
