@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from headless_viewer import until
 from rrd import column
 from small_trunk import made_up_increments, measured, small_case, start_recording
 
@@ -130,7 +131,7 @@ def test_increments_so_far_survive_a_kill(tmp_path):
     case, trunk = small_case()
     path = tmp_path / "killed.rrd"
     recording = record(path, case, trunk, made_up_increments(trunk)[:2], close=False)
-    assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2]
+    until(lambda: sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2], 10.0)
     recording.close()
 
 
@@ -238,6 +239,8 @@ def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
         column(tmp_path / "a.rrd", "/target/skin", "vertex_positions")[None], actual.vertices, atol=1e-4
     )
     assert 0 in column(tmp_path / "a.rrd", "/now/skin/distance", "vertex_colors")
+    assert "actual" in column(tmp_path / "a.rrd", "/section/target/angle", "labels")[None].item()
+    assert column(path, "/section/target/angle", "labels") == {}
     guessed = replace(known, skin_after_is_placeholder=True)
     with pytest.raises(InputError, match="actual skin"):
         start_recording(tmp_path / "b.rrd", guessed, trunk, colours=("distance",))

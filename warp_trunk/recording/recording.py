@@ -102,6 +102,8 @@ class Recording:
         self._scene.still("before", case.skin, np.zeros_like(planned), case.landmarks_before.points)
         self._scene.still("target", target_skin, planned, case.landmarks_after.points)
         self._scene.section("before", before, drawing.BEFORE, static=True)
+        if actual:
+            self._scene.section("target", target, drawing.TARGET, static=True)
         self._at(increment=0, step=0 if steps else None)
         self._now(np.zeros_like(planned), before, 0.0)
         self._send()

@@ -92,8 +92,9 @@ class Scene:
         strips = rr.LineStrips2D(flat, radii=rr.Radius.ui_points(1.5), colors=colour)
         self._log(f"section/{when}", strips, static=static)
         low, high = self._case.skin.vertices[:, :2].min(axis=0), self._case.skin.vertices[:, :2].max(axis=0)
-        at = [[-(high if static else low)[0], high[1] + 5.0]] if tangent else []  # clear of the outlines
-        texts = [f"{when} {drawing.degrees(tangent.angle)}"] if tangent else []
+        across = {"before": high[0], "target": (low[0] + high[0]) / 2.0, "now": low[0]}[when]
+        at = [[-across, high[1] + 5.0]] if tangent else []  # clear of the outlines
+        texts = [f"{'actual' if when == 'target' else when} {drawing.degrees(tangent.angle)}"] if tangent else []
         angle = rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
         self._log(f"section/{when}/angle", angle, static=static)
 
