@@ -13,7 +13,7 @@ from .errors import InputError
 
 @dataclass(frozen=True)
 class TrunkMesh:
-    """Soft tissue between bones and skin; the rest state of every simulation of this patient."""
+    """Soft tissue between bones and skin before surgery, from which every simulation of this patient starts."""
 
     nodes: np.ndarray
     """Positions before surgery [mm], shape (nodes, 3), float64."""
