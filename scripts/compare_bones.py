@@ -1,30 +1,49 @@
 """Bones that bend with the spline against bones that move rigidly, measured.
 
-Usage: python scripts/compare_bones.py CASE [TETS]
+Usage: python scripts/compare_bones.py ANATOMY [TETS]
 
-Prints how the spline changes the shape of each bone, then simulates the case both ways: how the relaxation
-ends, the back surface rotation, and how far the skins are from each other. Bones known after surgery, where the
-case has any, are a third way.
+ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. A thoracic curve of 60 degrees is imposed
+on it and corrected by 70 %. Prints how the spline changes the shape of each bone. Then simulates three ways: bones
+that follow the spline, rigid bones by landmarks and neighbours, and rigid bones known after surgery. The skins are
+compared with that of the trunk on which the corrected curve is imposed, by the same model of a rib cage that bends.
 """
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 
-from warp_trunk import MeshOptions, Surface, build_model, build_trunk, measure, read_case, simulate, spline_path
-from warp_trunk.articulation import bone_motions
-from warp_trunk.bone_path import BonePath, rigid_path
-from warp_trunk.joints import free_joints
-from warp_trunk.results import skin_after
+from warp_trunk import (
+    MeshOptions,
+    SpineCurve,
+    Surface,
+    bone_motions,
+    build_model,
+    build_trunk,
+    free_joints,
+    make_case,
+    measure,
+    read_surface,
+    rigid_path,
+    simulate,
+    skin_after,
+    spline_path,
+)
+from warp_trunk.deformity import find_landmarks, impose
 from warp_trunk.rigid import fit_rigid
 from warp_trunk.trunk_mesh import TrunkMesh
 
+CURVE, CORRECTION = SpineCurve(cobb=60.0), 0.7
+
 
 def main(folder: str, tets: int = 225_000) -> None:
-    """Prints both tables for the case in a folder."""
-    case = read_case(folder)
+    """Prints both tables for the anatomy in a folder."""
+    straight = read_surface(Path(folder) / "skin.ply")
+    bones = {path.stem: read_surface(path) for path in sorted((Path(folder) / "bones").glob("*.ply"))}
+    case = make_case(straight, bones, CURVE, CORRECTION)
+    goal, bones_after, _ = impose(straight, bones, find_landmarks(bones), CURVE.corrected(CORRECTION))
     landmarks = (case.landmarks_before, case.landmarks_after)
     print("bone                   spline: from rigid, rms / max [mm]   edges shorter / longer [%]")
     for name, bone in case.bones.items():
@@ -38,32 +57,39 @@ def main(folder: str, tets: int = 225_000) -> None:
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets))
     free = free_joints(trunk)
     spline = spline_path(trunk.nodes, *landmarks)
-    ways: dict[str, tuple[TrunkMesh, BonePath]] = {
+    rigid, known = (bone_motions(case.bones, *landmarks, after) for after in (None, bones_after))
+    ways = {
         "spline": (trunk, spline),
-        "rigid": (free, rigid_path(free, bone_motions(case.bones, *landmarks), spline)),
+        "rigid": (free, rigid_path(free, rigid, spline)),
+        "known after": (free, rigid_path(free, known, spline)),
     }
-    if case.bones_after:
-        known = bone_motions(case.bones, *landmarks, case.bones_after)
-        ways["known after"] = (free, rigid_path(free, known, spline))
-    released = int((trunk.bone >= 0).sum() - (free.bone >= 0).sum())
-    print(f"\njoints: {released} of {(trunk.bone >= 0).sum()} nodes on bone are freed")
-    torn = _stretch(trunk, rigid_path(trunk, bone_motions(case.bones, *landmarks), spline).displacement)
+    freed = (trunk.bone >= 0).sum() - (free.bone >= 0).sum()
+    print(f"\njoints: {freed} of {(trunk.bone >= 0).sum()} nodes on bone are freed")
+    torn = _stretch(trunk, rigid_path(trunk, rigid, spline).displacement)
     print(f"edges between two bones would stretch to {torn:.2f} times their length, were they held")
-    print("\nbones         ends        linear iterations   inverted   joints stretch   max BSR [degrees]   skin")
-    skins: dict[str, Surface] = {}
+    wanted = measure(goal, landmarks[1], case.skin)
+    print(
+        f"largest rotation of the back with the corrected curve imposed: {wanted.max_thoracic_bsr:.2f} degrees\n"
+    )
+    print(
+        "bones        ends       linear iterations   inverted   joints stretch   max BSR   BSR off   skin off [mm]"
+    )
     for way, (mesh, path) in ways.items():
         increments = list(simulate(build_model(mesh, case.tissue), path))
-        last = increments[-1]
-        skins[way] = skin_after(case, mesh, last.displacement)
-        off = np.linalg.norm(skins[way].vertices - skins["spline"].vertices, axis=1)
-        worst = max(increments, key=lambda increment: increment.relaxation.estimated_error)
+        ends = [increment.relaxation for increment in increments]
+        skin = skin_after(case, mesh, increments[-1].displacement)
+        found = measure(skin, landmarks[1], case.skin)
+        rotation = [
+            abs(here - there)
+            for here, there in zip(found.bsr.values(), wanted.bsr.values(), strict=True)
+            if here is not None and there is not None
+        ]
+        off = np.linalg.norm(skin.vertices - goal.vertices, axis=1)
         print(
-            f"{way:13} {last.relaxation.status.name:10}"
-            f" {sum(increment.relaxation.linear_iterations for increment in increments):10d}"
-            f" {last.relaxation.inverted_tets:18d} {_stretch(trunk, last.displacement):14.2f}"
-            f" {measure(skins[way], landmarks[1], case.skin).max_thoracic_bsr:16.2f}"
-            f"   max {off.max():.1f} mean {off.mean():.1f} mm from the spline's"
-            f"   (worst increment {worst.number}, {worst.relaxation.status.name})",
+            f"{way:12} {ends[-1].status.name:10} {sum(end.linear_iterations for end in ends):17d}"
+            f" {ends[-1].inverted_tets:10d} {_stretch(trunk, increments[-1].displacement):16.2f}"
+            f" {found.max_thoracic_bsr:9.2f}   {np.mean(rotation):.2f} / {np.max(rotation):.2f}"
+            f"   {off.mean():.1f} / {off.max():.1f}",
             flush=True,
         )
 
