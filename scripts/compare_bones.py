@@ -5,7 +5,7 @@ Usage: python scripts/compare_bones.py ANATOMY [TETS]
 ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. A thoracic curve of 60 degrees is imposed
 on it and corrected by 70 %. Prints how the spline changes the shape of each bone. Then simulates three ways: bones
 that follow the spline, rigid bones by landmarks and neighbours, and rigid bones known after surgery. The skins are
-compared with that of the trunk on which the corrected curve is imposed, by the same model of a rib cage that bends.
+compared with that of the trunk on which the corrected curve is imposed, by the same rib cage, which bends.
 """
 
 from __future__ import annotations
