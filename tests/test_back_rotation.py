@@ -69,6 +69,15 @@ def test_a_fine_facet_of_a_convex_back_is_no_bridge():
     assert angle(dual_tangent(coarse, turn @ SPINE, LEFT)) == pytest.approx(10.0, abs=0.15)
 
 
+def test_a_flat_back_gives_its_rotation_however_rounding_falls():
+    """All of the back's points lie on one line, but for the last bit."""
+    x = np.linspace(-150.0, 150.0, 9)
+    box = np.vstack([np.column_stack([-x, np.full(9, 90.0)]), np.column_stack([x, np.full(9, -90.0)])])
+    for degrees in np.linspace(-40.0, 40.0, 400):
+        turn = rotation(degrees)
+        assert angle(dual_tangent(box @ turn.T, turn @ SPINE, LEFT)) == pytest.approx(degrees, abs=1e-7)
+
+
 def test_spine_outside_the_section_has_no_tangent():
     assert dual_tangent(ellipse(), np.array([400.0, 0.0]), LEFT) is None
 

@@ -78,9 +78,9 @@ def test_numbers_by_increment(recorded):
     assert names.tolist() == ["edges", "faces", "volume", "total"]  # gravity is off
     assert column(path, "/error", "scalars")[3].item() == pytest.approx(np.log10(0.004))
     (levels,) = column(path, "/bsr", "names").values()
-    place = levels.tolist().index("T8")
+    place = levels.tolist().index("T4")
     rotations = {k: v[place] for k, v in column(path, "/bsr", "scalars").items()}
-    expected = {k: 14.0 * 280.0 / 420.0 * k / 3 for k in range(4)}
+    expected = {k: 14.0 * 360.0 / 420.0 * k / 3 for k in range(4)}
     assert rotations == pytest.approx(expected, abs=0.05)
 
 

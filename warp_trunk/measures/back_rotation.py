@@ -135,8 +135,9 @@ def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:
     if aside[first] <= aside[last]:
         return None
     slope = (back[first] - back[last]) / (aside[first] - aside[last])
-    behind = np.flatnonzero(back - slope * aside >= back[last] - slope * aside[last])
-    behind = behind[(aside[behind] <= aside[first]) & (aside[behind] >= aside[last])]
+    above = back - slope * aside >= back[last] - slope * aside[last]
+    above[first] = True  # though rounding puts it below its own line
+    behind = np.flatnonzero(above & (aside <= aside[first]) & (aside >= aside[last]))
     behind = behind[np.lexsort((back[behind], -aside[behind]))]
     return points[behind[_upper_chain(-aside[behind], back[behind])]]
 
