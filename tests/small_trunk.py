@@ -95,13 +95,17 @@ def turned(trunk, degrees_at_top):
 
 @dataclass(frozen=True)
 class MadeUpIncrement:
-    """What the recording and the result read of an Increment, without a device."""
+    """What the recording, the result and the checkpoint read of an Increment, without a device."""
 
     number: int
     load_factor: float
     displacement: np.ndarray
     relaxation: Relaxation
     seconds: float
+
+    @property
+    def from_rest(self):
+        return self.displacement.astype(np.float32)
 
 
 def made_up_increments(trunk, count=3, status=None):

@@ -42,7 +42,7 @@ def quick(monkeypatch):
     case, trunk = small_case()
     asked = {"status": RelaxStatus.CONVERGED}
 
-    def simulate(model, bone_path, options, watch):
+    def simulate(model, bone_path, options, watch, done):
         asked.update(model=model, bone_path=bone_path, options=options, watch=watch)
         yield from made_up_increments(trunk, options.increments, asked["status"])
 
@@ -195,7 +195,7 @@ def test_interrupt_keeps_what_was_recorded(quick, tmp_path, monkeypatch, capsys)
     monkeypatch.setattr(run, "simulate", simulate)
     assert main(["demo", "--out", str(tmp_path), "--device", "cpu"]) == INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["recording.partial.rrd"]
+    assert {path.name for path in tmp_path.iterdir()} == {"checkpoint", "recording.partial.rrd"}
     assert find_recording(tmp_path) == tmp_path / "recording.partial.rrd"
 
 

@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from .relaxation import Relaxation, RelaxOptions, RelaxStatus
     from .rest import RestState, sag_free
     from .results import Result, read_result, read_summary, skin_after, write_result
-    from .run import RunOptions, RunResult, run_case
+    from .run import RunResult, run_case
+    from .run_options import RunOptions
     from .scanning import CloseOptions, CutPlane, align_parts, close_skin
     from .simulation import Increment, SimulationOptions, simulate
     from .surface import Surface, read_surface, write_surface
@@ -101,9 +102,9 @@ _MODULE = {
     "read_summary": "results",
     "skin_after": "results",
     "write_result": "results",
-    "RunOptions": "run",
     "RunResult": "run",
     "run_case": "run",
+    "RunOptions": "run_options",
     "CloseOptions": "scanning",
     "CutPlane": "scanning",
     "align_parts": "scanning",

@@ -66,6 +66,13 @@ class Progress:
         """Adds to the time of a stage."""
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
+    def say(self, text: str) -> None:
+        """Shows a line that stays."""
+        if self._bars is None:
+            self._line(text)
+        else:
+            self._bars.console.print(text, markup=False, highlight=False, soft_wrap=True)
+
     def increment(self, increment: Increment, count: int) -> None:
         """Shows that an increment of so many is done; the time left follows from those before it."""
         relaxation = increment.relaxation

@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from .articulation import bone_motions
 from .bone_path import BonePath, rigid_path, spline_path
 from .errors import InputError
+from .exchange import read_volume
 from .joints import free_joints
-from .layers import Layers, LayersFrom, layered
+from .layers import Layers, layered
 from .measures import TrunkMeasures, measure
-from .meshing import MeshOptions, make_trunk
-from .model import EnergyName, WeightsName, build_model
+from .meshing import make_trunk
+from .model import build_model
 from .progress import Progress
-from .recording import FurtherColour, Recording, check_colours, load_rerun, start_viewer
+from .recording import Recording, check_colours, load_rerun, start_viewer
 from .rest import sag_free
-from .results import RECORDING, partial, prepare_folder, skin_after, write_result
+from .results import (
+    RECORDING,
+    Checkpoint,
+    fingerprint_of,
+    locked,
+    partial,
+    prepare_folder,
+    skin_after,
+    write_result,
+)
 from .results.summary_text import markdown
-from .simulation import Increment, SimulationOptions, simulate
+from .run_options import RunOptions, parameters
+from .simulation import Increment, simulate
+from .surface import Surface
 
 if TYPE_CHECKING:
     from .case import Case
@@ -29,45 +41,6 @@ if TYPE_CHECKING:
     from .relaxation import RelaxStatus
     from .tissue import Tissue
     from .trunk_mesh import TrunkMesh
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunOptions:
-    """How a case is simulated."""
-
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How the trunk is meshed."""
-    simulation: SimulationOptions = field(default_factory=SimulationOptions)
-    """How the correction is applied."""
-    energy: EnergyName = "itmsm"
-    """Energy of the tissue: itmsm (the seeds' springs on edges, faces, volumes) or neo-hookean (a continuum)."""
-    weights: WeightsName = "count"
-    """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the seeds) or volume (what it
-    stands for, so that tissue is not stiffer where tetrahedra are small)."""
-    device: str = "auto"
-    """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
-    precision: Literal["float32", "float64"] = "float32"
-    """Precision of the simulation."""
-    threads: int = 0
-    """CPU threads; 0 is one for each core."""
-    gravity: float = 0.0
-    """Gravity [m/s^2], pulling down; 0 is off."""
-    rest: Literal["sag-free", "scan"] = "sag-free"
-    """The rest state under gravity: what gravity pulls into the scan, so that no surgery changes nothing, or the
-    scan itself, which then sags (the seeds)."""
-    layers: LayersFrom | None = None
-    """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
-    case.toml has in [layers] when left out."""
-    bones: Literal["spline", "rigid"] = "spline"
-    """How bones are carried: by the thin-plate spline through all landmarks, or each of them rigidly."""
-    record: bool = True
-    """Write recording.rrd, which the viewer steps through."""
-    record_steps: bool = False
-    """Record every step of the relaxations too, on a second timeline."""
-    record_colours: tuple[FurtherColour, ...] = ()
-    """What else the colours of the recorded skin can show than its displacement; costs time at every increment."""
-    live: bool = False
-    """Show the recording in the viewer as it grows."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +66,13 @@ def run_case(
 
     Args:
         case: what to simulate, with its tissue.
-        folder: where the result goes; checked before any long work.
+        folder: where the result goes; checked before any long work, and kept from other processes.
         options: how; the defaults when left out.
         progress: what to tell it to; a log on standard error when left out.
 
     Raises:
-        InputError: a folder that cannot be written, or a case or options that a stage refuses.
+        InputError: a folder that cannot be written or is in use, an interrupted simulation that was of another
+            case or other options, or a case or options that a stage refuses.
     """
     options = options or RunOptions()
     progress = progress or Progress()
@@ -106,15 +80,23 @@ def run_case(
     check_colours(case, options.record_colours)
     if options.live and not options.record:
         raise InputError("--live: shows what is recorded; leave --no-record out")
-    live = start_viewer() if options.live else None
+    with locked(folder):
+        return _run(case, folder, options, progress)
+
+
+def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> RunResult:
     start = time.perf_counter()
+    given = None
+    if options.from_mesh is not None:
+        with progress.stage("mesh", f"reading {options.from_mesh}"):
+            given = read_volume(options.from_mesh, case.skin, case.bones)
+        case = dataclasses.replace(case, skin=Surface(given.nodes[given.skin_nodes], given.skin_faces))
+    checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), given))
+    _begin(checkpoint, options, progress)
+    live = start_viewer() if options.live else None
     if options.record:
         load_rerun()
-    with progress.stage("build", "meshing the soft tissue"):
-        build = make_trunk(case.skin, case.bones, options.mesh)
-    progress.add("surface", build.surface_seconds)
-    progress.add("mesh", build.mesh_seconds)
-    trunk = build.trunk
+    trunk = _mesh(case, options, progress) if given is None else given
     with progress.stage("path", "fitting the spline of the landmarks"):
         bone_path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
         if options.bones == "rigid":
@@ -152,7 +134,7 @@ def run_case(
                 live=live,
             )
     try:
-        increments, after = _simulate(case, trunk, model, bone_path, options, recording, progress)
+        increments, after = _simulate(case, trunk, model, bone_path, options, recording, checkpoint, progress)
         if recording is not None:
             recording.finish(markdown(case, increments[-1], before, after))
     finally:
@@ -164,11 +146,35 @@ def run_case(
         trunk,
         model,
         increments,
-        parameters=_parameters(options),
+        parameters=parameters(options),
         seconds={**progress.seconds, "total": progress.seconds.get("load", 0.0) + time.perf_counter() - start},
         recording=None if recording is None or recording.failed else recording.path,
     )
+    checkpoint.remove()
     return RunResult(increments[-1].relaxation.status, before, after, summary, folder)
+
+
+def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> None:
+    """Says from where the simulation goes on, and removes what it does not go on from."""
+    done = checkpoint.count() if options.resume else 0
+    if done:
+        progress.say(f"going on after increment {done} of {options.simulation.increments}")
+    elif checkpoint.remove():
+        progress.say(
+            f"{checkpoint.folder}: no increment of it can be read; starting from the beginning"
+            if options.resume
+            else f"{checkpoint.folder}: removed, an interrupted simulation; --resume would have gone on from it"
+        )
+    elif options.resume:
+        progress.say("nothing to resume; starting from the beginning")
+
+
+def _mesh(case: Case, options: RunOptions, progress: Progress) -> TrunkMesh:
+    with progress.stage("build", "meshing the soft tissue"):
+        build = make_trunk(case.skin, case.bones, options.mesh)
+    progress.add("surface", build.surface_seconds)
+    progress.add("mesh", build.mesh_seconds)
+    return build.trunk
 
 
 def _tissues(
@@ -179,7 +185,7 @@ def _tissues(
     if source is None:
         source = "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
     if source == "none":
-        return trunk, case.tissue
+        return dataclasses.replace(trunk, tissue=None), case.tissue
     layers = case.layers or Layers()
     with progress.stage("layers", "telling skin, fat and muscle apart"):
         return layered(trunk, layers, source), layers.tissues(case.tissue)
@@ -192,37 +198,34 @@ def _simulate(
     bone_path: BonePath,
     options: RunOptions,
     recording: Recording | None,
+    checkpoint: Checkpoint,
     progress: Progress,
 ) -> tuple[list[Increment], TrunkMeasures]:
+    done = checkpoint.increments(model) if options.resume else []
     increments: list[Increment] = []
     measures: list[TrunkMeasures] = []
-    began = time.perf_counter()
-    watch = None if recording is None else recording.watch
-    for increment in simulate(model, bone_path, options.simulation, watch):
-        if not increments:  # what came before the first increment's own time compiled and loaded the kernels
-            progress.add("compile", time.perf_counter() - began - increment.seconds)
-        increments.append(increment)
-        progress.add("relax", increment.seconds)
-        progress.increment(increment, options.simulation.increments)
+
+    def tell(increment: Increment) -> None:
         start = time.perf_counter()
+        increments.append(increment)
         skin = skin_after(case, trunk, increment.displacement)
         measures.append(measure(skin, case.landmarks_at(increment.load_factor), case.skin))
         if recording is not None:
             recording.increment(increment, measures[-1])
         progress.add("record", time.perf_counter() - start)
+
+    for increment in done:
+        tell(increment)
+    began = time.perf_counter()
+    watch = None if recording is None else recording.watch
+    for increment in simulate(model, bone_path, options.simulation, watch, done):
+        if len(increments) == len(done):  # what came before its own time compiled and loaded the kernels
+            progress.add("compile", time.perf_counter() - began - increment.seconds)
+        progress.add("relax", increment.seconds)
+        progress.increment(increment, options.simulation.increments)
+        if increment.number < options.simulation.increments:
+            start = time.perf_counter()
+            checkpoint.save(increment)
+            progress.add("record", time.perf_counter() - start)
+        tell(increment)
     return increments, measures[-1]
-
-
-def _parameters(options: RunOptions) -> dict[str, Any]:
-    """Every option by its own name, as on the command line."""
-    flat: dict[str, Any] = {}
-
-    def add(values: dict[str, Any]) -> None:
-        for name, value in values.items():
-            if isinstance(value, dict):
-                add(value)
-            else:
-                flat[name] = value
-
-    add(dataclasses.asdict(options))
-    return flat

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -49,14 +49,22 @@ class Increment:
     """Time of this increment [s]."""
 
     def __init__(
-        self, number: int, load_factor: float, state: State, relaxation: Relaxation, start: float
+        self,
+        model: Model,
+        number: int,
+        load_factor: float,
+        from_rest: wp.array | np.ndarray,
+        relaxation: Relaxation,
+        seconds: float,
     ) -> None:
+        """An increment that was simulated, of `from_rest` on the device or as it was stored."""
         self.number = number
         self.load_factor = load_factor
         self.relaxation = relaxation
-        self._model = state.model
-        self._on_device = wp.clone(state.displacement)
-        self.seconds = time.perf_counter() - start
+        self.seconds = seconds
+        self._model = model
+        on_device = isinstance(from_rest, wp.array)
+        self._on_device = from_rest if on_device else model.array(from_rest, model.vec3)
 
     @cached_property
     def displacement(self) -> np.ndarray:
@@ -66,20 +74,32 @@ class Increment:
         """
         return to_mesh_order(self._model, self._on_device)
 
+    @property
+    def from_rest(self) -> np.ndarray:
+        """Displacement from rest in model order as the device has it [mm], shape (nodes, 3), in its precision.
+
+        This and that of the increment before is all that the next increment starts from.
+        """
+        return self._on_device.numpy()
+
 
 def simulate(
     model: Model,
     bone_path: BonePath,
     options: SimulationOptions | None = None,
     watch: Callable[[RelaxStep, State], None] | None = None,
+    done: Sequence[Increment] = (),
 ) -> Iterator[Increment]:
     """Carries the trunk along the path of its bones and yields it after every increment.
 
-    The rest state is always the mesh before surgery. All increments but the last are relaxed to ten
+    Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
+    (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to ten
     times the tolerance. `watch` is told of every accepted step of every relaxation, see `Relaxer.relax`.
+    `done` are the first increments of the same simulation, which was interrupted: it goes on after the
+    last of them, and on the CPU to the last bit as if it had not been.
 
     Raises:
-        InputError: the path does not belong to the model's mesh.
+        InputError: the path or `done` does not belong to the model's mesh, or nothing is left to do.
     """
     options = options or SimulationOptions()
     if bone_path.displacement.shape != (len(model.order), 3):
@@ -87,15 +107,25 @@ def simulate(
             f"bone_path: has {len(bone_path.displacement)} nodes but the trunk has {len(model.order)}; "
             "make the path from the nodes of this trunk"
         )
+    if [increment.number for increment in done] != list(range(1, len(done) + 1)) or (
+        len(done) >= options.increments or any(len(one.from_rest) != len(model.order) for one in done)
+    ):
+        raise InputError(
+            f"done: must be increments 1, 2, ... of fewer than {options.increments}, of {len(model.order)} nodes; "
+            "give those that this simulation yielded"
+        )
     relaxer = Relaxer(model, options.relax)
     carrier = Carrier(relaxer, bone_path)
-    for number in range(1, options.increments + 1):
+    if done:
+        carrier.go_on(done)
+    for number in range(len(done) + 1, options.increments + 1):
         start = time.perf_counter()
         load_factor = number / options.increments
         carrier.carry(load_factor)  # phi_t of eq. 4.5
         final = number == options.increments
         relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0), watch)  # phi~ of eq. 4.3
-        yield Increment(number, load_factor, relaxer.state, relaxation, start)
+        displacement = wp.clone(relaxer.state.displacement)
+        yield Increment(model, number, load_factor, displacement, relaxation, time.perf_counter() - start)
 
 
 class Carrier:
@@ -121,6 +151,13 @@ class Carrier:
             )
             for state in relaxer.states
         }
+
+    def go_on(self, done: Sequence[Increment]) -> None:
+        """Sets the relaxer's state to where the increments done so far, at least one, have led."""
+        self.relaxer.state.displacement.assign(done[-1].from_rest)
+        if len(done) > 1:
+            self._now.assign(done[-2].from_rest)
+        self._started = True
 
     def carry(self, load_factor: float) -> None:
         """Changes the relaxer's state to the expected one."""

@@ -12,7 +12,8 @@ import tyro
 from ..meshing import MeshOptions
 from ..phantom import phantom_case
 from ..progress import Progress
-from ..run import RunOptions, run_case
+from ..run import run_case
+from ..run_options import RunOptions
 from ..simulation import SimulationOptions
 from .ending import tell
 

@@ -12,7 +12,8 @@ from tyro.conf import Positional
 
 from ..case import read_case
 from ..progress import Progress
-from ..run import RunOptions, run_case
+from ..run import run_case
+from ..run_options import RunOptions
 from ..tissue import Tissue
 from .arguments import parse
 from .ending import tell

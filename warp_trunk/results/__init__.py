@@ -1,11 +1,19 @@
 """The result folder of a simulation, written and read, and its end in words."""
 
-from .folder import RECORDING, partial, prepare_folder, skin_after, write_result
+from ..whole_files import partial
+from .checkpoint import Checkpoint, interruption
+from .fingerprint import fingerprint_of
+from .folder import RECORDING, prepare_folder, skin_after, write_result
+from .lock import locked
 from .reading import Result, read_result, read_summary
 
 __all__ = [
     "RECORDING",
+    "Checkpoint",
     "Result",
+    "fingerprint_of",
+    "interruption",
+    "locked",
     "partial",
     "prepare_folder",
     "read_result",

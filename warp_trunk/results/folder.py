@@ -16,6 +16,7 @@ from ..landmarks import write_landmarks
 from ..measures import measure
 from ..surface import Surface, write_surface
 from ..trunk_mesh import TrunkMesh, write_trunk
+from ..whole_files import complete, partial
 from .summary import summarize
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def prepare_folder(folder: str | Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe.write_bytes(b"x")
-        probe.unlink()
+        probe.unlink(missing_ok=True)  # another process may be at the same place
     except OSError as error:
         raise InputError(
             f"{folder}: a result cannot be written here ({error.strerror}); give --out a folder of your own"
@@ -54,11 +55,6 @@ def prepare_folder(folder: str | Path) -> Path:
             f"{folder}: {free / 1e6:.0f} MB are free on this disk; a result needs {LEAST_SPACE / 1e6:.0f} MB"
         )
     return folder
-
-
-def partial(path: Path) -> Path:
-    """The name of a file while it is being written; it keeps its ending, so that viewers open it anyway."""
-    return path.with_name(f"{path.stem}.partial{path.suffix}")
 
 
 def skin_after(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> Surface:
@@ -136,5 +132,5 @@ def write_result(
     if recording is not None:
         os.replace(recording, folder / RECORDING)
     for name in (*surfaces, *landmarks, TRUNK, SUMMARY):
-        os.replace(partial(folder / name), folder / name)
+        complete(folder / name)
     return summary

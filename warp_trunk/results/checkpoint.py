@@ -1,0 +1,135 @@
+"""The increments done so far, on disk, from which a simulation that was stopped goes on."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import logging
+import shutil
+import zipfile
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..energy import Energy
+from ..errors import InputError
+from ..relaxation import Relaxation, RelaxStatus, RelaxStep
+from ..simulation import Increment
+from ..whole_files import complete, partial
+from .fingerprint import Fingerprint, difference
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+CHECKPOINT = "checkpoint"
+FORMAT = 1
+"""Raised whenever a file would be read another way."""
+WORTH_WAITING = 1.0
+"""An increment that took this long [s] is waited for until the disk has it; one lost in a power cut before is not
+worth it. Killed programs lose nothing either way."""
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
+_log = logging.getLogger("warp_trunk")
+
+
+class Checkpoint:
+    """The folder `checkpoint` of a result: `increment_01.npz` and so on, one for each increment but the last.
+
+    Each holds `displacement`, from rest in model order as the device has it [mm], shape (nodes, 3), and `record`,
+    a JSON text: number, load factor, seconds, how the relaxation ended, and what the simulation depends on.
+    """
+
+    def __init__(self, result: Path, fingerprint: Fingerprint) -> None:
+        self.folder = result / CHECKPOINT
+        self._fingerprint = fingerprint
+
+    def count(self) -> int:
+        """How many increments it holds, from the first one on; one with a damaged file ends them.
+
+        Raises:
+            InputError: they are of another simulation.
+        """
+        number = 0
+        while (record := _record(_path(self.folder, number + 1))) is not None:
+            number += 1
+            if differs := difference(record["fingerprint"], self._fingerprint):
+                raise InputError(
+                    f"{self.folder}: is of another simulation, {differs}; "
+                    "change it back, or leave --resume out to start anew"
+                )
+        return number
+
+    def increments(self, model: Model) -> list[Increment]:
+        """Those increments, to go on from with `simulate`."""
+        return [_read(_path(self.folder, number), model) for number in range(1, self.count() + 1)]
+
+    def save(self, increment: Increment) -> None:
+        """Adds an increment; its file is whole or not there. A disk that fails is a warning."""
+        path = _path(self.folder, increment.number)
+        record = {
+            "format": FORMAT,
+            "number": increment.number,
+            "load_factor": increment.load_factor,
+            "seconds": increment.seconds,
+            "relaxation": dataclasses.asdict(increment.relaxation) | {"status": increment.relaxation.status.name},
+            "fingerprint": self._fingerprint,
+        }
+        try:
+            self.folder.mkdir(exist_ok=True)
+            with partial(path).open("wb") as file:
+                np.savez(file, displacement=increment.from_rest, record=np.array(json.dumps(record)))
+            complete(path, to_disk=increment.seconds >= WORTH_WAITING)
+        except OSError as error:
+            partial(path).unlink(missing_ok=True)
+            _log.warning("%s: not written (%s); --resume could not go on from it", path, error.strerror)
+
+    def remove(self) -> bool:
+        """Removes all of it; whether there was any."""
+        there = self.folder.exists()
+        if there:
+            shutil.rmtree(self.folder)
+        return there
+
+
+def interruption(result: Path) -> str:
+    """What an interrupted simulation left in a result folder, in words; empty where there is no such thing."""
+    if not (result / CHECKPOINT).is_dir():
+        return ""
+    number, increments = 0, "?"
+    while (record := _record(_path(result / CHECKPOINT, number + 1))) is not None:
+        number, increments = number + 1, record["fingerprint"]["increments"]
+    return f"{number} of {increments} increments; simulate again with --resume to continue"
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / f"increment_{number:02d}.npz"
+
+
+def _record(path: Path) -> dict[str, Any] | None:
+    """What a file says of its increment; None where it is missing or damaged."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            file["displacement"]  # its checksum
+            record = json.loads(str(file["record"]))
+        return record if record["format"] == FORMAT else None
+    except _DAMAGED:
+        return None
+
+
+def _read(path: Path, model: Model) -> Increment:
+    with np.load(path, allow_pickle=False) as file:
+        record, displacement = json.loads(str(file["record"])), file["displacement"]
+    if displacement.shape != model.rest.shape:
+        raise InputError(
+            f"{path}: has {len(displacement)} nodes but the mesh has {len(model.rest)}; "
+            "leave --resume out to start anew"
+        )
+    told = record["relaxation"]
+    history = tuple(RelaxStep(**{**step, "energy": Energy(**step["energy"])}) for step in told["history"])
+    told |= {"status": RelaxStatus[told["status"]], "energy": Energy(**told["energy"]), "history": history}
+    return Increment(
+        model, record["number"], record["load_factor"], displacement, Relaxation(**told), record["seconds"]
+    )

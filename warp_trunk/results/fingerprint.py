@@ -1,0 +1,101 @@
+"""What a simulation depends on, so that it goes on only where it would have come anyway."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..parallel import choose_device, choose_threads
+from .summary import versions
+
+if TYPE_CHECKING:
+    from ..case import Case
+    from ..landmarks import Landmarks
+    from ..layers import Layers
+    from ..surface import Surface
+    from ..trunk_mesh import TrunkMesh
+
+Fingerprint = dict[str, Any]
+"""Values of JSON by name: options and constants as they are, everything large as a digest."""
+CHANGES_NOTHING = frozenset(
+    {"cache", "device", "from_mesh", "live", "record", "record_colours", "record_steps", "threads"}
+)
+"""Options that leave every displacement as it is, or that are told below as what they come to."""
+PROGRAMS = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh")
+"""What the numbers come from."""
+
+_MARK = "blake2b:"
+
+
+def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh | None = None) -> Fingerprint:
+    """What the displacements of a run depend on.
+
+    Args:
+        case: what is simulated.
+        parameters: every option of the run by its own name.
+        trunk: the mesh where it was made elsewhere; one that is made here follows from case and options.
+
+    Raises:
+        InputError: a device that is not there, or a number of threads that cannot be.
+    """
+    device = choose_device(parameters["device"])
+    found: Fingerprint = {name: value for name, value in parameters.items() if name not in CHANGES_NOTHING}
+    found["device"] = device
+    found["threads"] = 1 if device.startswith("cuda") else choose_threads(parameters["threads"])
+    found |= dataclasses.asdict(case.tissue)
+    found["skin"] = _surface(case.skin)
+    for when, bones in (("bone", case.bones), ("bone after", case.bones_after)):
+        found |= {f"{when} {name}": _surface(surface) for name, surface in bones.items()}
+    found["landmarks_before"] = _landmarks(case.landmarks_before)
+    found["landmarks_after"] = _landmarks(case.landmarks_after)
+    found["layers of the case"] = None if case.layers is None else _layers(case.layers)
+    found["mesh made elsewhere"] = None if trunk is None else _trunk(trunk)
+    found |= {f"version of {name}": version for name, version in versions().items() if name in PROGRAMS}
+    return json.loads(json.dumps(found))  # as it comes back from a file
+
+
+def difference(then: Fingerprint, now: Fingerprint) -> str:
+    """The first thing in which they differ, in words; empty if they do not."""
+    for name in {**now, **then}:
+        old, new = then.get(name), now.get(name)
+        if old != new:
+            large = any(str(value).startswith(_MARK) for value in (old, new))
+            return f"'{name}' is another" if large else f"'{name}' was {old} and is {new}"
+    return ""
+
+
+def _digest(*parts: np.ndarray | str | bytes) -> str:
+    digest = hashlib.blake2b(digest_size=20)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            digest.update(f"{part.dtype.str} {part.shape}".encode())
+            digest.update(np.ascontiguousarray(part).tobytes())
+        else:
+            digest.update(part.encode() if isinstance(part, str) else part)
+    return _MARK + digest.hexdigest()
+
+
+def _surface(surface: Surface) -> str:
+    return _digest(surface.vertices, surface.faces)
+
+
+def _landmarks(landmarks: Landmarks) -> str:
+    return _digest("\n".join(landmarks.names), landmarks.points)
+
+
+def _layers(layers: Layers) -> str:
+    constants = json.dumps({name: dict(values) for name, values in layers.constants.items()}, sort_keys=True)
+    labels = b"" if layers.mesh is None else layers.mesh.read_bytes()
+    return _digest(
+        np.asarray(layers.skin_thickness, dtype=np.float64), np.asarray(layers.fat_thickness), constants, labels
+    )
+
+
+def _trunk(trunk: TrunkMesh) -> str:
+    tissue = np.zeros(0) if trunk.tissue is None else trunk.tissue
+    return _digest(trunk.nodes, trunk.tets, trunk.skin_nodes, trunk.skin_faces, trunk.bone, tissue)

@@ -1,0 +1,38 @@
+"""Files that appear whole or not at all, also where the program is killed, the disk is full or power fails."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def partial(path: Path) -> Path:
+    """The name of a file while it is being written; it keeps its ending, so that viewers open it anyway."""
+    return path.with_name(f"{path.stem}.partial{path.suffix}")
+
+
+def complete(path: Path, to_disk: bool = True) -> None:
+    """Moves a file written under its partial name to its own.
+
+    With `to_disk` it lies on the disk before, so that its own name never stands for less, even after a power cut.
+    """
+    if to_disk:
+        handle = os.open(partial(path), os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    os.replace(partial(path), path)
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """The partial name, to write to in the block; at its end the file is complete, or removed if it failed."""
+    try:
+        yield partial(path)
+        complete(path)
+    except BaseException:
+        partial(path).unlink(missing_ok=True)
+        raise
