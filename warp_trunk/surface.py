@@ -8,6 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from .errors import InputError
+from .file_access import MOST_SURFACE, read_bytes
+from .surface_files import ENDINGS, parse
+
+FARTHEST = 1e7
+"""No coordinate of a surface is farther from zero than this, in any unit; sums of its cubes stay exact enough."""
 
 
 @dataclass(frozen=True)
@@ -21,51 +26,64 @@ class Surface:
 
 
 def read_surface(path: str | Path) -> Surface:
-    """Read a surface from any format that trimesh reads; the numbers are taken as mm.
+    """Read a surface from a .ply, .stl, .obj, .off, .glb, .vtp or .vtk file; the numbers are taken as mm.
 
     The order and the count of the vertices stay as they are in the file. Only where the file repeats the
-    corners of every triangle (STL) are identical points made one vertex, in the order they first appear.
+    corners of every triangle (STL, and GLB at the seams of a texture) are identical points made one vertex, in
+    the order they first appear. The nodes of a GLB move its meshes. No other file is opened, whatever it names.
 
-    Raises InputError when the file is missing, cannot be read, has no triangles, or has a vertex that is not
-    finite.
+    Raises InputError when the file is missing, too large or cannot be read, has no triangles, or has a vertex
+    that is not finite or out of reach.
     """
-    import trimesh  # heavy
-
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a surface file was expected")
+    kinds = ", ".join(sorted(ENDINGS))
+    content = read_bytes(path, f"a surface file ({kinds}) was expected", MOST_SURFACE)
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputError(f"{path}: cannot be read as a surface ('{ending}' is not known); use {kinds}")
     try:
-        mesh = trimesh.load_mesh(path, process=False)
-        vertices = np.array(mesh.vertices, dtype=np.float64)
-        faces = np.array(mesh.faces, dtype=np.int32)
-    except Exception as error:  # each format of trimesh fails with errors of its own
+        vertices, faces = parse(ending, content)
+    except Exception as error:  # each format fails with errors of its own
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"{path}: cannot be read as a surface ({reason}); try PLY, STL, OBJ or OFF") from error
-    surface = _merge_repeated_corners(vertices.reshape(-1, 3), faces.reshape(-1, 3))
+        raise InputError(f"{path}: cannot be read as a surface ({reason[:200]}); write it again") from error
+    surface = Surface(vertices, faces)
     check_surface(surface, str(path))
     return surface
 
 
 def write_surface(path: str | Path, surface: Surface) -> None:
-    """Write a surface in the format of the name's ending, vertices in their order.
+    """Write a surface in the format of the name's ending, vertices in their order; whole or not at all.
 
     PLY keeps float64, so that positions come back to the last bit; trimesh writes the other formats.
 
-    Raises InputError when trimesh has no writer for the ending.
+    Raises InputError when trimesh has no writer for the ending, and OSError when the file cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() == ".ply":
-        path.write_bytes(_ply_bytes(surface))
-        return
+    unfinished = path.with_name(f".{path.name}.partial")
+    content = _ply_bytes(surface) if path.suffix.lower() == ".ply" else _exported(path, surface)
+    try:
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+    except OSError:
+        unfinished.unlink(missing_ok=True)
+        raise
+
+
+def _exported(path: Path, surface: Surface) -> bytes:
     import trimesh  # heavy
 
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     try:
-        mesh.export(path)
+        content = mesh.export(file_type=path.suffix.lower()[1:])
     except (ValueError, KeyError, NotImplementedError) as error:
         raise InputError(
             f"{path}: a surface cannot be written as '{path.suffix}' ({error}); try .ply or .stl"
         ) from error
+    if isinstance(content, str):
+        return content.encode()
+    if isinstance(content, bytes):
+        return content
+    raise InputError(f"{path}: a surface cannot be written as '{path.suffix}' in one file; try .ply or .stl")
 
 
 def check_surface(surface: Surface, name: str) -> None:
@@ -85,23 +103,16 @@ def check_surface(surface: Surface, name: str) -> None:
             f"{name}: {bad.size} vertices are not finite, the first is number {bad[0]}, "
             f"{vertices[bad[0]].tolist()}; repair the surface"
         )
+    far = float(np.abs(vertices).max())
+    if far > FARTHEST:
+        raise InputError(
+            f"{name}: a vertex is at {far:.3g}, coordinates may be {FARTHEST:g} at most; repair the surface"
+        )
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(
             f"{name}: triangles name vertices {faces.min()} to {faces.max()}, the surface has 0 to "
             f"{len(vertices) - 1}; repair the surface"
         )
-
-
-def _merge_repeated_corners(vertices: np.ndarray, faces: np.ndarray) -> Surface:
-    """One vertex for each distinct point, if no two triangles share a vertex as the file stands."""
-    shares = len(faces) == 0 or len(np.unique(faces)) < faces.size
-    if shares:
-        return Surface(vertices, faces)
-    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-    in_file_order = np.argsort(first)
-    number = np.empty(len(first), dtype=np.int32)
-    number[in_file_order] = np.arange(len(first), dtype=np.int32)
-    return Surface(vertices[first[in_file_order]], number[inverse.reshape(-1)][faces])
 
 
 def _ply_bytes(surface: Surface) -> bytes:

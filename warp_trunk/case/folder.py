@@ -7,8 +7,10 @@ from pathlib import Path
 
 from ..axes import MILLIMETRES, Axes
 from ..errors import InputError
+from ..file_access import check_within
 from ..landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from ..surface import Surface, read_surface, write_surface
+from ..surface_files import surface_files
 from .checks import CaseSource, CheckOptions, check_case, check_names
 from .header import CaseHeader, header_text, read_header
 from .layer_table import read_layers, write_layers
@@ -20,8 +22,8 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
     `landmarks_before.csv`, `landmarks_after.csv` and perhaps `skin_after.ply` and `bones_after/*.ply`.
-    Surfaces may be in any format that trimesh reads, landmarks also in those of 3D Slicer. A bone is named
-    after its file.
+    Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone is named after
+    its file. No file is read that lies elsewhere, also where case.toml names it or a link leads to it.
 
     Args:
         folder: the case folder.
@@ -34,15 +36,18 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; a case folder with case.toml was expected")
+    check_within(folder, folder / "case.toml")
     header = read_header(folder / "case.toml")
     files = {"case": folder / "case.toml"}
 
     def read(key: str, path: Path) -> Surface:
         files[key] = path
+        check_within(folder, path)
         return header.axes.surface_to_lps(read_surface(path), header.units)
 
     def points(key: str) -> Landmarks:
         files[key] = landmark_file(folder, key)
+        check_within(folder, files[key])
         return read_landmarks(files[key], header.axes, header.units, header.landmark_columns)
 
     before, after = points("landmarks_before"), points("landmarks_after")
@@ -50,8 +55,8 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     check_names(before, after, source)
     after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
 
-    skin_file, after_file = (_surface_files(folder, stem).get(stem) for stem in ("skin", "skin_after"))
-    bone_files = _surface_files(folder / "bones")
+    skin_file, after_file = (surface_files(folder, stem).get(stem) for stem in ("skin", "skin_after"))
+    bone_files = surface_files(folder / "bones")
     if skin_file is None:
         raise InputError(
             f"{folder / 'skin.ply'}: there is no such file, nor one of another surface format; add it"
@@ -73,8 +78,7 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
         skin_after_is_placeholder=header.skin_after_is_placeholder,
         tissue=header.tissue,
         bones_after={
-            name: read(f"bones_after/{name}", path)
-            for name, path in _surface_files(folder / "bones_after").items()
+            name: read(f"bones_after/{name}", path) for name, path in surface_files(folder / "bones_after").items()
         },
     )
     if header.layers is not None:
@@ -104,10 +108,10 @@ def write_case(folder: str | Path, case: Case) -> None:
     for name, surface in case.bones_after.items():
         surfaces[folder / "bones_after" / f"{name}.ply"] = surface
     for found in (
-        _surface_files(folder, "skin"),
-        _surface_files(folder, "skin_after"),
-        _surface_files(folder / "bones"),
-        _surface_files(folder / "bones_after"),
+        surface_files(folder, "skin"),
+        surface_files(folder, "skin_after"),
+        surface_files(folder / "bones"),
+        surface_files(folder / "bones_after"),
     ):
         for path in found.values():
             if path not in surfaces:
@@ -128,22 +132,3 @@ def write_case(folder: str | Path, case: Case) -> None:
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )
     (folder / "case.toml").write_text(header_text(header), encoding="utf-8")
-
-
-def _surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
-    """The surface files of a folder by name without ending, sorted; only those called `stem` where given."""
-    from trimesh.exchange.load import mesh_formats  # heavy
-
-    endings = {f".{name}" for name in mesh_formats()} - {".svg", ".wkt"}  # those two are drawings in a plane
-    found: dict[str, Path] = {}
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-        ours = path.is_file() and path.suffix.lower() in endings and not path.name.startswith(".")
-        if not ours or (stem is not None and path.stem != stem):
-            continue
-        if path.stem in found:
-            raise InputError(
-                f"{path}: there is {found[path.stem].name} beside it; give '{path.stem}' in one file "
-                "and remove the other"
-            )
-        found[path.stem] = path
-    return found

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..surface import Surface, read_surface
-
-_ENDINGS = (".ply", ".stl", ".obj", ".off")
+from ..surface_files import surface_files
 
 
 def read_bones(folder: Path) -> dict[str, Surface]:
@@ -18,7 +17,7 @@ def read_bones(folder: Path) -> dict[str, Surface]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; --bones is a folder of bone surfaces")
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in _ENDINGS)
+    files = surface_files(folder)
     if not files:
         raise InputError(f"{folder}: there is no surface in it; give each bone as <name>.ply")
-    return {path.stem: read_surface(path) for path in files}
+    return {name: read_surface(path) for name, path in files.items()}

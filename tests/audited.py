@@ -1,0 +1,43 @@
+"""What the interpreter is seen to do: files it opens, programs it starts, connections, pickles."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_WATCHED = {
+    "open",
+    "pickle.find_class",
+    "subprocess.Popen",
+    "os.system",
+    "os.exec",
+    "socket.connect",
+    "socket.bind",
+}
+_seen: list[list[tuple[str, str]]] = []
+
+
+def _hook(event: str, arguments: tuple) -> None:
+    if _seen and event in _WATCHED:
+        _seen[-1].append((event, os.fsdecode(arguments[0]) if isinstance(arguments[0], (str, bytes)) else ""))
+
+
+sys.addaudithook(_hook)  # cannot be taken away again, so there is one for all tests
+
+
+@contextmanager
+def audited() -> Iterator[list[tuple[str, str]]]:
+    """Event and first argument of all that happens in the block, without the modules it imports."""
+    events: list[tuple[str, str]] = []
+    _seen.append(events)
+    try:
+        yield events
+    finally:
+        _seen.pop()
+        events[:] = [e for e in events if not (e[0] == "open" and _is_code(e[1]))]
+
+
+def _is_code(path: str) -> bool:
+    return path.endswith((".py", ".pyc", ".so")) or path.startswith((sys.prefix, sys.base_prefix)) or not path

@@ -1,0 +1,58 @@
+"""From the bytes of a file to vertices and triangles, by the file's ending."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .by_trimesh import read_glb, read_off, read_ply, read_stl
+from .legacy_vtk import read_vtk
+from .vtp import read_vtp
+from .wavefront import read_obj
+
+_READERS: dict[str, Callable[[bytes], tuple[np.ndarray, np.ndarray]]] = {
+    ".ply": read_ply,
+    ".stl": read_stl,
+    ".obj": read_obj,
+    ".off": read_off,
+    ".glb": read_glb,
+    ".vtp": read_vtp,
+    ".vtk": read_vtk,
+}
+ENDINGS = frozenset(_READERS)
+"""Endings of the files that are read."""
+
+
+def parse(ending: str, content: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) float64 and triangles (m, 3) int32, in the order of the file; polygons become fans.
+
+    Identical points become one vertex, in the order they first appear, where the file repeats the corners of
+    every triangle, and in a GLB, which repeats them wherever a texture or a normal changes.
+
+    Args:
+        ending: one of `ENDINGS`.
+        content: the whole file.
+
+    Raises:
+        Exception: of many kinds, where the content is not of that format.
+    """
+    vertices, faces = _READERS[ending](content)
+    vertices = np.array(vertices, dtype=np.float64).reshape(-1, 3)
+    faces = np.asarray(faces).reshape(-1, 3)
+    if faces.size and not (faces.min() >= 0 and faces.max() < len(vertices)):
+        raise ValueError(
+            f"triangles name vertices {faces.min()} to {faces.max()}, there are 0 to {len(vertices) - 1}"
+        )
+    faces = faces.astype(np.int32)
+    if len(faces) and (ending == ".glb" or len(np.unique(faces)) == faces.size):
+        return _merged(vertices, faces)
+    return vertices, faces
+
+
+def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    in_file_order = np.argsort(first)
+    number = np.empty(len(first), dtype=np.int32)
+    number[in_file_order] = np.arange(len(first), dtype=np.int32)
+    return vertices[first[in_file_order]], number[inverse.reshape(-1)][faces]

@@ -1,0 +1,124 @@
+"""VTK's XML format (.vtp): the points and polygons of a PolyData, in every encoding that VTK writes but LZ4."""
+
+from __future__ import annotations
+
+import base64
+import lzma
+import re
+import zlib
+from xml.etree import ElementTree
+
+import numpy as np
+
+from .polygons import fans
+
+_MOST = 2_000_000_000
+"""An array is never unpacked to more than this [bytes]."""
+_LETTERS = re.compile(rb"\s+")
+
+
+def read_vtp(content: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of all pieces; cell and point data are passed over.
+
+    Raises:
+        ValueError: another kind of data set, triangle strips, or fewer numbers than it says.
+    """
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise ValueError("it defines entities, which no surface needs")
+    raw = re.search(rb'<AppendedData[^>]*encoding\s*=\s*["\']raw["\'][^>]*>\s*_', content)
+    appended = b""
+    if raw:  # bytes that are no XML
+        end = content.rfind(b"</AppendedData>")
+        appended = content[raw.end() : end]
+        content = content[: raw.end()] + content[end:]
+    root = ElementTree.fromstring(content)
+    if root.tag != "VTKFile" or root.get("type") != "PolyData":
+        raise ValueError(f"it must hold PolyData, not {root.get('type')!r}; extract the surface")
+    given = root.find("AppendedData")
+    if given is not None and not raw:
+        appended = _LETTERS.sub(b"", (given.text or "").encode("ascii"))[1:]
+    arrays = _Arrays(root, appended, raw is not None)
+    points, faces, count = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    for piece in root.iterfind("PolyData/Piece"):
+        if int(piece.get("NumberOfStrips", "0")):
+            raise ValueError("it has triangle strips; triangulate it")
+        own = arrays.read(piece, "Points/DataArray").reshape(-1, 3)
+        if len(own) != int(piece.get("NumberOfPoints", "-1")):
+            raise ValueError(f"a piece says {piece.get('NumberOfPoints')} points and has {len(own)}")
+        polygons = int(piece.get("NumberOfPolys", "0"))
+        if polygons:
+            ends = arrays.read(piece, "Polys/DataArray[@Name='offsets']")
+            if len(ends) != polygons:
+                raise ValueError(f"a piece says {polygons} polygons and has {len(ends)}")
+            corners = arrays.read(piece, "Polys/DataArray[@Name='connectivity']")
+            if corners.size and not (corners.min() >= 0 and corners.max() < len(own)):
+                raise ValueError(f"a polygon names vertices {corners.min()} to {corners.max()} of {len(own)}")
+            faces.append(fans(corners.astype(np.int64), ends) + count)
+        points.append(own)
+        count += len(own)
+    return np.concatenate(points), np.concatenate(faces)
+
+
+class _Arrays:
+    """How the numbers of a file are packed."""
+
+    def __init__(self, root: ElementTree.Element, appended: bytes, raw: bool) -> None:
+        self._order = ">" if root.get("byte_order") == "BigEndian" else "<"
+        self._header = np.dtype(self._order + {"UInt64": "u8", "UInt32": "u4"}[root.get("header_type", "UInt32")])
+        self._packer = root.get("compressor")
+        self._appended, self._raw = appended, raw
+
+    def read(self, piece: ElementTree.Element, path: str) -> np.ndarray:
+        """The numbers of an array of a piece."""
+        array = piece.find(path)
+        if array is None:
+            raise ValueError(f"a piece has no {path}")
+        text = (array.text or "").strip()
+        kind = re.fullmatch(r"(Float|U?Int)(8|16|32|64)", array.get("type", ""))
+        if kind is None:
+            raise ValueError(f"numbers of type {array.get('type')!r} are not known")
+        letter = {"Float": "f", "Int": "i", "UInt": "u"}[kind[1]]
+        dtype = np.dtype(f"{self._order}{letter}{int(kind[2]) // 8}")
+        if array.get("format") == "ascii":
+            return np.array(text.split(), dtype=np.float64).astype(dtype.newbyteorder("="))
+        if array.get("format") == "appended":
+            content, raw = self._appended[int(array.get("offset", "0")) :], self._raw
+        else:
+            content, raw = _LETTERS.sub(b"", text.encode("ascii")), False
+        unpacked = self._plain(content, raw) if self._packer is None else self._unpacked(content, raw)
+        return np.frombuffer(unpacked, dtype).astype(dtype.newbyteorder("="))
+
+    def _plain(self, content: bytes, raw: bool) -> bytes:
+        size = self._header.itemsize
+        count = int(np.frombuffer(_bytes(content, size, raw), self._header)[0])
+        return _bytes(content, size + count, raw)[size:]
+
+    def _unpacked(self, content: bytes, raw: bool) -> bytes:
+        unpack = {"vtkZLibDataCompressor": zlib.decompressobj, "vtkLZMADataCompressor": lzma.LZMADecompressor}
+        if self._packer not in unpack:
+            raise ValueError(f"{self._packer} is not read; save it with another compression")
+        size = self._header.itemsize
+        blocks, each, last = np.frombuffer(_bytes(content, 3 * size, raw), self._header).tolist()
+        if max(blocks - 1, 0) * each + (last or each) > _MOST or blocks * size > len(content):
+            raise ValueError(f"an array says {blocks} blocks of {each} bytes, more than any surface has")
+        packed = np.frombuffer(_bytes(content, (3 + blocks) * size, raw), self._header)[3:].tolist()
+        head = (3 + blocks) * size
+        content = content[head if raw else -(-head // 3) * 4 :]
+        data, at, parts = _bytes(content, sum(packed), raw), 0, []
+        for number, length in enumerate(packed):
+            said = last if number == blocks - 1 and last else each
+            part = unpack[self._packer]().decompress(data[at : at + length], said + 1)
+            if len(part) != said:
+                raise ValueError(f"a block of {said} bytes was expected, not of {len(part)}")
+            parts.append(part)
+            at += length
+        return b"".join(parts)
+
+
+def _bytes(content: bytes, count: int, raw: bool) -> bytes:
+    """The first bytes of what is written, as they are or in base 64."""
+    letters = count if raw else -(-count // 3) * 4
+    found = content[:letters] if raw else base64.b64decode(content[:letters], validate=True)
+    if len(found) < count:
+        raise ValueError(f"an array of {count} bytes was expected, {len(found)} are left")
+    return found[:count]
