@@ -40,4 +40,8 @@ def audited() -> Iterator[list[tuple[str, str]]]:
 
 
 def _is_code(path: str) -> bool:
-    return path.endswith((".py", ".pyc", ".so")) or path.startswith((sys.prefix, sys.base_prefix)) or not path
+    return (
+        path.endswith((".py", ".pyc", ".so"))
+        or path.startswith((sys.prefix, sys.base_prefix, "/proc/self/"))
+        or not path
+    )

@@ -66,9 +66,9 @@ def test_thickness_is_in_the_unit_of_the_case_and_the_default_in_mm(tmp_path: Pa
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
-        (None, "there is no such file, but case.toml names it"),
+        (None, "there is no such file; case.toml names it"),
         ("1\n2\n", "has 2 numbers but the skin has 3 vertices; give one number a line"),
-        ("1 2\n1 2\n1 2\n", "has 3 lines of 2 numbers but the skin has 3 vertices"),
+        ("1 2\n1 2\n1 2\n", "cannot be read as one number a line"),
         ("1\ntwo\n3\n", "cannot be read as one number a line"),
         ("1\n-2\n3\n", "'fat_thickness' must be from 0 to 200 mm, not -2 (skin vertex 1)"),
         ("1\nnan\n3\n", "not nan (skin vertex 1)"),

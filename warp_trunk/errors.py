@@ -1,5 +1,13 @@
 """The one error for bad input: its text names the file or argument, the rule, the value found and the cure."""
 
+import re
+
+_UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+
 
 class InputError(ValueError):
     """Something given to the program breaks a stated rule; the command line ends with status 2."""
+
+    def __str__(self) -> str:
+        """One line, also where a name or a value in it holds line breaks or what no terminal can show."""
+        return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), super().__str__())

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from unicodedata import category
 
 from .errors import InputError
 
 MOST_SURFACE = 2_000_000_000
 """No surface or mesh is larger than this [bytes]."""
+FARTHEST = 1e7
+"""No coordinate is farther from zero than this, in any unit; sums of cubes of such numbers stay exact enough."""
 MOST_TEXT = 100_000_000
 """No table of landmarks or numbers is larger than this [bytes]."""
 
@@ -55,5 +61,50 @@ def check_within(folder: Path, path: Path) -> None:
     Raises:
         InputError: the file lies elsewhere.
     """
-    if not path.resolve().is_relative_to(folder.resolve()):
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):  # a name that cannot be one, or links in a circle
+        inside = False
+    if not inside:
         raise InputError(f"{path}: lies outside the case folder {folder}, and nothing else is read; copy it there")
+
+
+def number(text: str) -> float:
+    """A number as files write it; float() would also take 1_000 for a thousand.
+
+    Raises:
+        ValueError: the text is none.
+    """
+    if "_" in text:
+        raise ValueError(f"could not convert string to float: {text!r}")
+    return float(text)
+
+
+def is_plain(name: str) -> bool:
+    """Whether a name has no line breaks, control characters or halves of characters, so that files can hold it."""
+    return not any(category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in name)
+
+
+@contextmanager
+def limited_memory(size: int) -> Iterator[None]:
+    """Lets a library that reads a file of `size` bytes have 4 GiB and 60 times that, then raises MemoryError.
+
+    Libraries make room for what a header says, which in a damaged file may be a thousand times the machine's
+    memory. Only Linux can tell and hold the limit; elsewhere nothing is limited.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    most = now + 2**32 + 60 * size
+    limited = soft == resource.RLIM_INFINITY or most < soft
+    if limited:
+        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
+    try:
+        yield
+    finally:
+        if limited:
+            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -8,11 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from .errors import InputError
-from .file_access import MOST_SURFACE, read_bytes
+from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes
 from .surface_files import ENDINGS, parse
-
-FARTHEST = 1e7
-"""No coordinate of a surface is farther from zero than this, in any unit; sums of its cubes stay exact enough."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,8 @@ def read_surface(path: str | Path) -> Surface:
     if ending not in ENDINGS:
         raise InputError(f"{path}: cannot be read as a surface ('{ending}' is not known); use {kinds}")
     try:
-        vertices, faces = parse(ending, content)
+        with limited_memory(len(content)):
+            vertices, faces = parse(ending, content)
     except Exception as error:  # each format fails with errors of its own
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"{path}: cannot be read as a surface ({reason[:200]}); write it again") from error

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
+from .volume_files import read_mesh, reason
 
 
 @dataclass(frozen=True)
@@ -173,42 +174,46 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
 
     Raises InputError when the file is missing, is no such VTU, or its parts do not fit together.
     """
-    import meshio  # heavy
-
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a trunk mesh (.vtu) was expected")
+    mesh = read_mesh(path)
     try:
-        mesh: Any = meshio.vtu.read(str(path))  # meshio.read would end the program
         part = np.concatenate(mesh.cell_data["part"])
         kinds = np.repeat([block.type for block in mesh.cells], [len(block.data) for block in mesh.cells])
-        triangles = mesh.cells_dict["triangle"].astype(np.int32)
+        triangles = _whole(mesh.cells_dict["triangle"])
         skin = part[kinds == "triangle"] == 1
-        skin_vertex = mesh.point_data["skin_vertex"]
-        bone = mesh.point_data["bone"].astype(np.int32)
+        skin_vertex = _whole(mesh.point_data["skin_vertex"])
         displacement = np.array(mesh.point_data["displacement"], dtype=np.float64)
-        tets = mesh.cells_dict["tetra"].astype(np.int32)
         tissue = next((mesh.cell_data[key] for key in ("tissue_parts", "tissue") if key in mesh.cell_data), None)
         if tissue is not None:
             tissue = np.concatenate(tissue)[kinds == "tetra"]
-            tissue = tissue.astype(np.int8 if tissue.ndim == 1 else np.float64)
+            tissue = _whole(tissue).astype(np.int8) if tissue.ndim == 1 else tissue.astype(np.float64)
         names = bytes(mesh.field_data["bone_names"].astype(np.uint8).tolist()).decode()
-    except Exception as error:  # meshio fails in many ways on a damaged file
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"{path}: cannot be read as a trunk mesh ({reason}); write it again") from error
-    skin_nodes = np.flatnonzero(skin_vertex >= 0).astype(np.int32)
-    skin_nodes = skin_nodes[np.argsort(skin_vertex[skin_nodes], kind="stable")]
+        skin_nodes = np.flatnonzero(skin_vertex >= 0).astype(np.int32)
+        skin_nodes = skin_nodes[np.argsort(skin_vertex[skin_nodes], kind="stable")]
+        trunk = TrunkMesh(
+            nodes=np.array(mesh.points, dtype=np.float64),
+            tets=_whole(mesh.cells_dict["tetra"]),
+            skin_nodes=skin_nodes,
+            skin_faces=skin_vertex[triangles[skin]],
+            bone=_whole(mesh.point_data["bone"]),
+            bone_names=tuple(names.split("\n")) if names else (),
+            bone_faces=triangles[~skin],
+            tissue=tissue,
+        )
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as a trunk mesh ({reason(error)}); write it again") from error
     if not np.array_equal(skin_vertex[skin_nodes], np.arange(len(skin_nodes))):
         raise InputError(f"{path}: 'skin_vertex' must number the skin vertices from 0; write the file again")
-    trunk = TrunkMesh(
-        nodes=np.array(mesh.points, dtype=np.float64),
-        tets=tets,
-        skin_nodes=skin_nodes,
-        skin_faces=skin_vertex[triangles[skin]].astype(np.int32),
-        bone=bone,
-        bone_names=tuple(names.split("\n")) if names else (),
-        bone_faces=triangles[~skin],
-        tissue=tissue,
-    )
+    if displacement.shape != trunk.nodes.shape or not np.isfinite(displacement).all():
+        raise InputError(f"{path}: 'displacement' must be three finite numbers a node; write the file again")
     check_trunk(trunk, str(path))
     return trunk, displacement
+
+
+def _whole(values: np.ndarray) -> np.ndarray:
+    """Whole numbers as int32; ValueError for others, which a cast would round or wrap."""
+    if not np.issubdtype(values.dtype, np.integer) or (
+        values.size and np.abs(values).max() > np.iinfo(np.int32).max
+    ):
+        raise ValueError(f"whole numbers were expected, not {values.dtype}")
+    return values.astype(np.int32)

@@ -10,10 +10,14 @@ from typing import Any
 
 from ..axes import MILLIMETRES, Axes
 from ..errors import InputError
+from ..file_access import read_text
 from ..landmarks import COLUMNS
 from ..tissue import Tissue
 from .keys import numbers, quoted, refuse_unknown, shown
 from .layer_table import LayerTable, layer_table, layer_text
+
+_MOST = 1_000_000
+"""No case.toml is longer than this [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +47,10 @@ def read_header(path: Path) -> CaseHeader:
         InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of
             the wrong type or one that is not allowed.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a case needs one, which may be empty")
+    text = read_text(path, "a case needs this file, which may be empty", _MOST)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        table = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
     refuse_unknown(path, table, [field.name for field in dataclasses.fields(CaseHeader)], "")
     values: dict[str, Any] = {"name": path.resolve().parent.name}

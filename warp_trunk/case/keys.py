@@ -33,13 +33,15 @@ def numbers(path: Path, table: dict[str, Any], known: list[str], prefix: str) ->
 
 
 def is_number(value: object) -> bool:
-    """Whether a value of TOML is a number; true and false are none."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    """Whether a value of TOML is a number that float holds; true and false are none."""
+    return isinstance(value, float) or (
+        isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300
+    )
 
 
 def shown(value: object) -> str:
     """A value as a message shows it."""
-    return f"{str(value)[:40]!r} ({type(value).__name__})" if isinstance(value, str) else str(value)[:60]
+    return f"{str(value)[:40]!r} ({type(value).__name__})" if isinstance(value, str) else f"{value}"[:60]
 
 
 def quoted(text: str) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..file_access import check_within, number, read_text
 from ..layers.record import NAMES, Layers
 from ..tissue import Tissue
 from .keys import is_number, numbers, quoted, refuse_unknown, shown
@@ -92,10 +93,13 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
     for name in THICKNESS:
         value = getattr(table, name)
         if isinstance(value, str):
+            check_within(folder, folder / value)
             value = read_numbers(folder / value, vertices)
         if value is not None:
             thickness[name] = millimetres * value
     mesh = None if table.mesh is None else folder / table.mesh
+    if mesh is not None:
+        check_within(folder, mesh)
     if mesh is not None and not mesh.is_file():
         raise InputError(f"{mesh}: there is no such file, but case.toml names it, layers.mesh; add it")
     try:
@@ -125,16 +129,15 @@ def read_numbers(path: Path, count: int) -> np.ndarray:
     Raises:
         InputError: a missing file, something else than a number in a line, or another count.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file, but case.toml names it; add it")
+    lines = read_text(path, "case.toml names it as one number a line").split("\n")
+    texts = [text for line in lines if (text := line.split("#", 1)[0].strip())]
     try:
-        values = np.loadtxt(path, ndmin=1, encoding="utf-8")
-    except (ValueError, OSError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"{path}: cannot be read as one number a line ({reason}); correct it") from error
+        values = np.array([number(text) for text in texts])
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read as one number a line ({str(error)[:80]}); correct it") from error
     if values.shape != (count,):
         raise InputError(
-            f"{path}: has {' lines of '.join(map(str, values.shape))} numbers but the skin has {count} vertices; "
+            f"{path}: has {len(values)} numbers but the skin has {count} vertices; "
             "give one number a line for each vertex, in the order of the skin"
         )
     return values

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from ..meshing.surface_checks import check_solid
 from ..meshing.tetrahedra import oriented
 from ..surface import Surface
 from ..trunk_mesh import TrunkMesh, check_trunk, read_trunk
+from ..volume_files import read_mesh
 
 OFF_SURFACE = 10.0
 """How far the mesh's surfaces may be from those of the case [mm]; further is another frame, unit or patient."""
@@ -40,35 +41,13 @@ def read_volume(path: str | Path, skin: Surface, bones: Mapping[str, Surface]) -
             tell its bones, or does not agree with the case.
     """
     path = Path(path)
-    mesh = _read(path)
+    mesh = read_mesh(path)
     if "skin_vertex" in mesh.point_data and path.suffix.lower() == ".vtu":
         trunk = read_trunk(path)[0]
     else:
         trunk = _trunk(path, mesh, bones)
     _check_agrees(path, trunk, skin, bones)
     return trunk
-
-
-def _read(path: Path) -> Any:
-    import meshio  # heavy
-
-    # meshio.read would end the program on a file that is damaged
-    readers: dict[str, Callable[[str], Any]] = {
-        ".vtu": meshio.vtu.read,
-        ".vtk": meshio.vtk.read,
-        ".xdmf": meshio.xdmf.read,
-        ".msh": meshio.gmsh.read,
-        ".inp": meshio.abaqus.read,
-    }
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a mesh of tetrahedra was expected")
-    if path.suffix.lower() not in readers:
-        raise InputError(f"{path}: '{path.suffix}' is not read as a mesh of tetrahedra; use {', '.join(readers)}")
-    try:
-        return readers[path.suffix.lower()](str(path))
-    except (Exception, SystemExit) as error:  # meshio fails in many ways on a damaged file
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"{path}: cannot be read as a mesh ({reason[:200]}); write it again") from error
 
 
 def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:

@@ -11,11 +11,13 @@ import numpy as np
 
 from ..axes import MILLIMETRES, Axes
 from ..errors import InputError
+from ..file_access import FARTHEST, is_plain, number, read_text
 from .record import Landmarks
 
 _AXES = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
 """What files call their axes; the numbers are those of Slicer before 4.11."""
 _FCSV_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label"
+_EXPECTED = "markups of 3D Slicer were expected"
 _CURE = "save the markups again from 3D Slicer"
 
 
@@ -26,9 +28,10 @@ def read_markups(path: Path) -> Landmarks:
         InputError: no such JSON, axes other than LPS or RAS, units other than mm, cm or m, or a point without
             a label of its own or without three finite coordinates.
     """
+    text = read_text(path, _EXPECTED)
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as JSON ({error}); {_CURE}") from error
     markups = content.get("markups") if isinstance(content, dict) else None
     if not isinstance(markups, list) or not all(isinstance(markup, dict) for markup in markups):
@@ -62,10 +65,7 @@ def read_fcsv(path: Path) -> Landmarks:
         InputError: an unreadable file, one that does not say its axes, or a point without a label of its own
             or without three finite coordinates.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); {_CURE}") from error
+    lines = read_text(path, _EXPECTED).split("\n")
     said = dict(
         [part.strip() for part in line[1:].split("=", 1)] for line in lines if line.startswith("#") and "=" in line
     )
@@ -79,7 +79,11 @@ def read_fcsv(path: Path) -> Landmarks:
         raise InputError(f"{path}: '# columns' must name x, y, z and label, not {','.join(columns)[:80]}; {_CURE}")
     places = [columns.index(column) for column in ("x", "y", "z")]
     rows: list[tuple[Any, Any]] = []
-    for row in csv.reader(line for line in lines if line.strip() and not line.startswith("#")):
+    try:
+        table = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    except csv.Error as error:
+        raise InputError(f"{path}: cannot be read ({error}); {_CURE}") from error
+    for row in table:
         if len(row) <= max(*places, columns.index("label")):
             raise InputError(f"{path}: a point is {','.join(columns)[:80]}, not '{','.join(row)[:80]}'; {_CURE}")
         rows.append((row[columns.index("label")].strip(), [row[place] for place in places]))
@@ -97,20 +101,31 @@ def _landmarks(path: Path, rows: list[tuple[Any, Any]], axes: str, units: str) -
         raise InputError(f"{path}: there is no point in it; a case needs six for each vertebra and the ASIS")
     names: dict[str, None] = {}
     points = np.empty((len(rows), 3))
-    for number, (name, position) in enumerate(rows, start=1):
+    for row, (name, position) in enumerate(rows):
         if not isinstance(name, str) or not name:
-            raise InputError(f"{path}: point {number} has no label; label every point as <bone>_<point>")
+            raise InputError(f"{path}: point {row + 1} has no label; label every point as <bone>_<point>")
+        if not is_plain(name):
+            raise InputError(f"{path}: the label '{name[:40]}' has a line break or control character; rename it")
         if name in names:
             raise InputError(f"{path}: '{name}' labels more than one point; give each landmark once")
         names[name] = None
         try:
             if not isinstance(position, list) or len(position) != 3:
                 raise ValueError
-            points[number - 1] = [float(value) for value in position]
+            points[row] = [_coordinate(value) for value in position]
         except (TypeError, ValueError, OverflowError):
             raise InputError(
                 f"{path}: the position of '{name}' must be three numbers, not {str(position)[:60]}; place it again"
             ) from None
-        if not np.isfinite(points[number - 1]).all():
-            raise InputError(f"{path}: the position of '{name}' must be finite, not {position}; place it again")
+        if not (np.abs(points[row]) <= FARTHEST).all():  # nor is NaN
+            raise InputError(
+                f"{path}: the position of '{name}' must be finite and within {FARTHEST:g}, not {str(position)[:60]}; place it again"
+            )
     return Landmarks(tuple(names), Axes(axes).points_to_lps(points, units))
+
+
+def _coordinate(value: Any) -> float:
+    """A coordinate of a point; TypeError for true and false, which are no numbers though Python counts with them."""
+    if isinstance(value, bool):
+        raise TypeError
+    return number(value) if isinstance(value, str) else float(value)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
+from ..file_access import FARTHEST, is_plain, number, read_text
 from .record import Landmarks
 
 COLUMNS = ("name", "x", "y", "z")
@@ -32,10 +34,10 @@ def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np
         InputError: an unreadable file, a header without these columns, a line with another number of fields,
             an empty name or one used twice, a coordinate that is not a finite number, or no landmark at all.
     """
+    text = read_text(path, f"a CSV file ({','.join(columns)}) in UTF-8 was expected")
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [[field.strip() for field in row] for row in csv.reader(file)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = [[field.strip() for field in row] for row in csv.reader(io.StringIO(text, newline=""))]
+    except csv.Error as error:
         raise InputError(f"{path}: cannot be read ({error}); it must be CSV text in UTF-8") from error
     header = rows[0] if rows else []
     if any(header.count(column) != 1 for column in columns):
@@ -55,6 +57,10 @@ def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np
         if len(row) != len(header) or not row[places[0]]:
             raise InputError(f"{where}: a landmark is {','.join(header)}, not '{','.join(row)[:80]}'")
         name, *coordinates = (row[place] for place in places)
+        if not is_plain(name):
+            raise InputError(
+                f"{where}: a name has no line breaks or control characters, not '{name[:40]}'; rename it"
+            )
         if name in first_line:
             raise InputError(
                 f"{where}: '{name}' stands in line {first_line[name]} already; give each landmark once"
@@ -73,11 +79,13 @@ def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np
 
 def _coordinate(text: str, what: str) -> float:
     try:
-        value = float(text)
+        value = number(text)
     except ValueError:
         raise InputError(f"{what} must be a number, not '{text[:40]}'") from None
-    if not np.isfinite(value):
-        raise InputError(f"{what} must be finite, not {text}; correct it or leave the landmark out")
+    if not abs(value) <= FARTHEST:  # nor is NaN
+        raise InputError(
+            f"{what} must be finite and at most {FARTHEST:g}, not {text[:40]}; correct it or leave the landmark out"
+        )
     return value
 
 

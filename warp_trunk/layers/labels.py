@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..trunk_mesh import TrunkMesh
+from ..volume_files import read_mesh, reason
 from .record import NAMES
 
 REACH = 20.0
@@ -27,20 +27,16 @@ def labels_from_mesh(trunk: TrunkMesh, path: Path) -> np.ndarray:
         InputError: a file that is missing, cannot be read, has no such cell data or another label, or does not
             fill the trunk.
     """
-    import meshio  # heavy
     from scipy.spatial import KDTree  # heavy
 
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; give the mesh with labels that case.toml names")
+    mesh = read_mesh(path)
     try:
-        mesh: Any = meshio.vtu.read(str(path))  # meshio.read would end the program
         tets = mesh.cells_dict["tetra"]
         labels = np.asarray(mesh.cell_data_dict["tissue"]["tetra"])
         centroids = np.asarray(mesh.points, dtype=np.float64)[tets].mean(axis=1)
-    except Exception as error:  # meshio fails in many ways on a damaged file
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
+    except (KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(
-            f"{path}: cannot be read as tetrahedra with the cell data 'tissue' ({reason}); write it again"
+            f"{path}: cannot be read as tetrahedra with the cell data 'tissue' ({reason(error)}); write it again"
         ) from error
     if labels.size == 0 or not np.isin(labels, range(len(NAMES))).all():
         found = ", ".join(map(str, np.unique(labels)[:6]))

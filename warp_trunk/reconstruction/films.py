@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..file_access import number, read_text
 from ..landmarks.table import read_rows
 
 _COLUMNS = ("name", "u", "v")
+_LARGEST = 1e100
+"""No element of a projection is larger; squares of larger ones would not be finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +50,6 @@ def read_film(points: str | Path, projection: str | Path) -> Film:
         InputError: a file that is missing, cannot be read or breaks a rule.
     """
     path = Path(points)
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a film is given as CSV ({','.join(_COLUMNS)})")
     names, places = read_rows(path, _COLUMNS)
     return Film(str(path), names, places, read_projection(projection))
 
@@ -61,20 +62,19 @@ def read_projection(path: str | Path) -> np.ndarray:
             one source.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a projection is a text file of 3 lines of 4 numbers")
+    text = read_text(path, "a projection is a text file of 3 lines of 4 numbers")
     try:
-        rows = [line.split("#")[0].replace(",", " ").split() for line in path.read_text("utf-8-sig").splitlines()]
-        matrix = np.array([[float(number) for number in row] for row in rows if row])
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); write 3 lines of 4 numbers") from error
+        rows = [line.split("#")[0].replace(",", " ").split() for line in text.split("\n")]
+        matrix = np.array([[number(word) for word in row] for row in rows if row])
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read ({str(error)[:80]}); write 3 lines of 4 numbers") from error
     check_projection(str(path), matrix)
     return matrix
 
 
 def check_projection(where: str, matrix: np.ndarray) -> None:
     """Raises InputError, which begins with `where`, for a matrix that is no projection from one source."""
-    if matrix.shape != (3, 4) or not np.isfinite(matrix).all():
+    if matrix.shape != (3, 4) or not (np.abs(matrix) <= _LARGEST).all():
         raise InputError(f"{where}: a projection is 3 by 4 finite numbers, not {matrix.shape}; calibrate again")
     spread = np.linalg.svd(matrix[:, :3] / np.linalg.norm(matrix[:, :3], axis=1, keepdims=True).clip(1e-300))[1]
     if not spread[2] > 1e-9 * spread[0]:

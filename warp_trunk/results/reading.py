@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..file_access import read_text
 from ..landmarks import Landmarks, read_landmarks
 from ..relaxation import RelaxStatus
 from ..surface import Surface, read_surface
 from .folder import LANDMARKS_AFTER, LANDMARKS_BEFORE, SKIN_ACTUAL, SKIN_AFTER, SKIN_BEFORE, SUMMARY
+from .summary_shape import fault
 
 AGAIN = "simulate the case again"
 SUMMARY_KEYS = frozenset(
@@ -56,6 +58,8 @@ def read_result(folder: str | Path) -> Result:
         raise InputError(
             f"{folder / SUMMARY}: '{missing[0]}' is missing, so another version of the program wrote it; {AGAIN}"
         )
+    if wrong := fault(summary):
+        raise InputError(f"{folder / SUMMARY}: {wrong}; {AGAIN}")
     if summary["status"] not in RelaxStatus.__members__ or not summary["increments"]:
         raise InputError(
             f"{folder / SUMMARY}: has status {summary['status']!r} and {len(summary['increments'])} increments; "
@@ -91,13 +95,10 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
         InputError: there is none, or it is not a JSON object.
     """
     path = Path(folder) / SUMMARY
+    text = read_text(path, "give a folder that `simulate` wrote")
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); give a folder that `simulate` wrote"
-        ) from error
-    except ValueError as error:
+        summary = json.loads(text)
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON ({error}); {AGAIN}") from error
     if not isinstance(summary, dict):
         raise InputError(f"{path}: must hold a JSON object, not {type(summary).__name__}; {AGAIN}")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..file_access import FARTHEST, number, read_text
 from ..surface import Surface
 
 _OFF = 1e-3
@@ -21,15 +22,15 @@ def read_transform(path: str | Path) -> np.ndarray:
     Raises InputError when the file is missing, does not hold 16 finite numbers, or when it scales or mirrors.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; a transform of 16 numbers was expected")
-    words = path.read_text(errors="replace").replace(",", " ").split()
+    words = read_text(path, "a transform of 16 numbers was expected").replace(",", " ").split()
     try:
-        matrix = np.array([float(word) for word in words])
+        matrix = np.array([number(word) for word in words])
     except ValueError as error:
-        raise InputError(f"{path}: must hold 16 numbers and nothing else ({error}); give a 4x4 matrix") from error
-    if len(matrix) != 16 or not np.isfinite(matrix).all():
-        finite = int(np.isfinite(matrix).sum())
+        raise InputError(
+            f"{path}: must hold 16 numbers and nothing else ({str(error)[:80]}); give a 4x4 matrix"
+        ) from error
+    if len(matrix) != 16 or not (np.abs(matrix) <= FARTHEST).all():
+        finite = int((np.abs(matrix) <= FARTHEST).sum())
         raise InputError(f"{path}: must hold 16 finite numbers, not {finite} of {len(matrix)}; give a 4x4 matrix")
     return rigid(matrix.reshape(4, 4), str(path))
 

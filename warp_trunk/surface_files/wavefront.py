@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..file_access import number
 from .polygons import fans
 
 
@@ -20,20 +21,20 @@ def read_obj(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     vertices: list[list[float]] = []
     corners: list[int] = []
     ends: list[int] = []
-    for number, line in enumerate(text.split("\n"), start=1):
+    for place, line in enumerate(text.split("\n"), start=1):
         words = line.split("#", 1)[0].split()
         if not words:
             continue
         if words[0] == "v":
             if len(words) < 4:
-                raise ValueError(f"line {number}: a vertex needs x, y and z, not {line.strip()[:40]!r}")
-            vertices.append([float(word) for word in words[1:4]])
+                raise ValueError(f"line {place}: a vertex needs x, y and z, not {line.strip()[:40]!r}")
+            vertices.append([number(word) for word in words[1:4]])
         elif words[0] == "f":
             for word in words[1:]:
                 named = int(word.split("/", 1)[0])
                 corner = named - 1 if named > 0 else len(vertices) + named
-                if named == 0 or corner < 0:
-                    raise ValueError(f"line {number}: there is no vertex {named}")
+                if named == 0 or corner < 0 or "_" in word:
+                    raise ValueError(f"line {place}: there is no vertex {word[:40]}")
                 corners.append(corner)
             ends.append(len(corners))
     return np.array(vertices, dtype=np.float64), fans(np.array(corners, dtype=np.int64), np.array(ends))
