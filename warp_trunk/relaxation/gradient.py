@@ -11,6 +11,7 @@ import warp as wp
 from warp_trunk.kernels.loop import loop_kernels
 
 from ..energy import State
+from ..features import EDGES
 from ..model import Model
 from .products import Products
 
@@ -51,5 +52,6 @@ def first_length(model: Model, state: State) -> float:
     """A length that moves the node of largest gradient by a hundredth of a mean edge."""
     gradient = state.gradient.numpy()[0, : model.free]
     steepest = float((gradient.astype("float64") ** 2).sum(axis=1).max(initial=0.0) ** 0.5)
-    edge = float(np.linalg.norm(model.rest[model.corners[:, 1]] - model.rest[model.corners[:, 0]], axis=1).mean())
+    ends = model.rest[model.corners[:, EDGES]]
+    edge = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
     return 0.01 * edge / steepest if steepest > 0.0 else 1.0
