@@ -1,0 +1,163 @@
+"""Runs of one case, each kept on disk, so that a table can be made again, or go on where it was stopped."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from warp_trunk import (
+    BonePath,
+    Case,
+    Landmarks,
+    Layers,
+    MeshOptions,
+    RelaxOptions,
+    SimulationOptions,
+    Surface,
+    TrunkMesh,
+    build_model,
+    build_trunk,
+    layered,
+    sag_free,
+    simulate,
+    skin_after,
+    spline_path,
+)
+from warp_trunk.articulation import bone_motions
+from warp_trunk.bone_path import rigid_path
+from warp_trunk.joints import free_joints
+from warp_trunk.measures.volume import tissue_volume_change
+from warp_trunk.meshing.cache import cache_key
+
+from .choices import Choices
+from .errors import moved_bones, moved_landmarks
+
+
+@dataclass(frozen=True, eq=False)
+class Ending:
+    """How a run ended."""
+
+    skin: Surface
+    """The skin after surgery; its vertices and faces are those of the case's skin."""
+    tets: int
+    """Tetrahedra of the mesh."""
+    status: str
+    """Why the last relaxation ended."""
+    inverted: int
+    """Tetrahedra without positive volume."""
+    linear_iterations: int
+    """Of all increments."""
+    volume_change: float
+    """Of the tissue [%]."""
+    seconds: float
+    """Time it took, with its model, on a machine that may have been busy."""
+
+
+class Study:
+    """The runs of one case."""
+
+    def __init__(self, case: Case, folder: Path, threads: int = 0) -> None:
+        self.case, self.folder, self.threads = case, folder, threads
+        landmarks = np.stack([case.landmarks_before.points, case.landmarks_after.points]).tobytes()
+        names = repr((case.landmarks_before.names, case.tissue))
+        self._case_key = cache_key(case.skin, case.bones, names + hashlib.sha256(landmarks).hexdigest())
+        self._trunk = cache(lambda tets: build_trunk(case.skin, case.bones, MeshOptions(tets=tets)))
+
+    def ending(self, choices: Choices) -> Ending:
+        """How the run with these choices ends; fetched from the folder where it was run before."""
+        key = hashlib.sha256(f"{self._case_key}\n{choices}".encode()).hexdigest()
+        path = self.folder / f"{key[:32]}.npz"
+        if not path.is_file():
+            print(f"  running {told(choices)}", end="", flush=True)
+            arrays = self._run(choices)
+            print(f": {arrays['status']} in {arrays['seconds']:.0f} s", flush=True)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            making = path.with_suffix(".making")
+            with making.open("wb") as file:
+                np.savez(file, allow_pickle=False, **arrays)
+            os.replace(making, path)
+        with np.load(path, allow_pickle=False) as kept:
+            return Ending(
+                skin=Surface(kept["skin"], self.case.skin.faces),
+                tets=int(kept["tets"]),
+                status=str(kept["status"]),
+                inverted=int(kept["inverted"]),
+                linear_iterations=int(kept["linear_iterations"]),
+                volume_change=float(kept["volume_change"]),
+                seconds=float(kept["seconds"]),
+            )
+
+    def landmarks(self, choices: Choices) -> tuple[Landmarks, Landmarks]:
+        """The landmarks before and after that a run is given, with their errors."""
+        before, after = self.case.landmarks_before, self.case.landmarks_after
+        if choices.landmark_error == "none":
+            return before, after
+        found = moved_landmarks(before, np.random.default_rng([choices.sample, 0]))
+        if choices.landmark_error == "shared":
+            return found, Landmarks(after.names, after.points + found.points - before.points)
+        return found, moved_landmarks(after, np.random.default_rng([choices.sample, 1]))
+
+    def trunk(self, choices: Choices) -> TrunkMesh:
+        """The mesh of a run, of one tissue."""
+        if choices.bone_error == 0.0:
+            return self._trunk(choices.tets)
+        random = np.random.default_rng([choices.sample, 2])
+        bones = moved_bones(self.case.bones, choices.bone_error, random)
+        return build_trunk(self.case.skin, bones, MeshOptions(tets=choices.tets, cache=False))
+
+    def _run(self, choices: Choices) -> dict[str, np.ndarray]:
+        trunk = self.trunk(choices)
+        start = time.perf_counter()
+        trunk, path = self._path(trunk, choices)
+        tissue = replace(
+            self.case.tissue,
+            epsilon=choices.epsilon,
+            theta=choices.theta,
+            poisson_ratio=choices.poisson_ratio,
+        )
+        layers = self.case.layers or Layers()
+        model = build_model(
+            layered(trunk, layers, "depth") if choices.layers else trunk,
+            layers.tissues(tissue) if choices.layers else tissue,
+            energy=choices.energy,
+            weights=choices.weights,
+            gravity=choices.gravity,
+            precision=choices.precision,
+            threads=self.threads,
+        )
+        if choices.gravity != 0.0 and choices.rest == "sag-free":
+            model = sag_free(model).model
+        relax = RelaxOptions(tolerance=choices.tolerance)
+        increments = list(simulate(model, path, SimulationOptions(increments=choices.increments, relax=relax)))
+        last = increments[-1]
+        found = {
+            "skin": skin_after(self.case, trunk, last.displacement).vertices,
+            "tets": len(trunk.tets),
+            "status": last.relaxation.status.name,
+            "inverted": last.relaxation.inverted_tets,
+            "linear_iterations": sum(increment.relaxation.linear_iterations for increment in increments),
+            "volume_change": tissue_volume_change(trunk, last.displacement),
+            "seconds": time.perf_counter() - start,
+        }
+        return {name: np.asarray(value) for name, value in found.items()}
+
+    def _path(self, trunk: TrunkMesh, choices: Choices) -> tuple[TrunkMesh, BonePath]:
+        landmarks = self.landmarks(choices)
+        path = spline_path(trunk.nodes, *landmarks)
+        if choices.bones == "spline":
+            return trunk, path
+        trunk = free_joints(trunk)
+        return trunk, rigid_path(trunk, bone_motions(self.case.bones, *landmarks, self.case.bones_after), path)
+
+
+def told(choices: Choices) -> str:
+    """What differs from the default run, in words."""
+    default = Choices()
+    differ = [f"{name} {value}" for name, value in vars(choices).items() if value != getattr(default, name)]
+    return ", ".join(differ) or "the default"

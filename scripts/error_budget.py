@@ -1,0 +1,47 @@
+"""What every choice costs, in mm of the back and degrees of its rotation: the error budget of a prediction.
+
+    python scripts/error_budget.py CASE --out docs/error_budget
+
+Each row is a run that differs in one choice from the default one, or from the one its label names; errors of
+landmarks and bones are drawn several times. Prints a table, writes a JSON and a picture. Runs are kept in a
+folder, so that it goes on where it was stopped; delete the folder when the engine has changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from benchmarking.prepare import load_case
+from benchmarking.process import be_quiet
+from choices.budget import measured, table
+from choices.budget_picture import draw_budget
+from choices.rows import rows
+from choices.study import Study
+
+
+def main() -> None:
+    """Simulates, compares, draws and writes."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("case", help="a case folder, or phantom")
+    parser.add_argument("--threads", type=int, default=0, help="0 is all cores")
+    parser.add_argument("--landmark-samples", type=int, default=20)
+    parser.add_argument("--bone-samples", type=int, default=6)
+    parser.add_argument("--kept", type=Path, default=Path("results/choices"), help="where runs are kept")
+    parser.add_argument("--out", type=Path, default=Path("docs/error_budget"), help="name without its ending")
+    given = parser.parse_args()
+    be_quiet()
+    study = Study(load_case(given.case), given.kept, given.threads)
+    costs = [measured(study, row) for row in rows(given.landmark_samples, given.bone_samples)]
+    costs.sort(key=lambda cost: -cost.bsr_deg)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    record = {"case": study.case.name, "rows": [asdict(cost) for cost in costs]}
+    given.out.with_suffix(".json").write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
+    draw_budget(given.out.with_suffix(".png"), costs)
+    print(table(costs))
+
+
+if __name__ == "__main__":
+    main()
