@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from tyro.conf import Positional
 
 from ..progress import Progress
 from ..report import write_report
+from ..results import unfinished
 from .exit_status import OK
 
 
@@ -26,5 +28,7 @@ class Report:
         """Writes the report and says where."""
         with Progress() as progress, progress.stage("report", "measuring and drawing"):
             page = write_report(self.result, self.out)
+        if left := unfinished(self.result):
+            print(f"warp-trunk: {self.result}: also holds {left}", file=sys.stderr)
         print(f"Open {page} in a browser; its pictures are in {page.parent / 'report'}")
         return OK

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from tyro.conf import Positional
 
 from ..errors import InputError
 from ..recording import view, view_in_browser
-from ..results import RECORDING, partial
+from ..results import RECORDING, partial, unfinished
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +25,11 @@ class View:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Starts the viewer, which other machines cannot reach, and waits for its end."""
+        recording = find_recording(self.result)
+        if left := unfinished(self.result):
+            print(f"warp-trunk: {self.result}: holds {left}", file=sys.stderr)
         show = view_in_browser if self.web else view
-        return show(find_recording(self.result))
+        return show(recording)
 
 
 def find_recording(result: Path) -> Path:
@@ -35,4 +39,6 @@ def find_recording(result: Path) -> Path:
     for path in (result / RECORDING, partial(result / RECORDING)):
         if path.is_file():
             return path
+    if left := unfinished(result):
+        raise InputError(f"{result}: holds no {RECORDING} but {left}")
     raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")

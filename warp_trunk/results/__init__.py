@@ -1,7 +1,7 @@
 """The result folder of a simulation, written and read, and its end in words."""
 
 from ..whole_files import partial
-from .checkpoint import Checkpoint, interruption
+from .checkpoint import Checkpoint, unfinished
 from .fingerprint import fingerprint_of
 from .folder import RECORDING, prepare_folder, skin_after, write_result
 from .lock import locked
@@ -12,12 +12,12 @@ __all__ = [
     "Checkpoint",
     "Result",
     "fingerprint_of",
-    "interruption",
     "locked",
     "partial",
     "prepare_folder",
     "read_result",
     "read_summary",
     "skin_after",
+    "unfinished",
     "write_result",
 ]

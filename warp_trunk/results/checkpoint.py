@@ -92,14 +92,17 @@ class Checkpoint:
         return there
 
 
-def interruption(result: Path) -> str:
-    """What an interrupted simulation left in a result folder, in words; empty where there is no such thing."""
+def unfinished(result: Path) -> str:
+    """What a simulation that has not ended left in a result folder, in words; empty where there is none."""
     if not (result / CHECKPOINT).is_dir():
         return ""
     number, increments = 0, "?"
     while (record := _record(_path(result / CHECKPOINT, number + 1))) is not None:
         number, increments = number + 1, record["fingerprint"]["increments"]
-    return f"{number} of {increments} increments; simulate again with --resume to continue"
+    return (
+        f"an unfinished simulation, {number} of {increments} increments; "
+        "if it no longer runs, simulate again with --resume to continue it"
+    )
 
 
 def _path(folder: Path, number: int) -> Path:

@@ -14,6 +14,7 @@ from ..file_access import read_text
 from ..landmarks import Landmarks, read_landmarks
 from ..relaxation import RelaxStatus
 from ..surface import Surface, read_surface
+from .checkpoint import unfinished
 from .folder import LANDMARKS_AFTER, LANDMARKS_BEFORE, SKIN_ACTUAL, SKIN_AFTER, SKIN_BEFORE, SUMMARY
 from .summary_shape import fault
 
@@ -92,9 +93,11 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     """The summary of a result folder.
 
     Raises:
-        InputError: there is none, or it is not a JSON object.
+        InputError: there is none, or none yet, or it is not a JSON object.
     """
     path = Path(folder) / SUMMARY
+    if not path.is_file() and (left := unfinished(Path(folder))):
+        raise InputError(f"{folder}: holds no result yet but {left}")
     text = read_text(path, "give a folder that `simulate` wrote")
     try:
         summary = json.loads(text)
