@@ -180,7 +180,7 @@ def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path,
 def test_command_refuses_what_is_no_result_in_one_line(tmp_path, capsys):
     assert main(["report", str(tmp_path)]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert re.fullmatch(r"warp-trunk: .*summary\.json: cannot be read .*", last)
+    assert re.fullmatch(r"warp-trunk: .*summary\.json: there is no such file; .*", last)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -37,10 +37,14 @@ def choose_device(name: str) -> str:
     return name
 
 
+MOST_THREADS = 1024
+"""More would only wait for each other."""
+
+
 def choose_threads(threads: int) -> int:
     """The asked number of CPU threads, or for 0 the number of cores this process may use."""
-    if threads < 0:
-        raise InputError(f"threads: must be 0 (all cores) or more, not {threads}")
+    if not 0 <= threads <= MOST_THREADS:
+        raise InputError(f"threads: must be 0 (all cores) to {MOST_THREADS}, not {threads}")
     return threads or len(os.sched_getaffinity(0))
 
 

@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from .errors import InputError
 from .layers import LayersFrom
 from .meshing import MeshOptions
 from .model import EnergyName, WeightsName
 from .recording import FurtherColour
 from .simulation import SimulationOptions
+
+MOST_GRAVITY = 1000.0
+"""A hundred times that of the Earth [m/s^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +60,11 @@ class RunOptions:
     boundary takes the place of the skin, and `--layers mesh` takes the labels of its cell data `tissue`."""
     resume: bool = False
     """Go on from the last increment of an interrupted simulation in the result folder."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a gravity that no place has, before any work."""
+        if not abs(self.gravity) <= MOST_GRAVITY:  # nor is NaN
+            raise InputError(f"gravity: must be within {MOST_GRAVITY:g} m/s^2, not {self.gravity}; give 9.81")
 
 
 def parameters(options: RunOptions) -> dict[str, Any]:

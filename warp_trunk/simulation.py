@@ -32,8 +32,8 @@ class SimulationOptions:
     """How the tissue is relaxed after each increment."""
 
     def __post_init__(self) -> None:
-        if self.increments < 1:
-            raise InputError(f"increments: must be at least 1, not {self.increments}")
+        if not 1 <= self.increments <= 10_000:
+            raise InputError(f"increments: must be from 1 to 10000, not {self.increments}")
 
 
 class Increment:

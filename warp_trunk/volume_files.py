@@ -1,4 +1,4 @@
-"""Meshes of other programs, read by meshio so that a damaged file neither ends the program nor fills the memory."""
+"""Meshes of other programs, read so that a damaged file neither ends the program nor fills the memory."""
 
 from __future__ import annotations
 

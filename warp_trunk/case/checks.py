@@ -90,6 +90,7 @@ def check_case(case: Case, options: CheckOptions | None = None, source: CaseSour
         raise InputError(f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one")
     _check_orientation(case.landmarks_before, source)
     _check_bones(case, options, source)
+    _check_not_buried(case, source)
     _check_landmark_places(case, options, source)
     check_bones_after(case, options.bone_changed, source.name)
 
@@ -207,6 +208,20 @@ def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> None:
                 f"{where}: reaches {out[worst]:.1f} mm outside {source.name('skin')} at ({at}), "
                 f"{options.bone_outside_skin:g} mm is allowed; bring both into one frame or correct the bone"
             )
+
+
+def _check_not_buried(case: Case, source: CaseSource) -> None:
+    """Bones may overlap and cross, but one that is wholly inside another would not be there."""
+    boxes = {name: (bone.vertices.min(axis=0), bone.vertices.max(axis=0)) for name, bone in case.bones.items()}
+    for inner, (low, high) in boxes.items():
+        for outer, (lower, upper) in boxes.items():
+            if inner == outer or not ((low >= lower).all() and (high <= upper).all()):
+                continue
+            if (SurfaceDistance(case.bones[outer]).at(case.bones[inner].vertices) <= 0.0).all():
+                raise InputError(
+                    f"{source.name(inner)}: lies wholly inside {source.name(outer)}, where it could move nothing; "
+                    "remove it, or the bone around it"
+                )
 
 
 def _check_landmark_places(case: Case, options: CheckOptions, source: CaseSource) -> None:

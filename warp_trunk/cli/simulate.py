@@ -16,6 +16,7 @@ from ..run import run_case
 from ..run_options import RunOptions
 from ..tissue import Tissue
 from .arguments import parse
+from .crossing_file import crossings_written
 from .ending import tell
 
 
@@ -36,8 +37,9 @@ class Simulate:
         """Simulates the case and writes its result."""
         out = self.out or Path("results") / self.case.resolve().name
         with Progress() as progress:
-            with progress.stage("load", f"reading {self.case}"):
+            with progress.stage("load", f"reading {self.case}"), crossings_written(out):
                 case = read_case(self.case)
             given = parse(Simulate, arguments, replace(self, tissue=case.tissue))
-            result = run_case(replace(case, tissue=given.tissue), out, self.options, progress)
+            with crossings_written(out):
+                result = run_case(replace(case, tissue=given.tissue), out, self.options, progress)
         return tell(result)

@@ -119,13 +119,14 @@ def _landmarks(path: Path, rows: list[tuple[Any, Any]], axes: str, units: str) -
             ) from None
         if not (np.abs(points[row]) <= FARTHEST).all():  # nor is NaN
             raise InputError(
-                f"{path}: the position of '{name}' must be finite and within {FARTHEST:g}, not {str(position)[:60]}; place it again"
+                f"{path}: the position of '{name}' must be finite and within {FARTHEST:g}, not "
+                f"{str(position)[:60]}; place it again"
             )
     return Landmarks(tuple(names), Axes(axes).points_to_lps(points, units))
 
 
 def _coordinate(value: Any) -> float:
-    """A coordinate of a point; TypeError for true and false, which are no numbers though Python counts with them."""
+    """A coordinate of a point; TypeError for true and false, though Python counts with them."""
     if isinstance(value, bool):
         raise TypeError
     return number(value) if isinstance(value, str) else float(value)

@@ -84,7 +84,7 @@ def _coordinate(text: str, what: str) -> float:
         raise InputError(f"{what} must be a number, not '{text[:40]}'") from None
     if not abs(value) <= FARTHEST:  # nor is NaN
         raise InputError(
-            f"{what} must be finite and at most {FARTHEST:g}, not {text[:40]}; correct it or leave the landmark out"
+            f"{what} must be finite and within {FARTHEST:g}, not {text[:40]}; correct it or leave the landmark out"
         )
     return value
 

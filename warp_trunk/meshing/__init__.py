@@ -1,5 +1,6 @@
 """From the surfaces of skin and bones to the tetrahedra between them."""
 
 from .build import MeshOptions, TrunkBuild, build_trunk, make_trunk
+from .surface_checks import CrossingError
 
-__all__ = ["MeshOptions", "TrunkBuild", "build_trunk", "make_trunk"]
+__all__ = ["CrossingError", "MeshOptions", "TrunkBuild", "build_trunk", "make_trunk"]

@@ -51,11 +51,8 @@ def load_cached(key: str) -> TrunkMesh | None:
     if not path.is_file():
         return None
     try:
-        # objects would be pickles, which can run code
-        with (
-            limited_memory(path.stat().st_size),
-            np.load(path, allow_pickle=False) as file,
-        ):  # checks the checksum of every array
+        # objects would be pickles, which can run code; the checksum of every array is checked
+        with limited_memory(path.stat().st_size), np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in _ARRAYS}
             names = tuple(str(name) for name in file["bone_names"])
             same = str(file["key"]) == key

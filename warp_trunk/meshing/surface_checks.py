@@ -13,8 +13,22 @@ from ..errors import InputError
 from ..surface import Surface
 
 _INT: Any = wp.int32
+_FLAT = 1e-9
+"""A triangle whose height is less than this part of its longest edge has no area."""
 _SLACK = 1e-6
 """Edges that miss a triangle by less than this part of its size count as crossing it."""
+
+
+class CrossingError(InputError):
+    """A surface crosses itself or another one."""
+
+    def __init__(self, text: str, surface: Surface, pairs: np.ndarray) -> None:
+        """Pairs of faces of the surface, shape (pairs, 2)."""
+        super().__init__(text)
+        faces = surface.faces[np.unique(pairs)]
+        used, corners = np.unique(faces, return_inverse=True)
+        self.triangles = Surface(surface.vertices[used], corners.reshape(-1, 3).astype(np.int32))
+        """All that cross, to be looked at."""
 
 
 def crossings(surface: Surface) -> np.ndarray:
@@ -79,13 +93,41 @@ def check_solid(surface: Surface, name: str) -> None:
             f"{name}: triangles must be counterclockwise seen from outside, but the enclosed volume is "
             f"{volume:.6g} mm3; flip the triangles"
         )
+    _check_spread(surface, name)
     pairs = crossings(surface)
     if len(pairs):
-        place = _place(surface.vertices[surface.faces[pairs[0, 0]]].mean(axis=0))
-        raise InputError(
+        place = place_of(surface, pairs[0])
+        raise CrossingError(
             f"{name}: the surface must not cross itself, but {len(pairs)} triangles do, the first number "
-            f"{pairs[0, 0]} and {pairs[0, 1]} near {place}; repair the surface"
+            f"{pairs[0, 0]} and {pairs[0, 1]} near {place}; repair the surface",
+            surface,
+            pairs,
         )
+
+
+def _check_spread(surface: Surface, name: str) -> None:
+    """Check that no two vertices are at one place and that no triangle is a line; TetGen fills neither."""
+    order = np.lexsort(surface.vertices.T)
+    same = np.flatnonzero((np.diff(surface.vertices[order], axis=0) == 0.0).all(axis=1))
+    if same.size:
+        one, other = sorted(order[same[0] : same[0] + 2].tolist())
+        raise InputError(
+            f"{name}: vertices must be apart, but numbers {one} and {other} are both at "
+            f"{_place(surface.vertices[one])} ({same.size} such pairs); repair the surface"
+        )
+    a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
+    longest = np.max([np.sum(edge**2, axis=1) for edge in (a - b, b - c, c - a)], axis=0)
+    flat = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) <= _FLAT * longest)
+    if flat.size:
+        raise InputError(
+            f"{name}: triangles must have an area, but {flat.size} have none, the first number {flat[0]} near "
+            f"{place_of(surface, flat[:1])}; repair the surface"
+        )
+
+
+def place_of(surface: Surface, faces: np.ndarray) -> str:
+    """Where the first of some faces is, in words."""
+    return _place(surface.vertices[surface.faces[faces[0]]].mean(axis=0))
 
 
 def enclosed_volume(surface: Surface) -> float:

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..surface import Surface
 from ..trunk_mesh import tet_volumes
 from .distance_field import SurfaceDistance
-from .surface_checks import components, enclosed_volume
+from .surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 
 _RUNS = 6
 """How often TetGen is run at most to meet the number asked for; one or two runs are usual."""
@@ -189,9 +189,18 @@ def _tetgen(
     except RuntimeError as error:
         for path in leftovers:
             path.unlink(missing_ok=True)
+        both = Surface(vertices, faces)
+        pairs = crossings(both)
+        if len(pairs):
+            raise CrossingError(
+                f"skin and bones: TetGen cannot fill the space between them, {len(pairs)} triangles cross others, "
+                f"the first near {place_of(both, pairs[0])}; repair the skin there or choose a larger bone_margin",
+                both,
+                pairs,
+            ) from error
         raise InputError(
             f"skin and bones: TetGen cannot fill the space between them ({error}); look for triangles of the "
-            "skin that touch or cross, or choose a larger bone_margin"
+            "skin that touch, or choose a larger bone_margin"
         ) from error
     if len(nodes) < len(vertices) or not np.array_equal(nodes[: len(vertices)], vertices):
         raise InputError(

@@ -8,8 +8,8 @@ from .polygons import fans
 
 _TYPES = {
     "float": ">f4", "double": ">f8", "char": ">i1", "unsigned_char": ">u1", "short": ">i2",
-    "unsigned_short": ">u2", "int": ">i4", "unsigned_int": ">u4", "long": ">i8", "unsigned_long": ">u8", "vtkidtype": ">i8",
-    "vtktypeint32": ">i4", "vtktypeint64": ">i8",
+    "unsigned_short": ">u2", "int": ">i4", "unsigned_int": ">u4", "long": ">i8", "unsigned_long": ">u8",
+    "vtkidtype": ">i8", "vtktypeint32": ">i4", "vtktypeint64": ">i8",
 }  # fmt: skip
 
 
