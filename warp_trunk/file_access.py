@@ -69,6 +69,12 @@ def check_within(folder: Path, path: Path) -> None:
         raise InputError(f"{path}: lies outside the case folder {folder}, and nothing else is read; copy it there")
 
 
+def reason(error: BaseException) -> str:
+    """The error of a library in a few words; that of a ValueError says enough without its name."""
+    name = "" if type(error) is ValueError else f"{type(error).__name__}: "
+    return " ".join(f"{name}{error}".split())[:200]
+
+
 def number(text: str) -> float:
     """A number as files write it; float() would also take 1_000 for a thousand.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import InputError
-from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes
+from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes, reason
 from .surface_files import ENDINGS, parse
 
 
@@ -42,8 +42,7 @@ def read_surface(path: str | Path) -> Surface:
         with limited_memory(len(content)):
             vertices, faces = parse(ending, content)
     except Exception as error:  # each format fails with errors of its own
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"{path}: cannot be read as a surface ({reason[:200]}); write it again") from error
+        raise InputError(f"{path}: cannot be read as a surface ({reason(error)}); write it again") from error
     surface = Surface(vertices, faces)
     check_surface(surface, str(path))
     return surface

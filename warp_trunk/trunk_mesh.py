@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
-from .volume_files import read_mesh, reason
+from .file_access import reason
+from .volume_files import read_mesh
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import InputError
-from .file_access import MOST_SURFACE, limited_memory, read_bytes
+from .file_access import MOST_SURFACE, limited_memory, read_bytes, reason
 
 ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp")
 """Endings of the files that are read."""
@@ -49,8 +49,3 @@ def read_mesh(path: Path) -> Any:
             return readers[ending](str(path))
     except (Exception, SystemExit) as error:  # meshio fails in many ways on a damaged file
         raise InputError(f"{path}: cannot be read as a mesh ({reason(error)}); write it again") from error
-
-
-def reason(error: BaseException) -> str:
-    """An error of a library in a few words."""
-    return " ".join(f"{type(error).__name__}: {error}".split())[:200]

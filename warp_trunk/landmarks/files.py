@@ -32,10 +32,6 @@ def read_landmarks(
             that is not a finite number, or no landmark.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(
-            f"{path}: there is no such file; landmarks are given as CSV ({','.join(columns)}), .mrk.json or .fcsv"
-        )
     name = path.name.lower()
     if name.endswith(".mrk.json"):
         return read_markups(path)

@@ -34,7 +34,7 @@ def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np
         InputError: an unreadable file, a header without these columns, a line with another number of fields,
             an empty name or one used twice, a coordinate that is not a finite number, or no landmark at all.
     """
-    text = read_text(path, f"a CSV file ({','.join(columns)}) in UTF-8 was expected")
+    text = read_text(path, f"a table is given as CSV ({','.join(columns)}) in UTF-8")
     try:
         rows = [[field.strip() for field in row] for row in csv.reader(io.StringIO(text, newline=""))]
     except csv.Error as error:

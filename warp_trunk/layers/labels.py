@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..file_access import reason
 from ..trunk_mesh import TrunkMesh
-from ..volume_files import read_mesh, reason
+from ..volume_files import read_mesh
 from .record import NAMES
 
 REACH = 20.0

@@ -17,17 +17,21 @@ import numpy as np
 
 def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and triangles; as many elements as the header says."""
+    if b"end_header" not in content:
+        raise ValueError("the header of a PLY, with its end, was expected")
     header = content[: content.find(b"end_header")].decode("ascii", errors="replace")
     said = {name: int(count) for name, count in re.findall(r"^element\s+(\w+)\s+(\d+)\s*$", header, re.MULTILINE)}
     if "vertex" not in said:
-        raise ValueError("the header of a PLY with vertices was expected")
+        raise ValueError("it has no vertices")
+    if not said.get("face"):
+        raise ValueError("it holds points without triangles; make a surface of them")
     least = 2 * sum(said.values())  # an element is at least a digit and a blank, or two bytes
     if least > len(content):
         raise ValueError(f"the header says {sum(said.values())} elements, the file has {len(content)} bytes")
     vertices, faces = _load(content, "ply")
-    if len(vertices) != said["vertex"] or len(faces) < said.get("face", 0):
+    if len(vertices) != said["vertex"] or len(faces) < said["face"]:
         raise ValueError(
-            f"the header says {said['vertex']} vertices and {said.get('face', 0)} faces, the file has "
+            f"the header says {said['vertex']} vertices and {said['face']} faces, the file has "
             f"{len(vertices)} and {len(faces)}"
         )
     return vertices, faces
@@ -36,6 +40,9 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
 def read_stl(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and triangles; points are repeated for each triangle."""
     text = content.lower() if _is_ascii_stl(content) else b""
+    if text and b"facet" not in text:
+        said = struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else 0
+        raise ValueError(f"its header says {said} triangles, its {len(content)} bytes hold another number")
     if text and text.count(b"endfacet") * 3 != len(re.findall(rb"\bvertex\b", text)):
         raise ValueError("facets without three vertices; the file is cut off or damaged")
     if text and b"endsolid" not in text[text.rfind(b"endfacet") :]:
