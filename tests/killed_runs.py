@@ -15,34 +15,21 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import warp as wp
-from small_trunk import small_case
+from small_trunk import boned_case
 
 from warp_trunk import run
-from warp_trunk.case import Case
 from warp_trunk.progress import Progress
 from warp_trunk.relaxation import RelaxOptions
 from warp_trunk.run_options import RunOptions
 from warp_trunk.simulation import SimulationOptions
-from warp_trunk.surface import Surface
 from warp_trunk.trunk_mesh import write_trunk
 
 INCREMENTS = 6
-
-
-def elsewhere(folder: Path) -> tuple[Case, Path]:
-    """The small case with a bone around the mesh's nodes on bone, and that mesh as a file."""
-    case, trunk = small_case()
-    at = trunk.nodes[trunk.prescribed]
-    low, high = at.min(axis=0) - 4.0, at.max(axis=0) + 4.0
-    box = low + (case.skin.vertices / [300, 200, 420] + [0.5, 0.5, 0.0]) * (high - low)
-    write_trunk(folder / "tissue.vtu", trunk)
-    return replace(case, bones={"spine": Surface(box, case.skin.faces)}), folder / "tissue.vtu"
 
 
 def options(mesh: Path, **changes: Any) -> RunOptions:
@@ -114,7 +101,9 @@ def timeless(value: Any) -> Any:
 
 
 def main(folder: Path, seed: int, moments: int) -> None:
-    case, mesh = elsewhere(folder)
+    case, trunk = boned_case()
+    mesh = folder / "tissue.vtu"
+    write_trunk(mesh, trunk)
     quiet = io.StringIO()
     import rerun  # noqa: F401  here once, not in every fork; its threads begin with a recording, there
     import scipy.sparse  # noqa: F401  likewise

@@ -1,7 +1,7 @@
 """A box of tissue around a column of bone, small enough to see through: for tests that need a whole case."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -83,6 +83,15 @@ def small_case():
     moved[[name.startswith("T8") for name in before.names], 0] += 12.0
     bones = {"spine": Surface(skin.vertices * [0.05, 0.05, 0.8] + [0.0, 20.0, 40.0], skin.faces)}
     return Case("small", skin, bones, before, Landmarks(before.names, moved)), trunk
+
+
+def boned_case():
+    """The same with a bone around all nodes of the mesh on bone, as a mesh made elsewhere is held to have."""
+    case, trunk = small_case()
+    at = trunk.nodes[trunk.prescribed]
+    low, high = at.min(axis=0) - 4.0, at.max(axis=0) + 4.0
+    box = low + (case.skin.vertices / SIZE + [0.5, 0.5, 0.0]) * (high - low)
+    return replace(case, bones={"spine": Surface(box, case.skin.faces)}), trunk
 
 
 def turned(trunk, degrees_at_top):

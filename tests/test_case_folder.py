@@ -32,6 +32,20 @@ def test_round_trip_keeps_every_bit(tmp_path):
     assert_equal(read_case(tmp_path / "made" / "here"), small_case())
 
 
+def test_a_case_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
+    """Killed over an earlier case: surfaces of both would be read as one."""
+    write_case(tmp_path, small_case())
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("warp_trunk.case.folder.write_landmarks", killed)
+    with pytest.raises(KeyboardInterrupt):
+        write_case(tmp_path, small_case())
+    with pytest.raises(InputError, match=r"case\.toml"):
+        read_case(tmp_path)
+
+
 def test_round_trip_of_a_placeholder(tmp_path):
     skin = small_case().skin
     case = replace(

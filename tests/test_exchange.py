@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 import pytest
-from small_trunk import small_case, small_trunk
+from small_trunk import boned_case, small_trunk
 
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
@@ -29,12 +29,9 @@ def motion(trunk):
 
 
 @pytest.fixture(scope="module")
-def bones(trunk):
+def bones():
     """A thin box through the nodes on bone."""
-    at = trunk.nodes[trunk.prescribed]
-    low, high = at.min(axis=0) - 4.0, at.max(axis=0) + 4.0
-    skin = small_case()[0].skin
-    return {"spine": Surface(low + (skin.vertices / [300, 200, 420] + [0.5, 0.5, 0.0]) * (high - low), skin.faces)}
+    return boned_case()[0].bones
 
 
 def skin_of(trunk):

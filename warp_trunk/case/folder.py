@@ -11,6 +11,7 @@ from ..file_access import check_within
 from ..landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from ..surface import Surface, read_surface, write_surface
 from ..surface_files import surface_files
+from ..whole_files import whole
 from .checks import CaseSource, CheckOptions, check_case, check_names
 from .header import CaseHeader, header_text, read_header
 from .layer_table import read_layers, write_layers
@@ -91,7 +92,8 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
 def write_case(folder: str | Path, case: Case) -> None:
     """Write a complete case folder, in LPS and mm, which `read_case` reads back to the last bit.
 
-    Bones come back in the order of their names.
+    Bones come back in the order of their names. `case.toml` is written last and an earlier one removed first, so
+    that a folder with one is whole.
 
     Raises:
         InputError: the folder holds surfaces that are not part of the case and would be read with it, or a
@@ -119,11 +121,14 @@ def write_case(folder: str | Path, case: Case) -> None:
                     f"{path}: stands where case {case.name!r} goes and would be read as part of it; "
                     "remove it or write to another folder"
                 )
+    (folder / "case.toml").unlink(missing_ok=True)
     for path, surface in surfaces.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_surface(path, surface)
-    write_landmarks(folder / "landmarks_before.csv", case.landmarks_before)
-    write_landmarks(folder / "landmarks_after.csv", case.landmarks_after)
+    landmarks = {"landmarks_before.csv": case.landmarks_before, "landmarks_after.csv": case.landmarks_after}
+    for file, points in landmarks.items():
+        with whole(folder / file) as unfinished:
+            write_landmarks(unfinished, points)
     header = CaseHeader(
         name=case.name,
         axes=Axes("LPS"),
@@ -131,4 +136,5 @@ def write_case(folder: str | Path, case: Case) -> None:
         tissue=case.tissue,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )
-    (folder / "case.toml").write_text(header_text(header), encoding="utf-8")
+    with whole(folder / "case.toml") as unfinished:
+        unfinished.write_text(header_text(header), encoding="utf-8")

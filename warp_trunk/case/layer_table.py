@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..file_access import check_within, number, read_text
 from ..layers.record import NAMES, Layers
 from ..tissue import Tissue
+from ..whole_files import whole
 from .keys import is_number, numbers, quoted, refuse_unknown, shown
 
 THICKNESS = ("skin_thickness", "fat_thickness")
@@ -116,9 +117,11 @@ def write_layers(folder: Path, layers: Layers) -> LayerTable:
         if isinstance(thickness[name], np.ndarray):
             lines = "".join(f"{number!r}\n" for number in thickness[name].tolist())
             thickness[name] = f"{name}.txt"
-            (folder / thickness[name]).write_text(lines, encoding="utf-8")
+            with whole(folder / thickness[name]) as unfinished:
+                unfinished.write_text(lines, encoding="utf-8")
     if layers.mesh is not None and layers.mesh.parent.resolve() != folder.resolve():
-        shutil.copy(layers.mesh, folder)
+        with whole(folder / layers.mesh.name) as unfinished:
+            shutil.copy(layers.mesh, unfinished)
     constants = {name: dict(given) for name, given in layers.constants.items()}
     return LayerTable(mesh=None if layers.mesh is None else layers.mesh.name, constants=constants, **thickness)
 

@@ -10,10 +10,11 @@ from tyro.conf import Positional
 
 from ..errors import InputError
 from ..exchange import ENDINGS, write_volume
-from ..results import partial, read_summary
+from ..results import read_summary
 from ..results.folder import TRUNK
 from ..tissue import Tissue
 from ..trunk_mesh import read_trunk
+from ..whole_files import whole
 from .exit_status import OK
 
 
@@ -36,7 +37,7 @@ class Export:
         parameters = read_summary(self.result).get("parameters", {})
         trunk, displacement = read_trunk(self.result / TRUNK)
         constants = {name: parameters[name] for name in Tissue.__dataclass_fields__ if name in parameters}
-        write_volume(partial(self.out), trunk, displacement, Tissue(**constants))
-        partial(self.out).replace(self.out)
+        with whole(self.out) as unfinished:
+            write_volume(unfinished, trunk, displacement, Tissue(**constants))
         print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {self.out}")
         return OK

@@ -13,6 +13,7 @@ import numpy as np
 from ..landmarks import read_landmarks
 from ..reconstruction import fit_atlas
 from ..surface import write_surface
+from ..whole_files import whole
 from .bone_folder import read_bones
 from .exit_status import OK
 from .spread import mean_and_largest
@@ -42,7 +43,10 @@ class FitAtlas:
         self.out.mkdir(parents=True, exist_ok=True)
         for name, bone in fit.bones.items():
             write_surface(self.out / f"{name}.ply", bone)
-        with (self.out / "atlas_fit.csv").open("w", newline="", encoding="utf-8") as file:
+        with (
+            whole(self.out / "atlas_fit.csv") as unfinished,
+            unfinished.open("w", newline="", encoding="utf-8") as file,
+        ):
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["name", "error", "error_left_out"])
             writer.writerows(zip(fit.names, fit.miss.tolist(), fit.left_out.tolist(), strict=True))

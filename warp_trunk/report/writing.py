@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..measures import compare_skins, measure
-from ..results import partial, read_result
+from ..results import read_result
+from ..whole_files import whole
 from .back_pictures import back_picture, hump_picture
 from .convergence_plot import convergence_plot
 from .page import page
@@ -100,5 +100,5 @@ def _prepare(out: Path) -> Path:
 
 
 def _write(path: Path, content: bytes) -> None:
-    partial(path).write_bytes(content)
-    os.replace(partial(path), path)
+    with whole(path) as unfinished:
+        unfinished.write_bytes(content)
