@@ -13,7 +13,7 @@ from .bone_path import BonePath, rigid_path, spline_path
 from .errors import InputError
 from .exchange import read_volume
 from .joints import free_joints
-from .layers import Layers, layered
+from .layers import Layers, check_labels, layered
 from .measures import TrunkMeasures, measure
 from .meshing import make_trunk
 from .model import build_model
@@ -91,6 +91,8 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
         with progress.stage("mesh", f"reading {options.from_mesh}"):
             given = read_volume(options.from_mesh, case.skin, case.bones)
         case = dataclasses.replace(case, skin=Surface(given.nodes[given.skin_nodes], given.skin_faces))
+    if options.layers == "mesh":
+        check_labels(case.layers, given)
     checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), given))
     _begin(checkpoint, options, progress)
     live = start_viewer() if options.live else None

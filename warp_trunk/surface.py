@@ -11,6 +11,9 @@ from .errors import InputError
 from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes, reason
 from .surface_files import ENDINGS, parse
 
+WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
+"""Endings of the files that are written."""
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -53,10 +56,11 @@ def write_surface(path: str | Path, surface: Surface) -> None:
 
     PLY keeps float64, so that positions come back to the last bit; trimesh writes the other formats.
 
-    Raises InputError when trimesh has no writer for the ending, and OSError when the file cannot be written.
+    Raises InputError for an ending that is not in `WRITTEN`, and OSError when the file cannot be written.
     """
     path = Path(path)
-    unfinished = path.with_name(f".{path.name}.partial")
+    check_written(path)
+    unfinished = path.with_name(f".{path.name}.partial")  # hidden, so that it is never read as a bone
     content = _ply_bytes(surface) if path.suffix.lower() == ".ply" else _exported(path, surface)
     try:
         unfinished.write_bytes(content)
@@ -66,21 +70,19 @@ def write_surface(path: str | Path, surface: Surface) -> None:
         raise
 
 
+def check_written(path: Path) -> None:
+    """InputError where a name's ending is none that is written, before there is anything to write."""
+    if path.suffix.lower() not in WRITTEN:
+        known = ", ".join(WRITTEN)
+        raise InputError(f"{path}: a surface cannot be written as '{path.suffix}'; end the name in one of {known}")
+
+
 def _exported(path: Path, surface: Surface) -> bytes:
     import trimesh  # heavy
 
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    try:
-        content = mesh.export(file_type=path.suffix.lower()[1:])
-    except (ValueError, KeyError, NotImplementedError) as error:
-        raise InputError(
-            f"{path}: a surface cannot be written as '{path.suffix}' ({error}); try .ply or .stl"
-        ) from error
-    if isinstance(content, str):
-        return content.encode()
-    if isinstance(content, bytes):
-        return content
-    raise InputError(f"{path}: a surface cannot be written as '{path.suffix}' in one file; try .ply or .stl")
+    content = mesh.export(file_type=path.suffix.lower()[1:])
+    return content.encode() if isinstance(content, str) else content
 
 
 def check_surface(surface: Surface, name: str) -> None:

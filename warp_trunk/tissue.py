@@ -27,7 +27,9 @@ class Tissue:
         for name, least in (("epsilon", 0.0), ("theta", 0.0), ("density", 1e-9), ("youngs_modulus", 1e-9)):
             value = getattr(self, name)
             if not math.isfinite(value) or value < least:
-                raise InputError(f"tissue: '{name}' must be a finite number of at least {least:g}, not {value}; correct it")
+                raise InputError(
+                    f"tissue: '{name}' must be a finite number of at least {least:g}, not {value}; correct it"
+                )
         if not 0.0 <= self.poisson_ratio <= 0.499:
             raise InputError(
                 f"tissue: 'poisson_ratio' must be a number from 0 to 0.499, not {self.poisson_ratio}; correct it"

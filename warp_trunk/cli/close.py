@@ -23,7 +23,7 @@ from ..scanning import (
     moved,
     read_transform,
 )
-from ..surface import Surface, read_surface, write_surface
+from ..surface import Surface, check_written, read_surface, write_surface
 from .exit_status import OK
 
 
@@ -52,6 +52,7 @@ class Close:
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the closed skin."""
         cuts = self._cuts()
+        check_written(self.out)
         if self.transforms and len(self.transforms) != len(self.parts):
             raise InputError(
                 f"--transforms: {len(self.transforms)} files for {len(self.parts)} parts; give one for each"

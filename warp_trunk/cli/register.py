@@ -10,7 +10,7 @@ import numpy as np
 
 from ..landmarks import read_landmarks
 from ..reconstruction import register_skin
-from ..surface import read_surface, write_surface
+from ..surface import check_written, read_surface, write_surface
 from .exit_status import OK
 from .spread import mean_and_largest
 
@@ -32,6 +32,7 @@ class Register:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the skin and tells the rigid part of its motion from the elastic one."""
+        check_written(self.out)
         skin, on_skin, on_films = (
             read_surface(self.skin),
             read_landmarks(self.on_skin),

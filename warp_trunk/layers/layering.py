@@ -16,6 +16,12 @@ from .record import Layers
 LayersFrom = Literal["none", "depth", "mesh"]
 
 
+def check_labels(layers: Layers | None, trunk: TrunkMesh | None) -> None:
+    """InputError where neither the layers name a mesh with labels nor the trunk, if there is one yet, has them."""
+    if (layers is None or layers.mesh is None) and (trunk is None or trunk.tissue is None):
+        raise InputError('layers: there is no mesh with labels; name it in case.toml, [layers] mesh = "file.vtu"')
+
+
 def layered(trunk: TrunkMesh, layers: Layers, source: LayersFrom) -> TrunkMesh:
     """The mesh with the tissue of its tetrahedra, numbered as in `NAMES`.
 
@@ -35,12 +41,9 @@ def layered(trunk: TrunkMesh, layers: Layers, source: LayersFrom) -> TrunkMesh:
     if source == "none":
         return trunk
     if source == "mesh":
-        if layers.mesh is None and trunk.tissue is not None:
-            return trunk
+        check_labels(layers, trunk)
         if layers.mesh is None:
-            raise InputError(
-                'layers: there is no mesh with labels; name it in case.toml, [layers] mesh = "file.vtu"'
-            )
+            return trunk
         return replace(trunk, tissue=labels_from_mesh(trunk, layers.mesh))
     above = part_above(trunk, layers.bottoms(len(trunk.skin_nodes)))
     return replace(trunk, tissue=np.stack([above[0], above[1] - above[0], 1.0 - above[1]], axis=1))

@@ -29,7 +29,10 @@ FORMAT = 1
 WORTH_WAITING = 1.0
 """An increment that took this long [s] is waited for until the disk has it; one lost in a power cut before is not
 worth it. Killed programs lose nothing either way."""
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
+_DAMAGED = (
+    OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, MemoryError, NotImplementedError,
+    RuntimeError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 _log = logging.getLogger("warp_trunk")
 
 
@@ -98,7 +101,7 @@ def unfinished(result: Path) -> str:
         return ""
     number, increments = 0, "?"
     while (record := _record(_path(result / CHECKPOINT, number + 1))) is not None:
-        number, increments = number + 1, record["fingerprint"]["increments"]
+        number, increments = number + 1, record["fingerprint"].get("increments", "?")
     return (
         f"an unfinished simulation, {number} of {increments} increments; "
         "if it no longer runs, simulate again with --resume to continue it"
@@ -115,9 +118,13 @@ def _record(path: Path) -> dict[str, Any] | None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            file["displacement"]  # its checksum
+            finite = np.isfinite(file["displacement"]).all()
             record = json.loads(str(file["record"]))
-        return record if record["format"] == FORMAT else None
+        if record["format"] != FORMAT or not isinstance(record["fingerprint"], dict):
+            return None
+        _relaxation(record["relaxation"])
+        sound = all(isinstance(record[name], (int, float)) for name in ("number", "load_factor", "seconds"))
+        return record if sound and finite else None
     except _DAMAGED:
         return None
 
@@ -130,9 +137,25 @@ def _read(path: Path, model: Model) -> Increment:
             f"{path}: has {len(displacement)} nodes but the mesh has {len(model.rest)}; "
             "leave --resume out to start anew"
         )
-    told = record["relaxation"]
-    history = tuple(RelaxStep(**{**step, "energy": Energy(**step["energy"])}) for step in told["history"])
-    told |= {"status": RelaxStatus[told["status"]], "energy": Energy(**told["energy"]), "history": history}
-    return Increment(
-        model, record["number"], record["load_factor"], displacement, Relaxation(**told), record["seconds"]
-    )
+    relaxation = _relaxation(record["relaxation"])
+    return Increment(model, record["number"], record["load_factor"], displacement, relaxation, record["seconds"])
+
+
+def _relaxation(told: dict[str, Any]) -> Relaxation:
+    """How a relaxation ended, from JSON.
+
+    Raises:
+        KeyError, TypeError: what is told is not that.
+    """
+    history = tuple(RelaxStep(**{**step, "energy": _energy(step["energy"])}) for step in told["history"])
+    status, energy = RelaxStatus[told["status"]], _energy(told["energy"])
+    numbers = {name: told[name] for name in told.keys() - {"status", "energy", "history"}}
+    if not all(isinstance(value, (int, float)) for value in numbers.values()):
+        raise TypeError("numbers were expected")
+    return Relaxation(**{**numbers, "status": status, "energy": energy, "history": history})
+
+
+def _energy(told: dict[str, float]) -> Energy:
+    if not all(isinstance(value, (int, float)) for value in told.values()):
+        raise TypeError("numbers were expected")
+    return Energy(**told)

@@ -1,0 +1,239 @@
+"""Arguments, results, films, scans and meshes that are not what a command needs: one line, nothing left behind."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from biplanar import biplanar
+from breaking import ply
+from report_results import write_small_result
+from small_case import small_case
+
+from warp_trunk.cli import main
+from warp_trunk.landmarks import write_landmarks
+
+ARGUMENTS = [
+    ("no increment", ["--increments", "0"], "increments: must be from 1 to 10000, not 0"),
+    ("negative increments", ["--increments", "-3"], "not -3"),
+    ("half an increment", ["--increments", "1.5"], "--increments"),
+    ("too many increments", ["--increments", "1000000"], "from 1 to 10000, not 1000000"),
+    ("too many tetrahedra", ["--tets", "100000000000"], "'tets' must be a number from 4 to 5e+07"),
+    ("no tetrahedra", ["--tets", "0"], "'tets' must be a number"),
+    ("tolerance NaN", ["--tolerance", "nan"], "tolerance: must be a positive number of mm, not nan"),
+    ("tolerance 0", ["--tolerance", "0"], "tolerance: must be a positive"),
+    ("gravity 1e9", ["--gravity", "1e9"], "gravity: must be within 1000 m/s^2, not 1000000000.0"),
+    ("gravity NaN", ["--gravity", "nan"], "gravity: must be within 1000 m/s^2, not nan"),
+    ("no stiffness", ["--youngs-modulus", "0"], "'youngs_modulus' must be a finite number"),
+    ("incompressible", ["--poisson-ratio", "0.5"], "'poisson_ratio' must be a number from 0 to 0.499"),
+    ("negative theta", ["--theta", "-1"], "'theta' must be a finite number of at least 0"),
+    ("negative threads", ["--threads", "-1", "--no-cache"], "threads: must be 0 (all cores) to 1024"),
+    ("a million threads", ["--threads", "1000000", "--no-cache"], "threads: must be 0 (all cores) to 1024"),
+    ("no such device", ["--device", "cuda:99", "--no-cache"], "device", "cuda:99"),
+    ("a voxel of 1 nm", ["--bone-voxel", "1e-6"], "'bone_voxel' must be a number from 0.1"),
+    ("no such mesh", ["--from-mesh", "nowhere.vtu"], "nowhere.vtu: there is no such file"),
+    ("a mesh of another format", ["--from-mesh", __file__], "'.py' is not read as a mesh"),
+    ("layers without labels", ["--layers", "mesh"], "mesh"),
+]
+
+
+@pytest.mark.parametrize("row", ARGUMENTS, ids=lambda row: row[0])
+def test_arguments_that_cannot_be_are_refused_before_any_work(good_case, refused, tmp_path, monkeypatch, row):
+    monkeypatch.setattr("warp_trunk.run.make_trunk", None)  # nothing is meshed
+    _, flags, *fragments = row
+    refused(["simulate", str(good_case), "--out", str(tmp_path / "out"), *flags], *fragments)
+    assert not (tmp_path / "out").exists() or list((tmp_path / "out").rglob("*")) == []
+
+
+@pytest.fixture(scope="module")
+def good_result(tmp_path_factory):
+    """A result folder; not to be changed."""
+    return write_small_result(tmp_path_factory.mktemp("good result"))
+
+
+def summary(change):
+    """Changes the summary of a result."""
+
+    def spoil(folder: Path) -> None:
+        said = json.loads((folder / "summary.json").read_text())
+        change(said)
+        (folder / "summary.json").write_text(json.dumps(said))
+
+    return spoil
+
+
+RESULTS = [
+    ("no summary", lambda f: (f / "summary.json").unlink(), "summary.json: there is no such file"),
+    ("an empty summary", lambda f: (f / "summary.json").write_text(""), "summary.json: is not JSON"),
+    ("a list", lambda f: (f / "summary.json").write_text("[]"), "must hold a JSON object, not list"),
+    ("a deep summary", lambda f: (f / "summary.json").write_text("[" * 10**5), "summary.json: is not JSON"),
+    ("of another version", summary(lambda s: s.pop("tissues")), "'tissues' is missing, so another version"),
+    ("status of another type", summary(lambda s: s.update(status=[])), "'status' must be str, not list"),
+    ("unknown status", summary(lambda s: s.update(status="FINE")), "has status 'FINE'"),
+    ("increments are a number", summary(lambda s: s.update(increments=3)), "'increments' must be a list"),
+    ("no increment", summary(lambda s: s.update(increments=[])), "0 increments"),
+    ("true for a time", summary(lambda s: s["increments"][0].update(seconds=True)), "'seconds' must be"),
+    ("case is no text", summary(lambda s: s["parameters"].update(case=None)), "'case' must be str, not NoneType"),
+    ("no skin", lambda f: (f / "skin_after.ply").unlink(), "skin_after.ply: is missing"),
+    (
+        "skin cut off",
+        lambda f: (f / "skin_after.ply").write_bytes(ply(10**9, 1)),
+        "skin_after.ply: cannot be read",
+    ),
+    ("other landmarks", lambda f: (f / "landmarks_after.csv").write_text("name,x,y,z\na,1,2,3\n"), "its 1 names"),
+    ("landmarks of noise", lambda f: (f / "landmarks_after.csv").write_bytes(b"\xff\xfe"), "no text in UTF-8"),
+]
+
+
+@pytest.mark.parametrize("row", RESULTS, ids=lambda row: row[0])
+def test_a_broken_result_is_not_reported(good_result, refused, tmp_path, row):
+    _, spoil, *fragments = row
+    folder = Path(shutil.copytree(good_result, tmp_path / "result"))
+    spoil(folder)
+    refused(["report", str(folder), "--out", str(tmp_path / "report")], *fragments)
+    assert not (tmp_path / "report").exists()
+
+
+MESHES = [
+    ("missing", lambda f: f.unlink(), "trunk.vtu: there is no such file"),
+    ("empty", lambda f: f.write_bytes(b""), "trunk.vtu: cannot be read as a mesh"),
+    ("cut off", lambda f: f.write_bytes(f.read_bytes()[:3000]), "trunk.vtu: cannot be read as a mesh"),
+    ("with entities", lambda f: f.write_bytes(b'<!DOCTYPE a [<!ENTITY b "b">]>' + f.read_bytes()), "entities"),
+    ("of another program", lambda f: _swap(f, b"skin_vertex", b"something__"), "as a trunk mesh (KeyError"),
+    ("inside out", lambda f: _turn_round(f), "every tetrahedron must have a positive volume"),
+]
+
+
+def _swap(path, old, new):
+    assert old in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(old, new))
+
+
+def _turn_round(path):
+    import meshio
+
+    mesh = meshio.vtu.read(path)
+    mesh.points[:, 0] *= -1.0
+    field = path.read_bytes().split(b"<FieldData>")[1].split(b"</FieldData>")[0]
+    mesh.field_data.clear()
+    meshio.vtu.write(path, mesh)
+    inside = b"<UnstructuredGrid>"
+    path.write_bytes(path.read_bytes().replace(inside, inside + b"<FieldData>" + field + b"</FieldData>", 1))
+
+
+@pytest.mark.parametrize("row", MESHES, ids=lambda row: row[0])
+def test_a_broken_mesh_is_not_exported(good_result, refused, tmp_path, row):
+    _, spoil, *fragments = row
+    folder = Path(shutil.copytree(good_result, tmp_path / "result"))
+    spoil(folder / "trunk.vtu")
+    refused(["export", str(folder), "--out", str(tmp_path / "a.inp")], *fragments)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["result"]
+
+
+INCLUDES = [
+    ("a.inp", "*HEADING\n*Include, input=secret.inp\n", "*INCLUDE, and other files are not opened"),
+    ("a.xdmf", '<Xdmf><DataItem Format="HDF">secret.h5:/a</DataItem></Xdmf>', "data in other files"),
+    ("a.msh", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 1000000000000 1 1\n", "cannot be read as a mesh"),
+    (
+        "a.vtk",
+        "# vtk DataFile Version 4.2\na\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 9999999999 double\n",
+        "mesh",
+    ),
+]
+
+
+@pytest.mark.parametrize("row", INCLUDES, ids=lambda row: row[0])
+def test_a_mesh_that_opens_others_or_fills_the_memory_is_refused(good_case, refused, tmp_path, row):
+    name, text, fragment = row
+    (tmp_path / name).write_text(text)
+    (tmp_path / "secret.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    out = ["--out", str(tmp_path / "out")]
+    refused(["simulate", str(good_case), "--from-mesh", str(tmp_path / name), *out], name, fragment)
+
+
+def films(folder: Path) -> list[str]:
+    """Two good films and their flags."""
+    flags = []
+    for flag, film in zip(("pa", "lateral"), biplanar(small_case().landmarks_before), strict=True):
+        rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
+        (folder / f"{flag}.csv").write_text("\n".join(["name,u,v", *rows]))
+        np.savetxt(folder / f"{flag}.txt", film.projection)
+        flags += [f"--{flag}", str(folder / f"{flag}.csv"), f"--{flag}-matrix", str(folder / f"{flag}.txt")]
+    return flags
+
+
+FILMS = [
+    ("no film", "pa.csv", None, "pa.csv: there is no such file"),
+    ("no matrix", "lateral.txt", None, "lateral.txt: there is no such file"),
+    ("a column less", "pa.csv", "name,u\na,1\n", "the first line must name the columns name,u,v"),
+    ("a matrix of words", "pa.txt", "a b c d\n" * 3, "pa.txt: cannot be read"),
+    ("two rows", "pa.txt", "1 2 3 4\n" * 2, "a projection is 3 by 4 finite numbers, not (2, 4)"),
+    ("rows of other lengths", "pa.txt", "1 2 3 4\n1 2\n1 2 3 4\n", "pa.txt: cannot be read"),
+    ("1e300", "pa.txt", "1e300 0 0 0\n0 1 0 0\n0 0 1 0\n", "3 by 4 finite numbers"),
+    ("no source", "pa.txt", "1 0 0 4\n1 0 0 4\n0 0 1 4\n", "must be a regular matrix"),
+    ("other landmarks", "pa.csv", "name,u,v\na,1,2\n", "pa.csv"),
+]
+
+
+@pytest.mark.parametrize("row", FILMS, ids=lambda row: row[0])
+def test_broken_films_are_refused(refused, tmp_path, row):
+    _, name, text, *fragments = row
+    flags = films(tmp_path)
+    (tmp_path / name).unlink()
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    refused(["triangulate", *flags, "--out", str(tmp_path / "out.csv")], *fragments)
+    assert not (tmp_path / "out.csv").exists()
+
+
+SCANS = [
+    ("no transform", ["--transforms", "nowhere.txt"], "nowhere.txt: there is no such file"),
+    ("a transform that is a surface", ["--transforms", "skin.ply"], "skin.ply"),
+    ("a plane of words", ["--cut", "a,b,c,d,e,f"], "--cut"),
+    ("no such folder", ["--out", "no/such/skin.ply"], "there is no folder"),
+    ("a format that is not written", ["--out", "skin.xyzzy"], "skin.xyzzy"),
+]
+
+
+@pytest.mark.parametrize("row", SCANS, ids=lambda row: row[0])
+def test_broken_scans_are_refused(case, refused, monkeypatch, row):
+    _, flags, *fragments = row
+    monkeypatch.chdir(case)
+    before = sorted(case.iterdir())
+    refused(["close", "skin.ply", "skin.ply", "--out", "closed.ply"], "a file is given twice")
+    refused(["close", "skin.ply", "--out", "closed.ply", *flags], *fragments)
+    assert sorted(case.iterdir()) == before
+
+
+def test_a_result_goes_only_where_it_can_be_written(good_case, refused, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    refused(["simulate", str(good_case), "--out", str(tmp_path / "file")], "a result cannot be written here")
+    refused(["simulate", str(good_case), "--out", str(tmp_path / "file" / "sub")], "cannot be written here")
+    if os.geteuid():  # for root every folder is its own
+        (tmp_path / "locked").mkdir(mode=0o500)
+        refused(["simulate", str(good_case), "--out", str(tmp_path / "locked")], "Permission denied")
+
+
+def test_a_full_disk_is_told_before_any_work(good_case, refused, tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr("shutil.disk_usage", lambda path: usage._replace(free=10**6))
+    refused(["simulate", str(good_case), "--out", str(tmp_path / "out")], "1 MB are free on this disk")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_disk_that_fills_up_ends_in_one_line_and_leaves_no_half(case, tmp_path, monkeypatch, capsys):
+    def full(self, data):
+        with open("/dev/full", "wb", buffering=0) as file:
+            file.write(data)
+
+    write_landmarks(tmp_path / "markers.csv", small_case().landmarks_before)
+    markers = ["--on-skin", str(tmp_path / "markers.csv"), "--on-films", str(tmp_path / "markers.csv")]
+    monkeypatch.setattr(Path, "write_bytes", full)
+    before = sorted(tmp_path.iterdir())
+    arguments = ["register", "--skin", str(case / "skin.ply"), *markers, "--out", str(tmp_path / "out.ply")]
+    assert main(arguments) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "No space left" in line
+    assert sorted(tmp_path.iterdir()) == before

@@ -1,0 +1,195 @@
+"""No file, however broken, makes a reader do anything but read it or refuse it in one line.
+
+WARP_TRUNK_FUZZ sets how many damaged files each reader gets; with it they differ from run to run.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from biplanar import biplanar
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mutations import damaged
+from report_results import _model, write_small_result
+from small_case import small_case
+from small_trunk import boned_case, made_up_increments
+from small_trunk import small_case as small_trunk_case
+
+from warp_trunk.case.header import read_header
+from warp_trunk.case.layer_table import read_numbers
+from warp_trunk.errors import InputError
+from warp_trunk.exchange import read_volume, write_volume
+from warp_trunk.landmarks import read_landmarks, write_landmarks
+from warp_trunk.layers.labels import labels_from_mesh
+from warp_trunk.meshing import cache
+from warp_trunk.reconstruction import read_film
+from warp_trunk.reconstruction.films import read_projection
+from warp_trunk.results import read_result
+from warp_trunk.results.checkpoint import Checkpoint
+from warp_trunk.scanning import read_transform
+from warp_trunk.surface import Surface, read_surface, write_surface
+from warp_trunk.tissue import Tissue
+from warp_trunk.trunk_mesh import read_trunk
+
+EXAMPLES = int(os.environ.get("WARP_TRUNK_FUZZ", "0"))
+VTK = Path(__file__).parents[1] / "vtk_files"
+PYRAMID = read_surface(VTK / "ascii.vtp")
+
+
+def surface_file(path: Path) -> None:
+    write_surface(path, PYRAMID)
+
+
+def vtk_file(path: Path) -> None:
+    path.write_bytes((VTK / path.name).read_bytes())
+
+
+def text_file(text: str) -> Callable[[Path], object]:
+    return lambda path: path.write_text(text)
+
+
+def landmarks_file(path: Path) -> None:
+    landmarks = small_case().landmarks_before
+    write_landmarks(path, type(landmarks)(landmarks.names[:4], landmarks.points[:4]))
+
+
+def film_file(path: Path) -> None:
+    film = biplanar(small_case().landmarks_before)[0]
+    rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
+    path.write_text("\n".join(["name,u,v", *rows[:5]]))
+    np.savetxt(path.with_suffix(".txt"), film.projection)
+
+
+def volume_file(path: Path) -> None:
+    trunk = boned_case()[1]
+    write_volume(path, trunk, np.zeros_like(trunk.nodes), Tissue())
+
+
+def labelled_file(path: Path) -> None:
+    import meshio
+
+    trunk = boned_case()[1]
+    cells: Any = [("tetra", trunk.tets)]
+    meshio.vtu.write(path, meshio.Mesh(trunk.nodes, cells, cell_data={"tissue": [np.ones(len(trunk.tets), int)]}))
+
+
+def cached_file(path: Path) -> None:
+    os.environ["WARP_TRUNK_CACHE"] = str(path.parent)
+    cache.store_cached("0" * 64, boned_case()[1])
+
+
+def checkpoint_file(path: Path) -> None:
+    Checkpoint(path.parents[1], {}).save(made_up_increments(small_trunk_case()[1])[0])
+
+
+def read_checkpoint(path: Path) -> object:
+    return Checkpoint(path.parents[1], {}).increments(_model())
+
+
+def record_file(path: Path) -> None:
+    checkpoint_file(path.parent / "checkpoint" / "increment_01.npz")
+    with np.load(path.parent / "checkpoint" / "increment_01.npz") as file:
+        path.write_text(str(file["record"]))
+
+
+def read_record(path: Path) -> object:
+    """The same with the damage inside, where no checksum tells it."""
+    packed = path.parent / "checkpoint" / "increment_01.npz"
+    record = np.array(path.read_bytes().decode("latin-1"))
+    np.savez(packed, displacement=np.zeros_like(_model().rest), record=record)
+    return read_checkpoint(packed)
+
+
+def read_volume_of_case(path: Path) -> object:
+    case = boned_case()[0]
+    return read_volume(path, case.skin, case.bones)
+
+
+MARKUPS = (
+    '{"markups": [{"coordinateSystem": "LPS", "coordinateUnits": "mm", "controlPoints": ['
+    '{"label": "a", "position": [1.0, 2.0, 3.5], "positionStatus": "defined"}, '
+    '{"label": "b", "position": [1.0, 2.0, -3.5]}]}]}'
+)
+FCSV = "# CoordinateSystem = LPS\n# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label\n1,0,1.5,2,0,0,0,1,1,1,0,a\n"
+TOML = (
+    'name = "a"\nunits = "mm"\naxes = "LPS"\nlandmark_columns = ["n", "x", "y", "z"]\n[tissue]\ntheta = 7\n'
+    '[layers]\nskin_thickness = 1.5\nfat_thickness = "fat.txt"\n[layers.fat]\nyoungs_modulus = 3\n'
+)
+MATRIX = "1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n"
+READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]]] = {
+    **{name: (f"a{name}", surface_file, read_surface) for name in (".ply", ".stl", ".obj", ".off", ".glb")},
+    "ascii.ply": ("a.ply", text_file(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    ), read_surface),
+    "ascii.stl": ("a.stl", text_file(
+        "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+        "endsolid a\n"
+    ), read_surface),
+    **{path.name: (path.name, vtk_file, read_surface) for path in sorted(VTK.iterdir())},
+    "landmarks.csv": ("a.csv", landmarks_file, read_landmarks),
+    "landmarks.mrk.json": ("a.mrk.json", text_file(MARKUPS), read_landmarks),
+    "landmarks.fcsv": ("a.fcsv", text_file(FCSV), read_landmarks),
+    "case.toml": ("case.toml", text_file(TOML), read_header),
+    "thickness": ("a.txt", text_file("1.5\n2\n0.5 # thin\n"), lambda path: read_numbers(path, 3)),
+    "transform": ("a.txt", text_file(MATRIX), read_transform),
+    "projection": ("a.txt", text_file("1 0 0 5\n0 1 0 6\n0 0 1 7\n"), read_projection),
+    "film": ("a.csv", film_file, lambda path: read_film(path, path.with_suffix(".txt"))),
+    "labels": ("a.vtu", labelled_file, lambda path: labels_from_mesh(boned_case()[1], path)),
+    "trunk.vtu": ("a.vtu", volume_file, read_trunk),
+    **{name: (f"a{name}", volume_file, read_volume_of_case) for name in (".vtu", ".vtk", ".xdmf", ".msh", ".inp")},
+    "mesh cache": (f"mesh-{'0' * 64}.npz", cached_file, lambda path: cache.load_cached("0" * 64)),
+    "checkpoint": ("checkpoint/increment_01.npz", checkpoint_file, read_checkpoint),
+    "checkpoint record": ("record.json", record_file, read_record),
+    **{name: (name, lambda path: write_small_result(path.parent), lambda path: read_result(path.parent))
+       for name in ("summary.json", "landmarks_after.csv")},
+}  # fmt: skip
+
+
+def gigabytes() -> float:
+    """What the process holds [GB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e9
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path, monkeypatch, reader):
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
+    name, write, read = READERS[reader]
+    path = tmp_path / name
+    write(path)
+    good = path.read_bytes()
+    read(path)  # as it is, it is read
+
+    @settings(
+        max_examples=EXAMPLES or 15,
+        derandomize=not EXAMPLES,
+        database=None,
+        deadline=5000 if EXAMPLES else None,  # [ms]; nothing may hang
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(st.data())
+    def check(data: st.DataObject) -> None:
+        path.write_bytes(data.draw(damaged(good)))
+        before, said = gigabytes(), str(tmp_path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            try:
+                found = read(path)
+            except InputError as error:
+                found, said = None, str(error)
+        if isinstance(found, Surface):
+            assert np.isfinite(found.vertices).all()
+            assert 0 <= found.faces.min() <= found.faces.max() < len(found.vertices)
+        assert (str(tmp_path) in said, len(said.splitlines())) == (True, 1)
+        assert len(said) < 1000
+        assert gigabytes() - before < 1.0
+
+    check()
