@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def _exported(path: Path, surface: Surface) -> bytes:
     import trimesh  # heavy
 
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    content = mesh.export(file_type=path.suffix.lower()[1:])
+    content: Any = mesh.export(file_type=path.suffix.lower()[1:])
     return content.encode() if isinstance(content, str) else content
 
 

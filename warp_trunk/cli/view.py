@@ -13,6 +13,9 @@ from ..errors import InputError
 from ..recording import view, view_in_browser
 from ..results import RECORDING, partial, unfinished
 
+_BEGINS = b"RRF"
+"""How a recording of Rerun begins; its viewer would open much else."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class View:
@@ -35,6 +38,9 @@ class View:
 def find_recording(result: Path) -> Path:
     """The recording in a result folder, also one that was cut short; InputError where there is none."""
     if result.is_file():
+        with result.open("rb") as file:
+            if not file.read(len(_BEGINS)) == _BEGINS:
+                raise InputError(f"{result}: is no recording; give a result folder or the {RECORDING} in it")
         return result
     for path in (result / RECORDING, partial(result / RECORDING)):
         if path.is_file():

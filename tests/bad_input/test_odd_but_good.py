@@ -1,0 +1,127 @@
+"""What looks odd and is right must be read; and nothing that is read is ever run."""
+
+import ast
+import builtins
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from audited import audited
+from breaking import content, header, text
+from small_trunk import boned_case
+
+import warp_trunk
+from warp_trunk.case import read_case
+from warp_trunk.landmarks import read_landmarks
+from warp_trunk.meshing import cache
+
+NAME = "T7 – Wirbel μ"  # an en dash, spaces and a Greek letter
+
+
+def renamed(folder: Path) -> None:
+    (folder / "bones" / "rib_left_07.ply").rename(folder / "bones" / f"{NAME}.ply")
+
+
+def as_on_a_mac(folder: Path) -> None:
+    for path in (folder, folder / "bones"):
+        (path / ".DS_Store").write_bytes(b"\x00")
+        (path / "._skin.ply").write_bytes(b"\x00")
+    (folder / "bones" / "notes.ply").mkdir()
+    (folder / "bones" / "CON.txt").write_text("a name that Windows keeps to itself")
+
+
+def linked(folder: Path) -> None:
+    (folder / "skin.ply").rename(folder / "scan.bin")
+    (folder / "skin.ply").symlink_to("scan.bin")
+
+
+ODD = [
+    ("spaces and letters of other alphabets", renamed),
+    ("hidden files and folders", as_on_a_mac),
+    ("lines ended as on Windows", content("case.toml", lambda b: b.replace(b"\n", b"\r\n"))),
+    ("a byte order mark", content("landmarks_after.csv", lambda b: b"\xef\xbb\xbf" + b.replace(b"\n", b"\r\n"))),
+    ("a mark before TOML", content("case.toml", lambda b: b"\xef\xbb\xbf" + b)),
+    ("nothing in case.toml", content("case.toml", lambda b: b"")),
+    (
+        "a link in the folder",
+        lambda f: ((f / "skin.ply").rename(f / "a.bin"), (f / "skin.ply").symlink_to("a.bin")),
+    ),
+    ("further columns", text("landmarks_after.csv", lambda t: t.replace("\n", ",5\n").replace("z,5", "z,who"))),
+    ("a name of quotes", header("name = '<b>\"$(rm -rf)\"</b>'")),
+    ("a capital ending", lambda f: (f / "skin.ply").rename(f / "skin.PLY")),
+]
+
+
+@pytest.mark.parametrize("row", ODD, ids=lambda row: row[0])
+def test_what_is_only_odd_is_read(case, row):
+    row[1](case)
+    assert len(read_case(case).bones) == 7
+
+
+def test_folders_may_be_named_in_any_way_and_be_links(good_case, tmp_path):
+    folder = tmp_path / "Fälle 2026" / "#1 %20 (a)"
+    shutil.copytree(good_case, folder)
+    (tmp_path / "by another name").symlink_to(folder)
+    assert len(read_case(tmp_path / "by another name").bones) == 7
+
+
+def test_a_case_opens_its_own_files_and_no_other(good_case):
+    read_case(good_case)  # what is loaded once
+    with audited() as events:
+        read_case(good_case)
+    assert {event for event, _ in events} == {"open"}
+    ours = {str(path) for path in good_case.rglob("*")}
+    assert {path for _, path in events} <= ours
+
+
+def test_only_files_that_say_so_are_underscored_numbers(tmp_path):
+    (tmp_path / "a.csv").write_text("name,x,y,z\na_1,1e1,-.5,+3\n")
+    assert read_landmarks(tmp_path / "a.csv").points.tolist() == [[10.0, -0.5, 3.0]]
+
+
+class _Trap:
+    """What runs when it is unpickled."""
+
+    def __reduce__(self):
+        return exec, ("import builtins; builtins.sprung = True",)
+
+
+def test_a_pickle_in_the_cache_is_not_run_but_the_mesh_made_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
+    trunk, key = boned_case()[1], "0" * 64
+    cache.store_cached(key, trunk)
+    (path,) = tmp_path.iterdir()
+    with np.load(path) as file:
+        arrays = dict(file)
+    np.savez(path, allow_pickle=True, **{**arrays, "nodes": np.array([_Trap()], dtype=object)})
+    assert b"builtins" in path.read_bytes()
+    with audited() as events:
+        assert cache.load_cached(key) is None
+    assert not any(event == "pickle.find_class" for event, _ in events)
+    assert not hasattr(builtins, "sprung")
+    pickle.loads(pickle.dumps(_Trap()))
+    assert hasattr(builtins, "sprung")  # the trap works where pickles are run
+    delattr(builtins, "sprung")
+    arrays["tets"] = arrays["tets"].astype(float)
+    np.savez(path, **arrays)
+    assert cache.load_cached(key) is None
+
+
+RUNS = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
+
+
+def test_no_code_reads_pickles_or_runs_text():
+    """Every module: no import of what unpickles, no eval or exec, and np.load only without pickles."""
+    for path in Path(warp_trunk.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                named = {alias.name for alias in node.names} | {getattr(node, "module", None)}
+                assert not named & RUNS, path
+            if isinstance(node, ast.Call):
+                called = ast.unparse(node.func)
+                assert called not in ("eval", "exec", "compile", "os.system"), path
+                if called == "np.load":
+                    given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
+                    assert given.get("allow_pickle") == "False", path
