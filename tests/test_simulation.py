@@ -8,7 +8,7 @@ from reference import Reference
 from warp_trunk.bone_path import BonePath
 from warp_trunk.errors import InputError
 from warp_trunk.model import build_model
-from warp_trunk.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
 from warp_trunk.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.trunk_mesh import TrunkMesh
 
@@ -140,3 +140,23 @@ def test_refuses_the_path_of_another_trunk() -> None:
 def test_refuses_no_increment(increments: int) -> None:
     with pytest.raises(InputError, match="increments"):
         SimulationOptions(increments=increments)
+
+
+def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> None:
+    model, options = build_model(TWO_BONES, device="cpu"), SimulationOptions(increments=3)
+    plans = [BonePath(bent_spine()), BonePath(-0.5 * bent_spine())]
+    anew = [list(simulate(model, plan, options)) for plan in plans]
+    relaxer = Relaxer(model, options.relax)
+    again = [list(simulate(model, plan, options, relaxer=relaxer)) for plan in plans]
+    for one, other in zip(anew, again, strict=True):
+        for a, b in zip(one, other, strict=True):
+            assert (a.from_rest == b.from_rest).all()
+            assert a.relaxation == b.relaxation
+
+
+def test_refuses_the_relaxer_of_another_model_or_options() -> None:
+    model, other = (build_model(TWO_BONES, device="cpu") for _ in range(2))
+    path = BonePath(bent_spine())
+    for wrong in (Relaxer(other), Relaxer(model, RelaxOptions(tolerance=1.0))):
+        with pytest.raises(InputError, match="relaxer"):
+            next(simulate(model, path, relaxer=wrong))

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from .phantom import TrunkSize, phantom_case
     from .reconstruction import Film, fit_atlas, read_film, register_skin, triangulate
     from .recording import Recording
-    from .relaxation import Relaxation, RelaxOptions, RelaxStatus
+    from .relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
     from .rest import RestState, sag_free
     from .results import Result, read_result, read_summary, skin_after, write_result
     from .run import RunResult, run_case
@@ -93,6 +93,7 @@ _MODULE = {
     "triangulate": "reconstruction",
     "Recording": "recording",
     "Relaxation": "relaxation",
+    "Relaxer": "relaxation",
     "RelaxOptions": "relaxation",
     "RelaxStatus": "relaxation",
     "RestState": "rest",
@@ -142,6 +143,7 @@ __all__ = [
     "RelaxOptions",
     "RelaxStatus",
     "Relaxation",
+    "Relaxer",
     "RestState",
     "Result",
     "RunOptions",

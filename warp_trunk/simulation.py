@@ -89,6 +89,7 @@ def simulate(
     options: SimulationOptions | None = None,
     watch: Callable[[RelaxStep, State], None] | None = None,
     done: Sequence[Increment] = (),
+    relaxer: Relaxer | None = None,
 ) -> Iterator[Increment]:
     """Carries the trunk along the path of its bones and yields it after every increment.
 
@@ -96,10 +97,13 @@ def simulate(
     (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to ten
     times the tolerance. `watch` is told of every accepted step of every relaxation, see `Relaxer.relax`.
     `done` are the first increments of the same simulation, which was interrupted: it goes on after the
-    last of them, and on the CPU to the last bit as if it had not been.
+    last of them, and on the CPU to the last bit as if it had not been. `relaxer` is one that an earlier
+    simulation of this model used, for another plan for the same patient: its set-up is most of what a
+    simulation costs beside its increments, and changes nothing in them.
 
     Raises:
-        InputError: the path or `done` does not belong to the model's mesh, or nothing is left to do.
+        InputError: the path or `done` does not belong to the model's mesh, nothing is left to do, or `relaxer` is
+            of another model or other options.
     """
     options = options or SimulationOptions()
     if bone_path.displacement.shape != (len(model.order), 3):
@@ -114,7 +118,12 @@ def simulate(
             f"done: must be increments 1, 2, ... of fewer than {options.increments}, of {len(model.order)} nodes; "
             "give those that this simulation yielded"
         )
-    relaxer = Relaxer(model, options.relax)
+    if relaxer is None:
+        relaxer = Relaxer(model, options.relax)
+    elif relaxer.model is not model or relaxer.options != options.relax:
+        raise InputError(
+            "relaxer: is of another model or of other options; make one of this model, or leave it out"
+        )
     carrier = Carrier(relaxer, bone_path)
     if done:
         carrier.go_on(done)

@@ -14,4 +14,5 @@ def tell(result: RunResult) -> int:
     print(plain(result))
     if (result.folder / RECORDING).is_file():
         print(f"See it: warp-trunk view {result.folder}")
+    print(f"Page for the browser and the printer: warp-trunk report {result.folder}")
     return OK if result.status is RelaxStatus.CONVERGED else NOT_CONVERGED
