@@ -127,9 +127,10 @@ def test_a_run_anew_removes_what_was_interrupted_and_nothing_to_resume_is_said(
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
         stop_after(patch, 1)
-        assert simulated(out, mesh, "--no-record") == INTERRUPTED
+        assert simulated(out, mesh) == INTERRUPTED
+    assert (out / "recording.partial.rrd").exists()
     assert simulated(out, mesh, "--no-record") == OK
     assert "removed, an interrupted simulation" in capsys.readouterr().err
-    assert not (out / "checkpoint").exists()
+    assert not list(out.glob("checkpoint")) + list(out.glob("recording*"))
     assert simulated(out, mesh, "--no-record", "--resume") == OK
     assert "nothing to resume; starting from the beginning" in capsys.readouterr().err

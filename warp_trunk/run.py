@@ -98,6 +98,8 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
     live = start_viewer() if options.live else None
     if options.record:
         load_rerun()
+    else:
+        partial(folder / RECORDING).unlink(missing_ok=True)  # of a run that was interrupted
     trunk = _mesh(case, options, progress) if given is None else given
     with progress.stage("path", "fitting the spline of the landmarks"):
         bone_path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)

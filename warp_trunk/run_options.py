@@ -59,7 +59,8 @@ class RunOptions:
     """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
     boundary takes the place of the skin, and `--layers mesh` takes the labels of its cell data `tissue`."""
     resume: bool = False
-    """Go on from the last increment of an interrupted simulation in the result folder."""
+    """Go on from the last increment of an interrupted simulation in the result folder; the recording then has all
+    increments, but single steps only of the new ones."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, before any work."""
