@@ -55,6 +55,18 @@ def read_text(path: Path, expected: str, most: int = MOST_TEXT) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def check_place(path: Path) -> None:
+    """Check, before there is anything to write, that a file can stand at a path.
+
+    Raises:
+        InputError: its folder is missing, or it is a folder itself.
+    """
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.absolute().parent}; make it first")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
+
+
 def check_within(folder: Path, path: Path) -> None:
     """Check that a file of a folder lies in it, also where links lead; the folder itself may be a link.
 

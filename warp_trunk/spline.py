@@ -16,6 +16,8 @@ from .parallel import choose_device
 
 _VECTOR: Any = wp.vec3d  # Any: warp's stubs know scalar types only
 _MATRIX: Any = wp.mat33d
+MOST_NUGGET = 1e12
+"""More smooths all landmarks into one affine map, to rounding [mm]."""
 _COINCIDENT = 1e-6
 """Landmarks closer than this [mm] are one landmark to the linear system."""
 _FLAT = 1e-6
@@ -133,8 +135,8 @@ def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[
         )
     if len(names) != len(sources):
         raise InputError(f"spline: names must be one for each landmark, not {len(names)} for {len(sources)}")
-    if not nugget >= 0.0:
-        raise InputError(f"spline: 'nugget' must be at least 0 mm, not {nugget}")
+    if not 0.0 <= nugget <= MOST_NUGGET:
+        raise InputError(f"spline: 'nugget' must be 0 to {MOST_NUGGET:g} mm, not {nugget}; try 1")
     if drift not in ("linear", "constant"):
         raise InputError(f"spline: 'drift' must be linear or constant, not {drift!r}")
     least = 4 if drift == "linear" else 1

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
-from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes, reason
+from .file_access import FARTHEST, MOST_SURFACE, check_place, limited_memory, read_bytes, reason
 from .surface_files import ENDINGS, parse
 
 WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
@@ -72,10 +72,11 @@ def write_surface(path: str | Path, surface: Surface) -> None:
 
 
 def check_written(path: Path) -> None:
-    """InputError where a name's ending is none that is written, before there is anything to write."""
+    """InputError where a name's ending is none that is written, or it cannot be written there."""
     if path.suffix.lower() not in WRITTEN:
         known = ", ".join(WRITTEN)
         raise InputError(f"{path}: a surface cannot be written as '{path.suffix}'; end the name in one of {known}")
+    check_place(path)
 
 
 def _exported(path: Path, surface: Surface) -> bytes:

@@ -13,7 +13,8 @@ from report_results import write_small_result
 from small_case import small_case
 
 from warp_trunk.cli import main
-from warp_trunk.landmarks import write_landmarks
+from warp_trunk.landmarks import Landmarks, write_landmarks
+from warp_trunk.surface import Surface, write_surface
 
 ARGUMENTS = [
     ("no increment", ["--increments", "0"], "increments: must be from 1 to 10000, not 0"),
@@ -228,7 +229,8 @@ def test_a_disk_that_fills_up_ends_in_one_line_and_leaves_no_half(case, tmp_path
         with open("/dev/full", "wb", buffering=0) as file:
             file.write(data)
 
-    write_landmarks(tmp_path / "markers.csv", small_case().landmarks_before)
+    on_skin = small_case().skin.vertices[::400]
+    write_landmarks(tmp_path / "markers.csv", Landmarks(tuple("abcdefghi"[: len(on_skin)]), on_skin))
     markers = ["--on-skin", str(tmp_path / "markers.csv"), "--on-films", str(tmp_path / "markers.csv")]
     monkeypatch.setattr(Path, "write_bytes", full)
     before = sorted(tmp_path.iterdir())
@@ -237,3 +239,58 @@ def test_a_disk_that_fills_up_ends_in_one_line_and_leaves_no_half(case, tmp_path
     (line,) = capsys.readouterr().err.splitlines()
     assert "No space left" in line
     assert sorted(tmp_path.iterdir()) == before
+
+
+METRES = "landmarks in metres"
+PATIENT = ["--patient", "case/landmarks_after.csv"]
+OTHERS = [
+    ("view", "a surface", ["case/skin.ply"], "skin.ply: is no recording"),
+    ("view", "a device", ["/dev/null"], "/dev/null: holds no recording.rrd"),
+    ("measure", "TOML", ["case/case.toml", "--case", "case"], "'.toml' is not known"),
+    ("measure", "no case", ["case/skin.ply", "--case", "nowhere"], "nowhere: there is no such folder"),
+    ("measure", "metres", ["metres.ply", "--case", "case"], "metres.ply: must lie where the skin of the case is"),
+    ("make-case", "Cobb 1000", ["--skin", "case/skin.ply", "--cobb", "1000"], "'cobb' must be 0 to 120 degrees"),
+    ("make-case", "Cobb NaN", ["--skin", "case/skin.ply", "--cobb", "nan"], "'cobb' must be 0 to 120 degrees"),
+    ("make-case", "no vertebra", ["--skin", "case/skin.ply"], "'T7' shows no left pedicle"),
+    (
+        "fit-atlas",
+        "nugget inf",
+        [*PATIENT, "--nugget", "inf"],
+        "'nugget' must be 0 to",
+    ),
+    ("fit-atlas", METRES, ["--patient", "metres.csv"], "a ratio of 2.5 is the most; give both in mm"),
+    (
+        "fit-atlas",
+        "a file",
+        [*PATIENT, "--out", "metres.csv"],
+        "metres.csv: is a file",
+    ),
+    ("register", "a skin in metres", ["--skin", "metres.ply"], "30 mm is the most; give both in mm"),
+    ("register", "no folder", ["--skin", "case/skin.ply", "--out", "no/such.ply"], "there is no folder"),
+    ("export", "no result", ["case", "--out", "a.vtu"], "summary.json: there is no such file"),
+    ("export", "no ending", ["case", "--out", "a"], "cannot be written as ''"),
+]
+NEEDS = {
+    "make-case": ["--bones", "case/bones", "--out", "out"],
+    "fit-atlas": ["--bones", "case/bones", "--atlas", "case/landmarks_before.csv", "--out", "out"],
+    "register": [
+        "--on-skin",
+        "case/landmarks_before.csv",
+        "--on-films",
+        "case/landmarks_after.csv",
+        "--out",
+        "r.ply",
+    ],
+}
+
+
+@pytest.mark.parametrize("row", OTHERS, ids=lambda row: f"{row[0]}, {row[1]}")
+def test_other_commands_refuse(case, refused, tmp_path, monkeypatch, row):
+    command, _, flags, fragment = row
+    monkeypatch.chdir(tmp_path)
+    marks, skin = small_case().landmarks_before, small_case().skin
+    write_landmarks("metres.csv", Landmarks(marks.names, marks.points / 1000.0))
+    write_surface("metres.ply", Surface(skin.vertices / 1000.0, skin.faces))
+    before = sorted(tmp_path.rglob("*"))
+    refused([command, *NEEDS.get(command, []), *flags], fragment)
+    assert sorted(tmp_path.rglob("*")) == before

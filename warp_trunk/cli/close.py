@@ -57,8 +57,6 @@ class Close:
             raise InputError(
                 f"--transforms: {len(self.transforms)} files for {len(self.parts)} parts; give one for each"
             )
-        if not self.out.absolute().parent.is_dir():
-            raise InputError(f"{self.out}: there is no folder {self.out.absolute().parent}; make it first")
         with Progress() as progress:
             with progress.stage("load", f"reading {len(self.parts)} parts"):
                 parts = self._read()

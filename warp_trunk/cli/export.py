@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from ..errors import InputError
 from ..exchange import ENDINGS, write_volume
+from ..file_access import check_place
 from ..results import read_summary
 from ..results.folder import TRUNK
 from ..tissue import Tissue
@@ -34,6 +35,7 @@ class Export:
             raise InputError(
                 f"--out: a mesh cannot be written as '{self.out.suffix}'; end the name in one of {known}"
             )
+        check_place(self.out)
         parameters = read_summary(self.result).get("parameters", {})
         trunk, displacement = read_trunk(self.result / TRUNK)
         constants = {name: parameters[name] for name in Tissue.__dataclass_fields__ if name in parameters}

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..errors import InputError
 from ..landmarks import read_landmarks
 from ..reconstruction import fit_atlas
 from ..surface import write_surface
@@ -38,6 +39,8 @@ class FitAtlas:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the bones and says how well the landmarks foretell each other."""
+        if self.out.exists() and not self.out.is_dir():
+            raise InputError(f"{self.out}: is a file; give the name of a folder")
         atlas, patient = read_landmarks(self.atlas), read_landmarks(self.patient)
         fit = fit_atlas(read_bones(self.bones), atlas, patient, self.drift, self.nugget)
         self.out.mkdir(parents=True, exist_ok=True)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..file_access import check_place
 from ..reconstruction import read_film, triangulate, write_triangulation
 from .exit_status import OK
 from .spread import mean_and_largest
@@ -32,6 +33,7 @@ class Triangulate:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the landmarks and says how well they are known."""
+        check_place(self.out)
         first, second = read_film(self.pa, self.pa_matrix), read_film(self.lateral, self.lateral_matrix)
         found = triangulate(first, second, self.limit, self.noise)
         write_triangulation(self.out, found)

@@ -13,6 +13,7 @@ from ..landmarks import Landmarks, bone_of
 from ..rigid import fit_rigid
 from ..spline import fit_spline
 from ..surface import Surface
+from .plausible import check_near, check_size
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ def fit_atlas(
         nugget: see `fit_spline` [mm].
 
     Raises:
-        InputError: landmarks of the atlas that the patient has not, or on which nothing can be fitted.
+        InputError: landmarks of the atlas that the patient has not, that are off their bones or of another size,
+            or on which nothing can be fitted.
     """
     missing = [name for name in atlas.names if name not in patient.names]
     if missing:
@@ -64,7 +66,12 @@ def fit_atlas(
         )
     sources, targets = atlas.points, patient.points[[patient.index(name) for name in atlas.names]]
     owners = np.array([bone_of(name, bones) or "" for name in atlas.names])
+    check_size("fit_atlas", sources, targets)
     rows = {bone: np.flatnonzero(owners == bone) for bone in bones}
+    for bone in bones:
+        if len(rows[bone]):
+            names = tuple(atlas.names[i] for i in rows[bone])
+            check_near("fit_atlas", names, sources[rows[bone]], bones[bone], f"'{bone}' of the atlas")
     own = tuple(bone for bone in bones if _enough(sources[rows[bone]]))
 
     def carry(rows: np.ndarray, points: np.ndarray) -> np.ndarray:

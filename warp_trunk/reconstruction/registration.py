@@ -12,6 +12,7 @@ from ..landmarks import Landmarks
 from ..rigid import fit_rigid
 from ..spline import Spline, fit_spline
 from ..surface import Surface
+from .plausible import check_near, check_size
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -54,7 +55,8 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
         nugget: see `fit_spline` [mm]; more than 0 smooths the errors of the markers.
 
     Raises:
-        InputError: names that differ, markers on which no spline can be fitted, or a map that folds the skin.
+        InputError: names that differ, markers off the skin or of another size, markers on which no spline can
+            be fitted, or a map that folds the skin.
     """
     differ = sorted(set(on_skin.names) ^ set(on_films.names))
     if differ:
@@ -63,6 +65,8 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
             f"{'differs' if len(differ) == 1 else 'differ'}; name or remove them"
         )
     targets = on_films.points[[on_films.index(name) for name in on_skin.names]]
+    check_near("register", on_skin.names, on_skin.points, skin, "the skin")
+    check_size("register", on_skin.points, targets)
     rigid = fit_rigid(on_skin.points, targets)
     markers, vertices = rigid.apply(on_skin.points), rigid.apply(skin.vertices)
     spline = fit_spline(markers, targets, nugget, on_skin.names)
