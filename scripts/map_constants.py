@@ -61,7 +61,7 @@ def main() -> None:
     }
     given.out.parent.mkdir(parents=True, exist_ok=True)
     given.out.with_suffix(".json").write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
-    draw_map(given.out.with_suffix(".png"), [p for p in points if p["weights"] == "count"], POISSON[0])
+    draw_map(given.out.with_suffix(".png"), points, POISSON[0])
     print(table(points))
     for name, point in record["best"].items():
         away = point["against"][name.split(", ")[1]]
