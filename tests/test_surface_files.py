@@ -80,6 +80,30 @@ def test_corners_of_an_obj_may_be_counted_backwards(tmp_path):
     assert read_surface(tmp_path / "a.obj").faces.tolist() == [[0, 1, 3], [0, 2, 4], [0, 4, 1]]
 
 
+QUADS = [(0, 2, 4, 1), (0, 1, 3), (1, 4, 3), (4, 2, 3), (0, 3, 2)]
+
+
+@pytest.mark.parametrize("order", ["<", ">", "text"])
+def test_a_ply_may_hold_polygons_of_several_sizes_and_more(tmp_path, order):
+    """As Blender and MeshLab write them: corners with colours, and edges beside the faces."""
+    name = {"<": "binary_little_endian", ">": "binary_big_endian", "text": "ascii"}[order]
+    head = (
+        f"ply\nformat {name} 1.0\ncomment made by hand\nelement vertex 5\nproperty double x\nproperty double y\n"
+        "property double z\nproperty uchar red\nelement face 5\nproperty list uchar uint vertex_index\n"
+        "property float quality\nelement edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n"
+    )
+    if order == "text":
+        rows = [f"{x} {y} {z} 7" for x, y, z in PYRAMID.vertices]
+        rows += [" ".join(map(str, (len(q), *q, 0.5))) for q in QUADS] + ["0 1"]
+        body = "\n".join(rows).encode()
+    else:
+        body = b"".join(struct.pack(f"{order}3dB", *p, 7) for p in PYRAMID.vertices)
+        body += b"".join(struct.pack(f"{order}B{len(q)}If", len(q), *q, 0.5) for q in QUADS)
+        body += struct.pack(f"{order}2i", 0, 1)
+    (tmp_path / "a.ply").write_bytes(head.encode() + body)
+    assert_same(read_surface(tmp_path / "a.ply"), PYRAMID)
+
+
 def glb(scene: dict) -> bytes:
     text = json.dumps(scene).encode()
     text += b" " * (-len(text) % 4)

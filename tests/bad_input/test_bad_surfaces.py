@@ -54,7 +54,19 @@ SURFACES = [
         "text PLY without its last face",
         content("bones/T7.ply", lambda b: ply(3, 2, "ascii", f"{FLAT}3 0 1 2\n".encode())),
         "T7.ply",
-        "the header says 3 vertices and 2 faces, the file has 3 and 1",
+        "it is cut off",
+    ),
+    (
+        "PLY with half a corner",
+        content("bones/T7.ply", lambda b: ply(3, 1, "ascii", f"{FLAT}3 0 1.5 2\n".encode())),
+        "T7.ply",
+        "1.5",
+    ),
+    (
+        "PLY with a face of 200 corners",
+        content("bones/T7.ply", lambda b: b[:-13] + b"\xc8" + b[-12:]),
+        "T7.ply",
+        "it is cut off",
     ),
     (
         "a billion triangles in an STL",

@@ -1,4 +1,4 @@
-"""PLY, STL, OFF and GLB, read by trimesh from memory, so that it finds no other file.
+"""STL, OFF and GLB, read by trimesh from memory, so that it finds no other file.
 
 What it would take for something else without a word is refused here first.
 """
@@ -14,27 +14,8 @@ from typing import Any
 
 import numpy as np
 
-
-def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles; as many elements as the header says."""
-    if b"end_header" not in content:
-        raise ValueError("the header of a PLY, with its end, was expected")
-    header = content[: content.find(b"end_header")].decode("ascii", errors="replace")
-    said = {name: int(count) for name, count in re.findall(r"^element\s+(\w+)\s+(\d+)\s*$", header, re.MULTILINE)}
-    if "vertex" not in said:
-        raise ValueError("it has no vertices")
-    if not said.get("face"):
-        raise ValueError("it holds points without triangles; make a surface of them")
-    least = 2 * sum(said.values())  # an element is at least a digit and a blank, or two bytes
-    if least > len(content):
-        raise ValueError(f"the header says {sum(said.values())} elements, the file has {len(content)} bytes")
-    vertices, faces = _load(content, "ply")
-    if len(vertices) != said["vertex"] or len(faces) < said["face"]:
-        raise ValueError(
-            f"the header says {said['vertex']} vertices and {said['face']} faces, the file has "
-            f"{len(vertices)} and {len(faces)}"
-        )
-    return vertices, faces
+_MOST_NODES = 1000
+"""Each node repeats the triangles of its mesh, so that a small file could stand for any number of them."""
 
 
 def read_stl(content: bytes) -> tuple[np.ndarray, np.ndarray]:
@@ -57,6 +38,8 @@ def _is_ascii_stl(content: bytes) -> bool:
 
 def read_off(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and triangles."""
+    if any(b"_" in line.split(b"#")[0] for line in content.splitlines()):
+        raise ValueError("numbers have no underscores")
     return _load(content, "off")
 
 
@@ -85,6 +68,8 @@ def check_scene(scene: dict[str, Any], size: int) -> None:
     for accessor in scene.get("accessors", []):
         if "bufferView" not in accessor or "sparse" in accessor or not 0 <= accessor["count"] <= size:
             raise ValueError("it has numbers without data, or more than the file can hold")
+    if sum("mesh" in node for node in scene.get("nodes", [])) > _MOST_NODES:
+        raise ValueError(f"more than {_MOST_NODES} nodes hold a mesh; join them")
     children = [child for node in scene.get("nodes", []) for child in node.get("children", [])]
     if len(set(children)) < len(children):
         raise ValueError("a node of its scene hangs under two others")

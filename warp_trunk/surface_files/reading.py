@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .by_trimesh import read_glb, read_off, read_ply, read_stl
+from .by_trimesh import read_glb, read_off, read_stl
 from .legacy_vtk import read_vtk
+from .ply import read_ply
 from .vtp import read_vtp
 from .wavefront import read_obj
 
