@@ -141,7 +141,7 @@ def test_no_summary_stands_beside_files_that_are_being_changed(simulated, tmp_pa
     def killed(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(result_folder.os, "replace", killed)
+    monkeypatch.setattr(result_folder, "complete", killed)
     with pytest.raises(KeyboardInterrupt):
         write_result(tmp_path, *simulated)
     assert not (tmp_path / "summary.json").exists()

@@ -54,7 +54,7 @@ def test_the_nodes_of_a_glb_move_its_meshes(tmp_path):
     scene.add_geometry(box, node_name="part", parent_node_name="whole", transform=turn)
     scene.export(tmp_path / "a.glb")
     x, y, z = PYRAMID.vertices.T
-    whole, part = PYRAMID.vertices + [5, 6, 7], np.column_stack([105.0 - y, x + 6.0, z + 7.0])
+    whole, part = PYRAMID.vertices + np.array([5, 6, 7]), np.column_stack([105.0 - y, x + 6.0, z + 7.0])
     both = Surface(np.concatenate([whole, part]), np.concatenate([PYRAMID.faces, PYRAMID.faces + 5]))
     assert_same(read_surface(tmp_path / "a.glb"), both, 1e-5)
 
