@@ -134,10 +134,12 @@ def test_scripts(
         assert (tmp_path / "docs" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     found = json.loads((tmp_path / "docs" / "map.json").read_text())
     assert len(found["points"]) == 2 * 2
-    nearest = found["best"]["weights count, nu 0.45, by mean_mm"]["against"]["nu 0.45"]["mean_mm"]
+    nearest = found["best"]["weights count, nu 0.45, by mean distance"]["against"]["nu 0.45"]["mean_mm"]
     assert nearest == min(p["against"]["nu 0.45"]["mean_mm"] for p in found["points"] if p["weights"] == "count")
     costs = json.loads((tmp_path / "docs" / "budget.json").read_text())["rows"]
     assert [cost["bsr_deg"] for cost in costs] == sorted((cost["bsr_deg"] for cost in costs), reverse=True)
+    for name in ("map", "budget"):
+        assert f"({name}.png)" in (tmp_path / "docs" / f"{name}.md").read_text()
     shown = capsys.readouterr().out
     assert "| count | 0.1, 10 |" in shown
     assert costs[0]["label"] in shown
