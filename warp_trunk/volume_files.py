@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .errors import InputError
-from .file_access import MOST_SURFACE, limited_memory, read_bytes, reason
+from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes, reason
 
 ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp")
 """Endings of the files that are read."""
@@ -46,6 +48,13 @@ def read_mesh(path: Path) -> Any:
         raise InputError(f"{path}: defines entities, which no mesh needs; write it again")
     try:
         with limited_memory(len(content)):
-            return readers[ending](str(path))
+            mesh = readers[ending](str(path))
     except (Exception, SystemExit) as error:  # meshio fails in many ways on a damaged file
         raise InputError(f"{path}: cannot be read as a mesh ({reason(error)}); write it again") from error
+    points = np.asarray(mesh.points)
+    if points.ndim != 2 or points.shape[1] != 3 or not (np.abs(points) <= FARTHEST).all():  # nor is NaN
+        raise InputError(
+            f"{path}: nodes must have three finite coordinates within {FARTHEST:g} (there are {points.shape}); "
+            "write it again"
+        )
+    return mesh
