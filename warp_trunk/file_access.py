@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,8 @@ FARTHEST = 1e7
 """No coordinate is farther from zero than this, in any unit; sums of cubes of such numbers stay exact enough."""
 MOST_TEXT = 100_000_000
 """No table of landmarks or numbers is larger than this [bytes]."""
+
+_LIMIT = threading.Lock()
 
 
 def read_bytes(path: Path, expected: str, most: int = MOST_TEXT) -> bytes:
@@ -115,14 +118,12 @@ def limited_memory(size: int) -> Iterator[None]:
         return
     import resource
 
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    most = now + 2**32 + 60 * size
-    limited = soft == resource.RLIM_INFINITY or most < soft
-    if limited:
-        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
-    try:
-        yield
-    finally:
-        if limited:
+    with _LIMIT:  # one at a time, so that each finds the limit as it was
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        most = now + 2**32 + 60 * size
+        resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
+        try:
+            yield
+        finally:
             resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -13,6 +13,7 @@ from breaking import content, header, text
 from small_trunk import boned_case
 
 import warp_trunk
+from warp_trunk import kernels
 from warp_trunk.case import read_case
 from warp_trunk.landmarks import read_landmarks
 from warp_trunk.meshing import cache
@@ -114,7 +115,8 @@ RUNS = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
 
 def test_no_code_reads_pickles_or_runs_text():
     """Every module: no import of what unpickles, no eval or exec, and np.load only without pickles."""
-    for path in Path(warp_trunk.__file__).parent.rglob("*.py"):
+    folders = [Path(warp_trunk.__file__).parent, Path(kernels.__file__).parent]
+    for path in (path for folder in folders for path in folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Import | ast.ImportFrom):
                 named = {alias.name for alias in node.names} | {getattr(node, "module", None)}
