@@ -86,6 +86,28 @@ def test_a_run_is_made_once(small: Study, monkeypatch: pytest.MonkeyPatch) -> No
             study.ending(choices)
 
 
+def test_every_choice_reaches_the_run(small: Study) -> None:
+    """Each changes the skin, against the same run without it."""
+    neo = Choices(energy="neo-hookean", increments=1)
+    for choices, change in (
+        (Choices(increments=1), {"epsilon": 3.0}),
+        (Choices(increments=1), {"theta": 3.0}),
+        (Choices(increments=1), {"weights": "volume"}),
+        (Choices(increments=1), {"precision": "float64"}),
+        (Choices(increments=1), {"tolerance": 3.0}),
+        (Choices(increments=1), {"increments": 2}),
+        (Choices(increments=1), {"gravity": 9.81}),
+        (Choices(increments=1, gravity=9.81), {"rest": "scan"}),
+        (Choices(increments=1), {"bones": "rigid"}),
+        (Choices(increments=1), {"landmark_error": "each"}),
+        (Choices(increments=1, landmark_error="each"), {"sample": 1}),
+        (Choices(increments=1), {"energy": "neo-hookean"}),
+        (neo, {"poisson_ratio": 0.3}),
+    ):
+        other = small.ending(replace(choices, **change)).skin.vertices
+        assert not np.array_equal(other, small.ending(choices).skin.vertices), change
+
+
 def test_landmarks_of_a_plan_share_their_errors(small: Study) -> None:
     before, after = small.case.landmarks_before.points, small.case.landmarks_after.points
     for sample in (0, 1):

@@ -65,7 +65,7 @@ def draw_budget(path: Path, costs: Sequence[Cost]) -> None:
     )
     handles = [
         *(Patch(color=COLOURS[group], label=f"error {name}") for group, name in NAMES.items()),
-        Line2D([], [], color=INK, linewidth=0.8, marker="|", label="of samples: mean, 95th percentile"),
+        Line2D([], [], color=INK, linewidth=0.8, marker="|", label="rotation over samples: mean, 95 %"),
     ]
     figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
     figure.savefig(path, dpi=160, metadata={"Software": None})
