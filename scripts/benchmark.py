@@ -19,6 +19,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 from benchmarking import curves, outside, scaling, scenes, tables
 from benchmarking.plot import plot
@@ -28,6 +29,7 @@ from benchmarking.process import be_quiet, empty_kernel_cache, fresh
 from benchmarking.record import Record, Setting, read_records, write_records
 
 from warp_trunk import InputError
+from warp_trunk.model import EnergyName
 from warp_trunk.parallel import choose_device
 
 METHODS = ("newton", "conjugate", "gradient", outside.OUTSIDE)
@@ -48,6 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def prepare(given: argparse.Namespace) -> None:
     """Meshes a case and solves it for the truth."""
     problem = mesh_case(load_case(given.case), given.tets, given.bone_edge_length)
+    problem = replace(problem, energy=given.energy)
     if given.truth:
         problem = replace(problem, truth=solve_truth(problem))
     write_problem(given.out, problem)
@@ -60,7 +63,7 @@ def run(given: argparse.Namespace) -> None:
     problem.errors(problem.bone_path().displacement)  # says now if there is no truth
     records: list[Record] = []
     compiled: dict[tuple[str, str], float] = {}
-    settings = choose_settings(given)
+    settings = choose_settings(given, problem.energy)
 
     def measure_all() -> None:
         for setting in settings:
@@ -81,7 +84,7 @@ def run(given: argparse.Namespace) -> None:
     print_tables(records)
 
 
-def choose_settings(given: argparse.Namespace) -> list[Setting]:
+def choose_settings(given: argparse.Namespace, energy: EnergyName) -> list[Setting]:
     """Every combination asked for that exists; SciPy only in float64, on the most threads."""
     settings = []
     for device, method, precision in itertools.product(given.devices, given.methods, given.precisions):
@@ -95,7 +98,8 @@ def choose_settings(given: argparse.Namespace) -> list[Setting]:
                 continue
             precision, threads = "float64", [max(threads)]
         settings += [
-            Setting(method=method, threads=count, precision=precision, device=device) for count in threads
+            Setting(method=method, threads=count, precision=precision, device=device, energy=energy)
+            for count in threads
         ]
     return settings
 
@@ -145,6 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("case", help="a case folder, or phantom")
     one.add_argument("--tets", type=int, default=225_000, help="number of tetrahedra (default %(default)s)")
     one.add_argument("--bone-edge-length", type=float, default=0.0, help="of the bone surface [mm]; 0 chooses it")
+    one.add_argument("--energy", choices=get_args(EnergyName), default="itmsm", help="of the tissue")
     one.add_argument("--no-truth", dest="truth", action="store_false", help="mesh only, for scale")
     one.add_argument("--out", required=True, help="the file, .npz")
 

@@ -10,12 +10,19 @@ from warp_trunk import InputError
 
 from .outside import OUTSIDE
 from .record import Record, Setting
-from .tables import curves
+from .tables import curves, method
 
-COLOURS = {"newton": "#0072B2", "conjugate": "#D55E00", "gradient": "#009E73", OUTSIDE: "#000000"}
+COLOURS = {
+    "newton": "#0072B2",
+    "newton, neo-hookean": "#CC79A7",
+    "conjugate": "#D55E00",
+    "gradient": "#009E73",
+    OUTSIDE: "#000000",
+}
 """By method; of the palette of Okabe and Ito, told apart by colour-blind readers, and in grey by the marks."""
 NAMES = {
     "newton": "truncated Newton",
+    "newton, neo-hookean": "the same, neo-Hookean",
     "conjugate": "conjugate gradients",
     "gradient": "spectral gradient",
     OUTSIDE: "SciPy L-BFGS-B",
@@ -45,12 +52,12 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
         axes.loglog(
             [point.seconds for point in points],
             [point.max_error_mm for point in points],
-            color=COLOURS[setting.method],
+            color=COLOURS[method(setting)],
             linestyle="-" if setting.precision == "float32" else "--",
             marker=_marker(setting),
             markersize=5.5,
             linewidth=1.4,
-            markerfacecolor=COLOURS[setting.method] if setting.precision == "float32" else "white",
+            markerfacecolor=COLOURS[method(setting)] if setting.precision == "float32" else "white",
         )
     _goal_lines(axes)
     axes.set_xlabel("time of the whole simulation after set-up [s]")
@@ -61,10 +68,10 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
 
-    methods = dict.fromkeys(setting.method for setting in by_setting)
+    methods = dict.fromkeys(method(setting) for setting in by_setting)
     places = {_where(setting): _marker(setting) for setting in by_setting}
     precisions = dict.fromkeys(setting.precision for setting in by_setting)
-    handles = [Line2D([], [], color=COLOURS[method], linewidth=3, label=NAMES[method]) for method in methods]
+    handles = [Line2D([], [], color=COLOURS[name], linewidth=3, label=NAMES[name]) for name in methods]
     handles += [
         Line2D([], [], color="#555555", linestyle="", marker=mark, label=where) for where, mark in places.items()
     ]

@@ -25,6 +25,7 @@ from warp_trunk import (
     simulate,
     spline_path,
 )
+from warp_trunk.model import EnergyName
 
 TRUTH_TOLERANCE = 1e-6
 """Estimated distance from equilibrium of the solution that errors are measured against [mm]."""
@@ -58,6 +59,8 @@ class Problem:
     """Points on the bones before surgery."""
     landmarks_after: Landmarks
     """The same points after surgery."""
+    energy: EnergyName = "itmsm"
+    """Which energy the tissue has."""
     truth: np.ndarray | None = None
     """Displacement after surgery in float64, converged to TRUTH_TOLERANCE [mm], shape (nodes, 3)."""
 
@@ -93,7 +96,7 @@ def compare_skins(skin: Surface, other: Surface, landmarks: Landmarks) -> Errors
 
 def solve_truth(problem: Problem) -> np.ndarray:
     """The equilibrium in float64 to TRUTH_TOLERANCE, shape (nodes, 3) [mm]."""
-    model = build_model(problem.trunk, problem.tissue, device="cpu", precision="float64")
+    model = build_model(problem.trunk, problem.tissue, energy=problem.energy, device="cpu", precision="float64")
     relax = RelaxOptions(method="newton", tolerance=TRUTH_TOLERANCE)
     *_, last = simulate(model, problem.bone_path(), SimulationOptions(relax=relax))
     if last.relaxation.status is not RelaxStatus.CONVERGED:
@@ -108,6 +111,7 @@ def write_problem(path: str | Path, problem: Problem) -> None:
     arrays["bone_names"] = np.array(trunk.bone_names, dtype=str)
     arrays["tets"] = _differences(trunk.tets)
     arrays["name"] = np.array(problem.name)
+    arrays["energy"] = np.array(problem.energy)
     arrays["tissue"] = np.array([getattr(tissue, name) for name in _TISSUE])
     arrays["landmark_names"] = np.array(problem.landmarks_before.names, dtype=str)
     arrays["landmarks_before"] = problem.landmarks_before.points
@@ -131,18 +135,20 @@ def read_problem(path: str | Path) -> Problem:
             stored = {name: file[name] for name in file.files}
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as a problem ({error}); make one with 'prepare'") from error
-    missing = sorted({"name", "tissue", "landmark_names", *_MESH} - set(stored))
+    missing = sorted({"name", "energy", "tissue", "landmark_names", *_MESH} - set(stored))
     if missing:
         raise InputError(f"{path}: '{missing[0]}' is missing; make the file again with 'prepare'")
     mesh = {name: stored[name] for name in _MESH if name != "bone_names"}
     mesh["tets"] = _sums(mesh["tets"])
     names = tuple(str(name) for name in stored["landmark_names"])
+    energy: EnergyName = str(stored["energy"])  # pyright: ignore[reportAssignmentType]  (build_model checks it)
     return Problem(
         name=str(stored["name"]),
         trunk=TrunkMesh(**mesh, bone_names=tuple(str(name) for name in stored["bone_names"])),
         tissue=Tissue(**dict(zip(_TISSUE, map(float, stored["tissue"]), strict=True))),
         landmarks_before=Landmarks(names, stored["landmarks_before"]),
         landmarks_after=Landmarks(names, stored["landmarks_after"]),
+        energy=energy,
         truth=stored.get("truth"),
     )
 

@@ -16,6 +16,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk import InputError
+from warp_trunk.model import EnergyName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +31,8 @@ class Setting:
     """float32 or float64."""
     device: str
     """cpu or cuda:N."""
+    energy: EnergyName = "itmsm"
+    """Energy of the tissue."""
 
 
 @dataclass(frozen=True, kw_only=True)

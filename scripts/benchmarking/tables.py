@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import fields, replace
 
 from warp_trunk import InputError
 
@@ -20,7 +21,7 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def setting_of(record: Record) -> Setting:
     """The curve a record belongs to."""
-    return Setting(method=record.method, threads=record.threads, precision=record.precision, device=record.device)
+    return Setting(**{field.name: getattr(record, field.name) for field in fields(Setting)})
 
 
 def curves(records: Iterable[Record]) -> dict[Setting, list[Record]]:
@@ -50,6 +51,11 @@ def place(setting: Setting) -> str:
     return f"{setting.threads} thread{'s' if setting.threads > 1 else ''}"
 
 
+def method(setting: Setting) -> str:
+    """How a curve is made, in words."""
+    return setting.method if setting.energy == "itmsm" else f"{setting.method}, {setting.energy}"
+
+
 def seconds_to(points: Iterable[Record], error: float) -> float | None:
     """The least time in which a curve has a node error of at most `error` [mm]; None if it never does."""
     return min((point.seconds for point in points if point.max_error_mm <= error), default=None)
@@ -63,7 +69,7 @@ def short_table(records: Iterable[Record]) -> str:
         end = points[-1]
         rows.append(
             [
-                setting.method,
+                method(setting),
                 place(setting),
                 setting.precision,
                 *("never" if seconds is None else number(seconds) for seconds in reached),
@@ -89,7 +95,7 @@ def long_table(records: Iterable[Record]) -> str:
     ]
     rows = [
         [
-            record.method,
+            method(record),
             place(record),
             record.precision,
             f"{record.tolerance_mm:g} mm" if record.method == "newton" else f"{record.max_steps} steps",
@@ -112,10 +118,15 @@ def comparison(records: Sequence[Record]) -> str:
     for setting, points in by_setting.items():
         if setting.method != "newton" or (mine := seconds_to(points, 0.01)) is None:
             continue
-        lines.append(f"- newton, {place(setting)}, {setting.precision}: {number(mine)} s to 0.01 mm")
+        lines.append(f"- {method(setting)}, {place(setting)}, {setting.precision}: {number(mine)} s to 0.01 mm")
         for other, theirs in by_setting.items():
             same_place = (other.device, other.threads) == (setting.device, setting.threads)
-            if other.method == "newton" or not same_place or other.precision != setting.precision:
+            if (
+                other.method == "newton"
+                or other.energy != setting.energy
+                or not same_place
+                or other.precision != setting.precision
+            ):
                 continue
             reached = seconds_to(theirs, 1.0)
             end = theirs[-1]
@@ -129,7 +140,7 @@ def comparison(records: Sequence[Record]) -> str:
                 estimates = end.linear_iterations * min(p.seconds / p.linear_iterations for p in points)
                 words += f"; at most {100.0 * estimates / end.seconds:.0f} % of the last run went to estimates"
             lines.append(words)
-        single = Setting(method="newton", threads=1, precision=setting.precision, device="cpu")
+        single = replace(setting, threads=1, device="cpu")
         alone = seconds_to(by_setting.get(single, []), 0.01)
         if setting != single and alone is not None:
             lines.append(f"  - newton on one thread: {number(alone)} s, {alone / mine:.2f} times as long")

@@ -57,6 +57,7 @@ def make_model(problem: Problem, setting: Setting) -> Model:
     return build_model(
         problem.trunk,
         problem.tissue,
+        energy=setting.energy,
         device=setting.device,
         precision=setting.precision,
         threads=setting.threads,
