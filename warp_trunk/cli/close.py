@@ -34,7 +34,7 @@ class Close:
     parts: Positional[tuple[Path, ...]]
     """Surfaces of the skin, oriented outward, in mm and LPS axes."""
     out: Path
-    """File for the closed skin: .ply, or another format that trimesh writes."""
+    """File for the closed skin: .ply, .stl, .obj, .off or .glb."""
     transforms: tuple[Path, ...] = ()
     """For each part, in order, a text file with the 16 numbers of the rigid 4x4 matrix into the common frame."""
     refine: bool = False
