@@ -24,7 +24,7 @@ from choices.map_picture import draw_map
 from choices.study import Study
 
 EPSILON = (0.01, 0.1, 1.0, 10.0, 100.0)
-THETA = (0.1, 1.0, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4)
+THETA = (0.1, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4)
 WEIGHTS = ("count", "volume")
 POISSON = (0.45, 0.49)
 NAMES = {"mean_mm": "mean distance", "bsr_deg": "rotation"}

@@ -71,7 +71,7 @@ def _draw_panel(axes: Axes, points: Sequence[dict[str, Any]], nu: float, measure
             "\n".join([number, *marks]),
             ha="center",
             va="center",
-            fontsize=9 if marks else 10.5,
+            fontsize=8 if marks else 10,
             fontweight="bold" if marks else "normal",
             color="white" if values[at] > 0.6 * most else INK,
         )
