@@ -108,7 +108,7 @@ def is_plain(name: str) -> bool:
 
 @contextmanager
 def limited_memory(size: int) -> Iterator[None]:
-    """Lets a library that reads a file of `size` bytes have 4 GiB and 60 times that, then raises MemoryError.
+    """Lets a library that reads a file of `size` bytes have 2 GiB and 60 times that, then raises MemoryError.
 
     Libraries make room for what a header says, which in a damaged file may be a thousand times the machine's
     memory. Only Linux can tell and hold the limit; elsewhere nothing is limited.
@@ -121,7 +121,7 @@ def limited_memory(size: int) -> Iterator[None]:
     with _LIMIT:  # one at a time, so that each finds the limit as it was
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
         now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        most = now + 2**32 + 60 * size
+        most = now + 2**31 + 60 * size
         resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
         try:
             yield
