@@ -6,7 +6,7 @@ import warp as wp
 
 from ..energy import State
 from ..model import Model
-from .gradient import first_length, steer
+from .gradient import first_length, mean_edge, steer
 from .products import Products
 
 
@@ -22,12 +22,13 @@ class Conjugate:
         self.model = model
         self.direction = model.array(None, model.vec3, (model.free,))
         self._keep = model.array(None, wp.float64, (1,))
+        self._edge = mean_edge(model)
 
     def propose(self, state: State, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
         if products is None:
             steer(self.model, state, 0.0, self._keep, self.direction)
-            return first_length(self.model, state), 0
+            return first_length(state, self._edge), 0
         beta = max(0.0, products.gradient_change / products.previous_squared)
         if beta * products.slope >= products.gradient_squared:  # -g + beta d would not descend
             beta = 0.0

@@ -28,12 +28,13 @@ class Gradient:
         self.model = model
         self.direction = model.array(None, model.vec3, (model.free,))
         self._keep = model.array(None, wp.float64, (1,))
+        self._edge = mean_edge(model)
 
     def propose(self, state: State, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
         steer(self.model, state, 0.0, self._keep, self.direction)
         if products is None:
-            return first_length(self.model, state), 0
+            return first_length(state, self._edge), 0
         bend = products.slope - products.previous_slope
         if bend <= 0.0:
             return 10.0 * last_length, 0
@@ -48,10 +49,14 @@ def steer(model: Model, state: State, keep: float, keep_array: wp.array, directi
     )()
 
 
-def first_length(model: Model, state: State) -> float:
-    """A length that moves the node of largest gradient by a hundredth of a mean edge."""
-    gradient = state.gradient.numpy()[0, : model.free]
-    steepest = float((gradient.astype("float64") ** 2).sum(axis=1).max(initial=0.0) ** 0.5)
+def mean_edge(model: Model) -> float:
+    """Mean length of the tetrahedra's edges at rest [mm]."""
     ends = model.rest[model.corners[:, EDGES]]
-    edge = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
+    return float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
+
+
+def first_length(state: State, edge: float) -> float:
+    """A length that moves the node of largest gradient by a hundredth of a mean edge [mm]."""
+    gradient = state.gradient.numpy()[0, : state.model.free]
+    steepest = float((gradient.astype("float64") ** 2).sum(axis=1).max(initial=0.0) ** 0.5)
     return 0.01 * edge / steepest if steepest > 0.0 else 1.0
