@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial import Delaunay
 from synthetic import sphere
 
-from warp_trunk.scanning.fitting import fit_to_points, nearest
+from warp_trunk.meshing.nearest import nearest
+from warp_trunk.scanning.fitting import fit_to_points
 from warp_trunk.scanning.overlap import vertex_areas
 from warp_trunk.surface import Surface
 

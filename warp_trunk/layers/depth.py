@@ -55,7 +55,7 @@ def part_above(trunk: TrunkMesh, bottoms: np.ndarray) -> np.ndarray:
     Returns:
         Numbers from 0 to 1, shape (surfaces, tets).
     """
-    from ..scanning.fitting import nearest  # heavy
+    from ..meshing.nearest import nearest  # heavy
 
     skin = Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces)
     faces = skin.faces[real_skin(skin)]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..meshing.nearest import nearest
 from ..surface import Surface
-from .fitting import nearest
 from .overlap import covered_by, reach_of, vertex_areas
 from .transforms import moved
 

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import warp as wp
 
-from warp_trunk.kernels.nearest import nearest_on_mesh
-
+from ..meshing.nearest import nearest
 from ..surface import Surface
 from .overlap import vertex_areas
 
-_INT: Any = wp.int32
-_VEC3: Any = wp.vec3
 _FACING = 0.5
 """Points whose normal is turned further than 60 degrees from the surface's belong to another fold of it."""
 _HOLD = 1e-6
@@ -74,25 +68,6 @@ def fit_to_points(
         solve = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         vertices = solve.solve(data @ target + hold @ vertices)
     return Surface(vertices, surface.faces)
-
-
-def nearest(surface: Surface, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest triangle to each point, -1 if none is within reach [mm], and its corners' weights (n, 3)."""
-    middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
-    mesh = wp.Mesh(
-        points=wp.array(surface.vertices - middle, dtype=wp.vec3, device="cpu"),
-        indices=wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu"),
-    )
-    face: Any = wp.empty(len(points), dtype=_INT, device="cpu")
-    weights: Any = wp.empty(len(points), dtype=_VEC3, device="cpu")
-    wp.launch(
-        nearest_on_mesh,
-        dim=len(points),
-        inputs=[mesh.id, wp.array(points - middle, dtype=wp.vec3, device="cpu"), reach],
-        outputs=[face, weights],
-        device="cpu",
-    )
-    return face.numpy(), weights.numpy().astype(np.float64)
 
 
 def _links(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
