@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from continuum import Continuum
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from meshes import block, block_with_bone, grid, rotate, rotation, single_tet, trunk
 from reference import Reference, volumes
@@ -367,6 +367,17 @@ def test_distance_from_the_origin_changes_nothing() -> None:
     theta=st.sampled_from([0.0, 1.0, 10.0, 1000.0]),
     gravity=st.sampled_from([0.0, 9.81]),
     precision=st.sampled_from(["float32", "float64"]),
+)
+@example(  # found once: rounding is what is left
+    cells=(2, 2, 2),
+    jitter=0.1400503799722528,
+    turn=0.0,
+    axis=(-0.0017919600214437725, -0.35082665816423375, 0.7941607719015576),
+    shift=(21.702966378153917, -3.8584626479235666, 0.0),
+    noise=5.451708884559633,
+    theta=1000.0,
+    gravity=9.81,
+    precision="float32",
 )
 def test_random_meshes_and_motions(
     cells: tuple[int, int, int],
