@@ -11,7 +11,7 @@ from .exit_status import NOT_CONVERGED, OK
 
 def tell(result: RunResult) -> int:
     """Prints how a run ended and what to do next; returns the exit status."""
-    print(plain(result))
+    print(plain(result.folder, result.summary, result.before, result.after))
     if (result.folder / RECORDING).is_file():
         print(f"See it: warp-trunk view {result.folder}")
     print(f"Page for the browser and the printer: warp-trunk report {result.folder}")

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..measures import CobbAngle, TrunkMeasures
+from ..relaxation import RelaxStatus
 
 if TYPE_CHECKING:
     from ..case import Case
-    from ..run import RunResult
     from ..simulation import Increment
 
 RESEARCH = "A research simulation, not for clinical use."
 
 
-def plain(result: RunResult) -> str:
+def plain(folder: Path, summary: dict[str, Any], before: TrunkMeasures, after: TrunkMeasures) -> str:
     """What is printed at the end: why it ended, what changed, and where the files are."""
-    status, before, after = result.status, result.before, result.after
-    bsr = result.summary["bsr_deg"]
+    status, bsr = RelaxStatus[summary["status"]], summary["bsr_deg"]
     lines = [
         f"{status.name}: {status.value}",
-        f"{result.summary['tets']} tetrahedra, {result.summary['inverted_tets']} of them inverted, "
-        f"in {result.summary['seconds']['total']:.1f} s",
+        f"{summary['tets']} tetrahedra, {summary['inverted_tets']} of them inverted, "
+        f"in {summary['seconds']['total']:.1f} s",
         _skin(after),
         f"Cobb angles before: {_curves(before.cobb)}",
         f"Cobb angles after:  {_curves(after.cobb)}",
@@ -36,7 +35,7 @@ def plain(result: RunResult) -> str:
         lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells))
     lines += [
         "",
-        f"Written to {result.folder}: {', '.join(sorted(_files(result.folder)))}",
+        f"Written to {folder}: {', '.join(sorted(_files(folder)))}",
         RESEARCH,
     ]
     return "\n".join(lines)
