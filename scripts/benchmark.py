@@ -29,8 +29,8 @@ from benchmarking.process import be_quiet, empty_kernel_cache, fresh
 from benchmarking.record import Record, Setting, read_records, write_records
 
 from warp_trunk import InputError
-from warp_trunk.model import EnergyName
-from warp_trunk.parallel import choose_device
+from warp_trunk.engine.model import EnergyName
+from warp_trunk.engine.parallel import choose_device
 
 METHODS = ("newton", "conjugate", "gradient", outside.OUTSIDE)
 

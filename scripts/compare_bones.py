@@ -31,9 +31,9 @@ from warp_trunk import (
     skin_after,
     spline_path,
 )
-from warp_trunk.deformity import find_landmarks, impose
-from warp_trunk.rigid import fit_rigid
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.preparation.deformity import find_landmarks, impose
 
 CURVE, CORRECTION = SpineCurve(cobb=60.0), 0.7
 

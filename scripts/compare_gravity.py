@@ -22,7 +22,7 @@ from warp_trunk import (
     skin_after,
     spline_path,
 )
-from warp_trunk.model import EnergyName
+from warp_trunk.engine.model import EnergyName
 
 GRAVITY = 9.81
 

@@ -13,9 +13,9 @@ import sys
 import numpy as np
 
 from warp_trunk import MeshOptions, build_model, build_trunk, measure, read_case, simulate
-from warp_trunk.bone_path import BonePath, composed_path, spline_path
+from warp_trunk.bone_motion.bone_path import BonePath, composed_path, spline_path
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.results import skin_after
-from warp_trunk.simulation import SimulationOptions
 
 COUNTS = (20, 10, 5, 1)
 

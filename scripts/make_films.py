@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk import InputError, Landmarks, read_case
-from warp_trunk.reconstruction import Film, triangulate
-from warp_trunk.reconstruction.films import project, projection_matrix
+from warp_trunk.preparation.reconstruction import Film, triangulate
+from warp_trunk.preparation.reconstruction.films import project, projection_matrix
 
 SOURCE, FILM = 1500.0, 300.0
 """How far the source and the film are from the middle of the patient [mm]."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.reconstruction.films import Film, project, projection_matrix
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.preparation.reconstruction.films import Film, project, projection_matrix
 
 
 def biplanar(landmarks: Landmarks, noise: float = 0.0, seed: int = 0) -> tuple[Film, Film]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from report_results import write_small_result
 
-from warp_trunk.parallel import Parallel
+from warp_trunk.engine.parallel import Parallel
 from warp_trunk.report import write_report
 
 

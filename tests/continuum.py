@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from reference import Reference
 
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 def lame(tissue: Tissue) -> tuple[float, float]:

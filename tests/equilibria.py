@@ -11,10 +11,10 @@ from finite_elements.neo_hookean import NeoHookean
 from finite_elements.newton import equilibrium
 from finite_elements.solid import Solid, weight
 
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 @dataclass(frozen=True)

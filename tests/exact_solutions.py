@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 MODULUS = 1.0
 """Young's modulus [kPa]."""

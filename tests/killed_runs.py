@@ -22,12 +22,12 @@ import numpy as np
 import warp as wp
 from small_trunk import boned_case
 
-from warp_trunk import run
-from warp_trunk.progress import Progress
-from warp_trunk.relaxation import RelaxOptions
-from warp_trunk.run_options import RunOptions
-from warp_trunk.simulation import SimulationOptions
-from warp_trunk.trunk_mesh import write_trunk
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.trunk_mesh import write_trunk
+from warp_trunk.run import run_case as run
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.progress import Progress
 
 INCREMENTS = 6
 

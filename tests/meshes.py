@@ -6,7 +6,7 @@ from itertools import permutations
 
 import numpy as np
 
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 def trunk(nodes: np.ndarray, tets: np.ndarray, prescribed: np.ndarray) -> TrunkMesh:

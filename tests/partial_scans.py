@@ -9,7 +9,7 @@ from meshes import rotation
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.surface import Surface
 
 
 @dataclass(frozen=True)

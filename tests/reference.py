@@ -10,8 +10,8 @@ from itertools import combinations
 
 import numpy as np
 
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 def unique_features(tets: np.ndarray, corners: int) -> np.ndarray:

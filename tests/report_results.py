@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from small_trunk import made_up_increments, small_case
 
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import RelaxStatus
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import write_result
-from warp_trunk.surface import Surface
 
 
 @cache

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from warp_trunk.case import Case
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.phantom import straight_trunk
-from warp_trunk.tissue import Tissue
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.preparation.phantom import straight_trunk
 
 BONES = ("T7", "T12", "L3", "rib_left_07", "sternum", "hip_left", "hip_right")
 

@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from warp_trunk.bone_path import spline_path
+from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case import Case
-from warp_trunk.energy import Energy
-from warp_trunk.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.engine.relaxation import Relaxation, RelaxStatus
+from warp_trunk.engine.state import Energy
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.recording import Recording
-from warp_trunk.relaxation import Relaxation, RelaxStatus
 from warp_trunk.results import skin_after
-from warp_trunk.surface import Surface
-from warp_trunk.trunk_mesh import TrunkMesh
 
 SHAPE = (5, 5, 7)
 SIZE = np.array([300.0, 200.0, 420.0])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.meshing import MeshOptions, build_trunk
-from warp_trunk.surface import Surface
-from warp_trunk.trunk_mesh import TrunkMesh
 
 
 def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), subdivisions: int = 3) -> Surface:

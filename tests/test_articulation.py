@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.articulation import bone_motions
-from warp_trunk.bone_path import spline_path
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.phantom import straight_trunk
-from warp_trunk.surface import Surface
+from warp_trunk.bone_motion.articulation import bone_motions
+from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.phantom import straight_trunk
 
 TURN = RigidTransform.from_components([-14.0, 6.0, 5.0], Rotation.from_rotvec([0.02, 0.1, -0.03]))
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.phantom import straight_trunk
-from warp_trunk.reconstruction import fit_atlas
-from warp_trunk.rigid import fit_rigid
-from warp_trunk.spline import fit_spline
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.spline import fit_spline
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.preparation.reconstruction import fit_atlas
 
 TURN = Rotation.from_rotvec([0.3, -0.2, 0.9])
 

@@ -5,8 +5,8 @@ import pytest
 
 from warp_trunk.case import Axes
 from warp_trunk.errors import InputError
-from warp_trunk.meshing.surface_checks import enclosed_volume
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import enclosed_volume
 
 LEFT, BACK, UP = np.eye(3)
 MEANING = {"L": LEFT, "R": -LEFT, "P": BACK, "A": -BACK, "S": UP, "I": -UP}

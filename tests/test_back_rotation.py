@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from trunk_shapes import LEFT, SPINE, ellipse, joined, rotation, spine, tube
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks
 from warp_trunk.measures import measure
 from warp_trunk.measures.back_rotation import back_surface_rotation, dual_tangent
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from blocks import VERTEBRA, blocks, moved, skeleton
 
-from warp_trunk.deformity.bone_landmarks import VERTEBRAE, find_landmarks
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, bone_of
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import VERTEBRA_POINTS, bone_of
-from warp_trunk.meshing.distance_field import SurfaceDistance
-from warp_trunk.surface import read_surface
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import read_surface
+from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE, find_landmarks
 
 
 def test_points_of_a_vertebra_of_known_shape() -> None:

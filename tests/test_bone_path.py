@@ -6,9 +6,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from synthetic import shell_trunk
 
-from warp_trunk.bone_path import BonePath, composed_path, rigid_path, spline_path
+from warp_trunk.bone_motion.bone_path import BonePath, composed_path, rigid_path, spline_path
 from warp_trunk.errors import InputError
-from warp_trunk.joints import free_joints
+from warp_trunk.meshing.joints import free_joints
 
 RNG = np.random.default_rng(3)
 NAMES = tuple(f"m{i}" for i in range(40))

@@ -3,10 +3,10 @@ import pytest
 from synthetic import box, sphere
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.meshing.bone_surface import bone_surface
-from warp_trunk.meshing.distance_field import SurfaceDistance
-from warp_trunk.meshing.surface_checks import check_solid, components, enclosed_volume
-from warp_trunk.surface import Surface
 
 SKIN = sphere(100.0, subdivisions=4)
 

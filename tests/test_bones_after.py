@@ -8,7 +8,7 @@ from small_case import small_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.bones_after import check_bones_after
 from warp_trunk.errors import InputError
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.surface import Surface
 
 
 def with_sternum(bend: float = 0.0, name: str = "sternum", keep: int | None = None):

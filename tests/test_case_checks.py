@@ -7,9 +7,9 @@ from small_case import small_case
 
 from warp_trunk.case import Case
 from warp_trunk.case.checks import CaseSource, CheckOptions, check_case
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.surface import Surface
 
 
 def refused(case: Case, rule: str, source: CaseSource | None = None) -> None:

@@ -7,10 +7,10 @@ import pytest
 from small_case import small_case
 
 from warp_trunk.case import Axes, Case, CheckOptions, read_case, write_case
-from warp_trunk.deformity import find_landmarks
+from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks, write_landmarks
-from warp_trunk.surface import Surface, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.preparation.deformity import find_landmarks
 
 
 def assert_equal(one: Case, other: Case) -> None:

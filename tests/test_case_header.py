@@ -2,8 +2,8 @@ import pytest
 
 from warp_trunk.case import Axes
 from warp_trunk.case.header import CaseHeader, header_text, read_header
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.tissue import Tissue
 
 
 def read(tmp_path, text):

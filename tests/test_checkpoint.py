@@ -11,16 +11,16 @@ import pytest
 from small_trunk import made_up_increments, small_case
 
 from warp_trunk.case import Case
-from warp_trunk.energy import Energy
+from warp_trunk.case.layers import Layers
+from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
+from warp_trunk.engine.state import Energy
 from warp_trunk.errors import InputError
-from warp_trunk.layers import Layers
-from warp_trunk.model import Model, build_model
-from warp_trunk.relaxation import RelaxStatus, RelaxStep
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import Checkpoint, fingerprint_of, unfinished
 from warp_trunk.results import checkpoint as checkpoint_module
 from warp_trunk.results.fingerprint import difference
-from warp_trunk.run_options import RunOptions, parameters
-from warp_trunk.surface import Surface
+from warp_trunk.run.options import RunOptions, parameters
 
 CASE, TRUNK = small_case()
 SOFT = replace(CASE.tissue, theta=3.0)

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from small_trunk import made_up_increments, small_case
 
-from warp_trunk import run
 from warp_trunk.cli import demo, main, make_case
 from warp_trunk.cli import simulate as simulate_command
 from warp_trunk.cli.arguments import one_line
 from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 from warp_trunk.cli.view import find_recording
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.layers import depth as layer_depth
+from warp_trunk.geometry.surface import write_surface
 from warp_trunk.meshing import TrunkBuild
+from warp_trunk.meshing.layers import depth as layer_depth
 from warp_trunk.recording import stream, viewer
-from warp_trunk.relaxation import RelaxStatus
 from warp_trunk.results import prepare_folder
-from warp_trunk.surface import write_surface
-from warp_trunk.tissue import Tissue
+from warp_trunk.run import run_case as run
 
 FLAGS = [
     "--out", "--tets", "--increments", "--device", "--precision", "--threads", "--method", "--tolerance",

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from biplanar import biplanar
 
+from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
 from warp_trunk.cli import main
-from warp_trunk.landmarks import Landmarks, read_landmarks, write_landmarks
-from warp_trunk.phantom import straight_trunk
-from warp_trunk.surface import read_surface, write_surface
+from warp_trunk.geometry.surface import read_surface, write_surface
+from warp_trunk.preparation.phantom import straight_trunk
 
 
 def write_films(folder, films) -> list[str]:

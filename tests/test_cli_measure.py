@@ -11,9 +11,9 @@ from small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cli.exit_status import BAD_INPUT, OK
+from warp_trunk.engine.trunk_mesh import TrunkMesh, write_trunk
+from warp_trunk.geometry.surface import Surface, write_surface
 from warp_trunk.measures import compare_skins, measure
-from warp_trunk.surface import Surface, write_surface
-from warp_trunk.trunk_mesh import TrunkMesh, write_trunk
 
 
 @pytest.fixture(scope="module")

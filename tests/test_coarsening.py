@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from synthetic import box, sphere
 
-from warp_trunk.meshing.coarsening import coarsen
-from warp_trunk.meshing.distance_field import SurfaceDistance
-from warp_trunk.meshing.surface_checks import check_solid, components, enclosed_volume, manifold_fault
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume, manifold_fault
 
 
 def edge_lengths(surface):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from warp_trunk.landmarks import Landmarks
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import cobb_angles
 
 LEVELS = [f"T{i}" for i in range(1, 13)] + [f"L{i}" for i in range(1, 6)]

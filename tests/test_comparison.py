@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from trunk_shapes import SPINE, ellipse, joined, rotation, spine, tube
 
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.comparison import DETECTABLE, RANGES, bsr_error
-from warp_trunk.surface import Surface
 
 LEVELS = {f"T{i}": 370.0 - 20.0 * i for i in range(1, 13)} | {f"L{i}": 130.0 - 20.0 * i for i in range(1, 6)}
 

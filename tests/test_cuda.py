@@ -10,12 +10,12 @@ from continuum import Continuum
 from meshes import block_with_bone, rotation
 from reference import Reference
 
-from warp_trunk.bone_path import BonePath
-from warp_trunk.energy import State
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.simulation import SimulationOptions, simulate
-from warp_trunk.tissue import Tissue
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
 
 wp.init()
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")

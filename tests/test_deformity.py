@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warp_trunk.deformity import SpineCurve, correct, impose
-from warp_trunk.deformity.bone_landmarks import VERTEBRAE, find_landmarks
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.meshing.surface_checks import crossings
-from warp_trunk.phantom import straight_trunk
-from warp_trunk.surface import Surface, read_surface
+from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface_checks import crossings
+from warp_trunk.preparation.deformity import SpineCurve, correct, impose
+from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE, find_landmarks
+from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, BONES, LANDMARKS = straight_trunk()
 CURVE = SpineCurve(cobb=50.0)

@@ -1,8 +1,8 @@
 import numpy as np
 from synthetic import sphere
 
-from warp_trunk.meshing.distance_field import Grid, SurfaceDistance, connected
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.distance_field import Grid, SurfaceDistance, connected
+from warp_trunk.geometry.surface import Surface
 
 
 def grid_of(radius, spacing):

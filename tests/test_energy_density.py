@@ -5,10 +5,10 @@ import pytest
 from meshes import block_with_bone
 from small_trunk import small_trunk
 
-from warp_trunk.energy import State
-from warp_trunk.model import build_model
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.recording.energy_density import energy_density, tet_energies
-from warp_trunk.tissue import Tissue
 
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])

@@ -9,11 +9,11 @@ import pytest
 from small_trunk import boned_case, small_trunk
 
 from warp_trunk.cli import main
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes, write_trunk
 from warp_trunk.errors import InputError
-from warp_trunk.exchange import read_volume, write_volume
-from warp_trunk.surface import Surface
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh, tet_volumes, write_trunk
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.exchange import read_volume, write_volume
 
 TISSUE = Tissue(youngs_modulus=12.0, poisson_ratio=0.4, density=950.0)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.errors import InputError
-from warp_trunk.file_access import check_within, is_plain, limited_memory, number, read_bytes, read_text
+from warp_trunk.io.file_access import check_within, is_plain, limited_memory, number, read_bytes, read_text
 
 
 def test_text_comes_without_mark_and_with_one_kind_of_line_end(tmp_path):

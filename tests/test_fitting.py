@@ -3,10 +3,10 @@ import pytest
 from scipy.spatial import Delaunay
 from synthetic import sphere
 
-from warp_trunk.meshing.nearest import nearest
-from warp_trunk.scanning.fitting import fit_to_points
-from warp_trunk.scanning.overlap import vertex_areas
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.scanning.fitting import fit_to_points
+from warp_trunk.preparation.scanning.overlap import vertex_areas
 
 
 def measured(radius, count=6000, noise=0.0, seed=0):

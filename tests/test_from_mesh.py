@@ -11,13 +11,13 @@ import pytest
 from rrd import column
 from small_trunk import boned_case, box_mesh
 
-from warp_trunk import run
 from warp_trunk.cli import main
 from warp_trunk.cli import simulate as simulate_command
 from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, OK
+from warp_trunk.engine.trunk_mesh import read_trunk
+from warp_trunk.geometry.surface import read_surface
 from warp_trunk.results import checkpoint
-from warp_trunk.surface import read_surface
-from warp_trunk.trunk_mesh import read_trunk
+from warp_trunk.run import run_case as run
 
 SHORT = ["--increments=3", "--device=cpu", "--threads=1"]
 

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from meshes import block, block_with_bone, grid, rotate, rotation, single_tet, trunk
 from reference import Reference, volumes
 
-from warp_trunk.bone_path import BonePath
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.model import EnergyName, build_model
+from warp_trunk.engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-from warp_trunk.model import EnergyName, build_model
-from warp_trunk.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.simulation import SimulationOptions, simulate
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
 
 pytestmark = pytest.mark.usefixtures("split_small_meshes")
 

@@ -7,11 +7,11 @@ import pytest
 from blocks import spine_and_hips
 
 from warp_trunk.case import Case
-from warp_trunk.deformity import SpineCurve, find_landmarks, make_case
 from warp_trunk.errors import InputError
-from warp_trunk.meshing.surface_checks import check_solid
-from warp_trunk.phantom import straight_trunk
-from warp_trunk.surface import read_surface
+from warp_trunk.geometry.surface import read_surface
+from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.preparation.deformity import SpineCurve, find_landmarks, make_case
+from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, _, _ = straight_trunk()
 BONES = spine_and_hips()

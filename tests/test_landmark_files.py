@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from warp_trunk.axes import Axes
+from warp_trunk.case.axes import Axes
+from warp_trunk.case.landmarks import landmark_file, read_landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import landmark_file, read_landmarks
 
 
 def markups(points, system="LPS", **more):

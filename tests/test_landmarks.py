@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from warp_trunk.case.landmarks import Landmarks, bone_of, read_landmarks, write_landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks, bone_of, read_landmarks, write_landmarks
 
 NAMES = (
     "L1_left_pedicle_superior",

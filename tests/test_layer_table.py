@@ -10,8 +10,8 @@ from small_case import small_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.layer_table import LayerTable, layer_text, read_layers
+from warp_trunk.case.layers import Layers
 from warp_trunk.errors import InputError
-from warp_trunk.layers import Layers
 
 
 def read(folder: Path, text: str) -> LayerTable | None:

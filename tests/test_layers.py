@@ -10,14 +10,15 @@ import trimesh
 from meshes import block, grid, trunk
 from scipy.interpolate import BSpline
 
-from warp_trunk.energy import State
+from warp_trunk.case.layers import Layers
+from warp_trunk.engine.model import EnergyName, build_model
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, read_trunk, tet_volumes, write_trunk
 from warp_trunk.errors import InputError
-from warp_trunk.layers import Layers, layered
-from warp_trunk.layers.depth import part_negative, real_skin
-from warp_trunk.model import EnergyName, build_model
-from warp_trunk.surface import Surface, read_surface
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh, check_trunk, read_trunk, tet_volumes, write_trunk
+from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.meshing.layers import layered
+from warp_trunk.meshing.layers.depth import part_negative, real_skin
 
 
 def slab(cells: tuple[int, int, int] = (6, 6, 4), size: float = 10.0) -> TrunkMesh:

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import pytest
 
-from warp_trunk.energy import Energy
-from warp_trunk.relaxation.line_search import Trial, search
-from warp_trunk.relaxation.products import Products
+from warp_trunk.engine.relaxation.line_search import Trial, search
+from warp_trunk.engine.relaxation.products import Products
+from warp_trunk.engine.state import Energy
 
 
 def trial(length: float, energy: float, slope: float, newly_inverted: int = 0) -> Trial:

@@ -71,6 +71,6 @@ def test_a_lock_removed_while_it_is_taken_is_taken_anew(tmp_path: Path, monkeypa
             Path(path).unlink()
         return handle
 
-    monkeypatch.setattr("warp_trunk.results.lock.os.open", opens)
+    monkeypatch.setattr("warp_trunk.io.lock.os.open", opens)
     with locked(tmp_path), pytest.raises(InputError), locked(tmp_path):
         pass

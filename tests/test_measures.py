@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from small_trunk import SIZE, small_case, turned
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
-from warp_trunk.surface import Surface
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_trunk.deformity.bone_landmarks import find_landmarks
-from warp_trunk.landmarks import Landmarks
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface, read_surface
 from warp_trunk.measures import compare_skins, measure, mirror_asymmetry
-from warp_trunk.surface import Surface, read_surface
+from warp_trunk.preparation.deformity.bone_landmarks import find_landmarks
 
 TWIST = 20.0
 """Clockwise, over the height of the trunk above the pelvis [degrees]."""

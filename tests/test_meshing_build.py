@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from synthetic import box, shell_trunk, sphere
 
+from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface_checks import crossings, manifold_fault
 from warp_trunk.meshing import MeshOptions, build_trunk, make_trunk
-from warp_trunk.meshing.polish import mean_ratio
-from warp_trunk.meshing.surface_checks import crossings, manifold_fault
-from warp_trunk.surface import Surface, read_surface
-from warp_trunk.trunk_mesh import check_trunk, tet_volumes
+from warp_trunk.meshing.quality import mean_ratio
 
 SKIN = sphere(100.0)
 BONES = {"upper": sphere(25.0, (0.0, 5.0, 22.0), 2), "lower": sphere(25.0, (0.0, 5.0, -22.0), 2)}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from synthetic import shell_trunk, sphere
 
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.meshing.cache import cache_folder, cache_key, load_cached, store_cached
-from warp_trunk.surface import Surface
 
 KEY = "0" * 64
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from meshes import block, block_with_bone, grid, single_tet, trunk
 
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-from warp_trunk.model import build_model
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
 
 
 def with_nodes(mesh: TrunkMesh, node: int, position: list[float]) -> TrunkMesh:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from warp_trunk.ordering import bisect
+from warp_trunk.engine.ordering import bisect
 
 POINTS = np.random.default_rng(0).uniform(size=(1000, 3)) * [10.0, 3.0, 1.0]
 

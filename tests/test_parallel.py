@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads
 from warp_trunk.errors import InputError
-from warp_trunk.parallel import Parallel, choose_device, choose_threads
 
 
 @wp.kernel(enable_backward=False)

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from warp_trunk.case import Case, check_case, read_case, write_case
-from warp_trunk.deformity import SpineCurve
 from warp_trunk.errors import InputError
-from warp_trunk.meshing.distance_field import SurfaceDistance
-from warp_trunk.meshing.surface_checks import check_solid
-from warp_trunk.phantom import SIZE_RANGES, TrunkSize, phantom_case, straight_trunk
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.preparation.deformity import SpineCurve
+from warp_trunk.preparation.phantom import SIZE_RANGES, TrunkSize, phantom_case, straight_trunk
 
 CORNERS = [TrunkSize(height=h, width=w, depth=d) for h, w, d in product(*SIZE_RANGES.values())]
 

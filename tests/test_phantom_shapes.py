@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from warp_trunk.meshing.surface_checks import check_solid, enclosed_volume
-from warp_trunk.phantom.shapes import along, rod, spaced, stack, tube
+from warp_trunk.geometry.surface_checks import check_solid, enclosed_volume
+from warp_trunk.preparation.phantom.shapes import along, rod, spaced, stack, tube
 
 
 def test_a_tube_of_circles_is_a_cylinder_with_cones():

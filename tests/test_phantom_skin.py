@@ -1,9 +1,9 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from warp_trunk.meshing.surface_checks import check_solid, components
-from warp_trunk.phantom.skin import EDGE, section_at, trunk_skin
-from warp_trunk.section import outer_loop, section
+from warp_trunk.geometry.section import outer_loop, section
+from warp_trunk.geometry.surface_checks import check_solid, components
+from warp_trunk.preparation.phantom.skin import EDGE, section_at, trunk_skin
 
 
 def test_the_skin_is_one_solid_of_even_triangles():

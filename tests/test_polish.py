@@ -1,8 +1,8 @@
 import numpy as np
 from meshes import grid
 
-from warp_trunk.meshing.polish import mean_ratio, polish
-from warp_trunk.trunk_mesh import tet_volumes
+from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.meshing.quality import mean_ratio, polish
 
 
 def flattened():

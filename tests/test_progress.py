@@ -5,7 +5,7 @@ import io
 import pytest
 from small_trunk import made_up_increments, small_trunk
 
-from warp_trunk.progress import Progress
+from warp_trunk.run.progress import Progress
 
 
 class Terminal(io.StringIO):

@@ -10,16 +10,16 @@ import pytest
 from rrd import column
 from small_trunk import made_up_increments, measured, small_case, start_recording
 
-from warp_trunk.bone_path import spline_path
-from warp_trunk.energy import Energy
+from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.engine.relaxation import RelaxStep
+from warp_trunk.engine.state import Energy
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.recording.colours import COLOURS
 from warp_trunk.recording.drawing import BarPlot, Normals
 from warp_trunk.recording.numbers import table
 from warp_trunk.recording.stream import Stream, within
-from warp_trunk.relaxation import RelaxStep
-from warp_trunk.surface import Surface
 
 
 def record(path, case, trunk, increments, after_each=lambda increment: None, close=True, **options):

@@ -3,9 +3,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic import sphere
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.reconstruction import register_skin
+from warp_trunk.preparation.reconstruction import register_skin
 
 SKIN = sphere(150.0, (0.0, 0.0, 1000.0), 2)
 ROWS = np.arange(0, len(SKIN.vertices), 7)

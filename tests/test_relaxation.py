@@ -9,12 +9,12 @@ import pytest
 from meshes import block, block_with_bone, rotate
 from reference import Reference, volumes
 
-from warp_trunk.energy import State
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus, RelaxStep
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus, RelaxStep
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
 
 pytestmark = pytest.mark.usefixtures("split_small_meshes")
 

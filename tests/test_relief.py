@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from small_trunk import box_mesh, small_landmarks
 
-from warp_trunk.landmarks import Landmarks
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.report.relief import BELOW, MARGIN, Window, in_pelvis, relief, side_difference, window
-from warp_trunk.surface import Surface
 
 
 def turned_about_z(points, degrees, shift=(0.0, 0.0, 0.0)):

@@ -10,8 +10,8 @@ from PIL import Image
 from report_results import write_small_result
 
 from warp_trunk.cli import main
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
-from warp_trunk.relaxation import RelaxStatus
 from warp_trunk.report import write_report
 from warp_trunk.report.modelled import modelled, not_modelled
 from warp_trunk.report.sentences import sentences

@@ -7,15 +7,15 @@ import pytest
 from meshes import block_with_bone, grid, rotate, trunk
 from reference import Reference
 
-from warp_trunk.bone_path import BonePath
-from warp_trunk.energy import State
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.model import EnergyName, Model, build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.sag_free import sag_free
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
-from warp_trunk.model import EnergyName, Model, build_model
-from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.rest import sag_free
-from warp_trunk.simulation import SimulationOptions, simulate
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh, tet_volumes
 
 GRAVITY = 9.81
 BARE = block_with_bone()

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from small_trunk import made_up_increments, small_case
 
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import RelaxStatus, RelaxStep
+from warp_trunk.geometry.surface import Surface, read_surface
 from warp_trunk.results import folder as result_folder
 from warp_trunk.results import prepare_folder, read_summary, skin_after, write_result
 from warp_trunk.results.reading import SUMMARY_KEYS
-from warp_trunk.surface import Surface, read_surface
 
 WHOLE = {
     "landmarks_after.csv", "landmarks_before.csv", "skin_after.ply", "skin_before.ply",

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from small_trunk import made_up_increments, small_case
 
+from warp_trunk.engine.model import build_model
 from warp_trunk.errors import InputError
-from warp_trunk.model import build_model
+from warp_trunk.geometry.surface import Surface, write_surface
 from warp_trunk.results import read_result, skin_after, write_result
-from warp_trunk.surface import Surface, write_surface
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from meshes import block_with_bone, rotate
 
-from warp_trunk.bone_path import BonePath
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.relaxation.outcome import Method
+from warp_trunk.engine.sag_free import sag_free
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.errors import InputError
-from warp_trunk.model import Model, build_model
-from warp_trunk.relaxation import RelaxOptions
-from warp_trunk.relaxation.outcome import Method
-from warp_trunk.rest import sag_free
-from warp_trunk.simulation import Increment, SimulationOptions, simulate
 
 pytestmark = pytest.mark.usefixtures("split_small_meshes")
 

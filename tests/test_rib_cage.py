@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from warp_trunk.deformity.rib_cage import guiding_points
-from warp_trunk.deformity.spine_curve import SpineCurve, vertebra_poses
-from warp_trunk.phantom import straight_trunk
+from warp_trunk.preparation.deformity.rib_cage import guiding_points
+from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
+from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, BONES, LANDMARKS = straight_trunk()
 

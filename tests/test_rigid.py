@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from warp_trunk.errors import InputError
-from warp_trunk.rigid import fit_rigid, part_of
+from warp_trunk.geometry.rigid import fit_rigid, part_of
 
 RNG = np.random.default_rng(5)
 UP = np.array([0.0, 0.0, 1.0])

@@ -4,9 +4,9 @@ from synthetic import box, sphere
 from trunk_shapes import joined
 
 from warp_trunk.errors import InputError
-from warp_trunk.meshing.surface_checks import enclosed_volume
-from warp_trunk.section import enclosed_area, encloses, outer_loop, section, sections, trunk_loop
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.section import enclosed_area, encloses, outer_loop, section, sections, trunk_loop
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import enclosed_volume
 
 
 def test_circle_of_a_sphere_turns_counterclockwise():

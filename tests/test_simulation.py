@@ -5,12 +5,12 @@ import pytest
 from meshes import block, block_with_bone, rotate
 from reference import Reference
 
-from warp_trunk.bone_path import BonePath
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.simulation import Increment, SimulationOptions, simulate
-from warp_trunk.trunk_mesh import TrunkMesh
 
 pytestmark = pytest.mark.usefixtures("split_small_meshes")
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.interpolate import RBFInterpolator
 
 from warp_trunk.errors import InputError
-from warp_trunk.spline import fit_spline
+from warp_trunk.geometry.spline import fit_spline
 
 RNG = np.random.default_rng(7)
 SOURCES = RNG.uniform([-150, -200, 700], [150, 50, 1400], size=(60, 3))

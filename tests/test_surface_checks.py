@@ -3,8 +3,8 @@ import pytest
 from synthetic import box, sphere
 
 from warp_trunk.errors import InputError
-from warp_trunk.meshing.surface_checks import check_solid, components, crossings, enclosed_volume, manifold_fault
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import check_solid, components, crossings, enclosed_volume, manifold_fault
 
 
 def joined(*surfaces):

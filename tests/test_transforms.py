@@ -4,7 +4,7 @@ from meshes import rotation
 from synthetic import sphere
 
 from warp_trunk.errors import InputError
-from warp_trunk.scanning import moved, read_transform
+from warp_trunk.preparation.scanning import moved, read_transform
 
 
 def matrix():

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from biplanar import biplanar
 
-from warp_trunk.deformity import find_landmarks
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.phantom import straight_trunk
-from warp_trunk.reconstruction import Film, read_film, triangulate
-from warp_trunk.reconstruction.films import project, projection_matrix
-from warp_trunk.surface import read_surface
+from warp_trunk.geometry.surface import read_surface
+from warp_trunk.preparation.deformity import find_landmarks
+from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.preparation.reconstruction import Film, read_film, triangulate
+from warp_trunk.preparation.reconstruction.films import project, projection_matrix
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from synthetic import shell_trunk
 
+from warp_trunk.engine.trunk_mesh import check_trunk, read_trunk, tet_volumes, write_trunk
 from warp_trunk.errors import InputError
-from warp_trunk.trunk_mesh import check_trunk, read_trunk, tet_volumes, write_trunk
 
 
 @pytest.fixture(scope="module")

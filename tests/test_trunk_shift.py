@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from trunk_shapes import ASIS, ellipse, rotation, spine, tube, with_points
 
-from warp_trunk.landmarks import Landmarks
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkShift, measure
-from warp_trunk.surface import Surface
 
 LEVELS = {"T1": 380.0, "T8": 240.0, "L5": 80.0}
 

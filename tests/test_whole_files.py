@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from warp_trunk.whole_files import partial, whole
+from warp_trunk.io.atomic_write import partial, whole
 
 
 def test_a_file_gets_its_name_when_it_is_whole(tmp_path: Path) -> None:

@@ -1,9 +1,9 @@
 import numpy as np
 from synthetic import box, sphere
 
-from warp_trunk.meshing.distance_field import Grid
-from warp_trunk.scanning.winding import sheet_samples, winding_field
-from warp_trunk.surface import Surface
+from warp_trunk.geometry.distance_field import Grid
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.scanning.winding import sheet_samples, winding_field
 
 GRID = Grid(np.array([-80.0, -80.0, 1220.0]), 4.0, (41, 41, 41))
 CENTRE = (0.0, 0.0, 1300.0)

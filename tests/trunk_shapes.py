@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from warp_trunk.landmarks import Landmarks
-from warp_trunk.surface import Surface
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
 
 LEFT = np.array([1.0, 0.0])
 SPINE = np.array([0.0, 45.0])

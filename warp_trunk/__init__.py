@@ -7,14 +7,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .articulation import bone_motions
-    from .bone_path import BonePath, rigid_path, spline_path
+    from .bone_motion.articulation import bone_motions
+    from .bone_motion.bone_path import BonePath, rigid_path, spline_path
     from .case import Case, read_case, write_case
-    from .deformity import SpineCurve, make_case
+    from .case.landmarks import Landmarks, read_landmarks, write_landmarks
+    from .case.layers import Layers
+    from .engine.model import Model, build_model
+    from .engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
+    from .engine.sag_free import RestState, sag_free
+    from .engine.simulation import Increment, SimulationOptions, simulate
+    from .engine.tissue import Tissue
+    from .engine.trunk_mesh import TrunkMesh, read_trunk, write_trunk
     from .errors import InputError
-    from .joints import free_joints
-    from .landmarks import Landmarks, read_landmarks, write_landmarks
-    from .layers import Layers, layered
+    from .geometry.surface import Surface, read_surface, write_surface
     from .measures import (
         BsrError,
         CobbAngle,
@@ -33,38 +38,34 @@ if TYPE_CHECKING:
         tissue_volume_change,
     )
     from .meshing import MeshOptions, build_trunk
-    from .model import Model, build_model
-    from .phantom import TrunkSize, phantom_case
-    from .reconstruction import Film, fit_atlas, read_film, register_skin, triangulate
+    from .meshing.joints import free_joints
+    from .meshing.layers import layered
+    from .preparation.deformity import SpineCurve, make_case
+    from .preparation.phantom import TrunkSize, phantom_case
+    from .preparation.reconstruction import Film, fit_atlas, read_film, register_skin, triangulate
+    from .preparation.scanning import CloseOptions, CutPlane, align_parts, close_skin
     from .recording import Recording
-    from .relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
-    from .rest import RestState, sag_free
     from .results import Result, read_result, read_summary, skin_after, write_result
-    from .run import RunResult, run_case
-    from .run_options import RunOptions
-    from .scanning import CloseOptions, CutPlane, align_parts, close_skin
-    from .simulation import Increment, SimulationOptions, simulate
-    from .surface import Surface, read_surface, write_surface
-    from .tissue import Tissue
-    from .trunk_mesh import TrunkMesh, read_trunk, write_trunk
+    from .run.options import RunOptions
+    from .run.run_case import RunResult, run_case
 
 _MODULE = {
-    "bone_motions": "articulation",
-    "BonePath": "bone_path",
-    "rigid_path": "bone_path",
-    "spline_path": "bone_path",
+    "bone_motions": "bone_motion.articulation",
+    "BonePath": "bone_motion.bone_path",
+    "rigid_path": "bone_motion.bone_path",
+    "spline_path": "bone_motion.bone_path",
     "Case": "case",
     "read_case": "case",
     "write_case": "case",
-    "SpineCurve": "deformity",
-    "make_case": "deformity",
+    "SpineCurve": "preparation.deformity",
+    "make_case": "preparation.deformity",
     "InputError": "errors",
-    "free_joints": "joints",
-    "Landmarks": "landmarks",
-    "read_landmarks": "landmarks",
-    "write_landmarks": "landmarks",
-    "Layers": "layers",
-    "layered": "layers",
+    "free_joints": "meshing.joints",
+    "Landmarks": "case.landmarks",
+    "read_landmarks": "case.landmarks",
+    "write_landmarks": "case.landmarks",
+    "Layers": "case.layers",
+    "layered": "meshing.layers",
     "BsrError": "measures",
     "CobbAngle": "measures",
     "DistanceStatistics": "measures",
@@ -82,44 +83,44 @@ _MODULE = {
     "tissue_volume_change": "measures",
     "MeshOptions": "meshing",
     "build_trunk": "meshing",
-    "Model": "model",
-    "build_model": "model",
-    "TrunkSize": "phantom",
-    "phantom_case": "phantom",
-    "Film": "reconstruction",
-    "fit_atlas": "reconstruction",
-    "read_film": "reconstruction",
-    "register_skin": "reconstruction",
-    "triangulate": "reconstruction",
+    "Model": "engine.model",
+    "build_model": "engine.model",
+    "TrunkSize": "preparation.phantom",
+    "phantom_case": "preparation.phantom",
+    "Film": "preparation.reconstruction",
+    "fit_atlas": "preparation.reconstruction",
+    "read_film": "preparation.reconstruction",
+    "register_skin": "preparation.reconstruction",
+    "triangulate": "preparation.reconstruction",
     "Recording": "recording",
-    "Relaxation": "relaxation",
-    "Relaxer": "relaxation",
-    "RelaxOptions": "relaxation",
-    "RelaxStatus": "relaxation",
-    "RestState": "rest",
-    "sag_free": "rest",
+    "Relaxation": "engine.relaxation",
+    "Relaxer": "engine.relaxation",
+    "RelaxOptions": "engine.relaxation",
+    "RelaxStatus": "engine.relaxation",
+    "RestState": "engine.sag_free",
+    "sag_free": "engine.sag_free",
     "Result": "results",
     "read_result": "results",
     "read_summary": "results",
     "skin_after": "results",
     "write_result": "results",
-    "RunResult": "run",
-    "run_case": "run",
-    "RunOptions": "run_options",
-    "CloseOptions": "scanning",
-    "CutPlane": "scanning",
-    "align_parts": "scanning",
-    "close_skin": "scanning",
-    "Increment": "simulation",
-    "SimulationOptions": "simulation",
-    "simulate": "simulation",
-    "Surface": "surface",
-    "read_surface": "surface",
-    "write_surface": "surface",
-    "Tissue": "tissue",
-    "TrunkMesh": "trunk_mesh",
-    "read_trunk": "trunk_mesh",
-    "write_trunk": "trunk_mesh",
+    "RunResult": "run.run_case",
+    "run_case": "run.run_case",
+    "RunOptions": "run.options",
+    "CloseOptions": "preparation.scanning",
+    "CutPlane": "preparation.scanning",
+    "align_parts": "preparation.scanning",
+    "close_skin": "preparation.scanning",
+    "Increment": "engine.simulation",
+    "SimulationOptions": "engine.simulation",
+    "simulate": "engine.simulation",
+    "Surface": "geometry.surface",
+    "read_surface": "geometry.surface",
+    "write_surface": "geometry.surface",
+    "Tissue": "engine.tissue",
+    "TrunkMesh": "engine.trunk_mesh",
+    "read_trunk": "engine.trunk_mesh",
+    "write_trunk": "engine.trunk_mesh",
 }
 
 __all__ = [

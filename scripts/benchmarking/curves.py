@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from warp_trunk import RelaxOptions, RelaxStatus
-from warp_trunk.relaxation.outcome import Method
+from warp_trunk.engine.relaxation.outcome import Method
 
 from .outside import OUTSIDE, outside_curve
 from .problem import Problem, read_problem

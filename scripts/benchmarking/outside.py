@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_trunk.energy import State, to_mesh_order
+from warp_trunk.engine.state import State, to_mesh_order
 
 from .problem import Problem
 from .record import Setting

@@ -25,7 +25,7 @@ from warp_trunk import (
     simulate,
     spline_path,
 )
-from warp_trunk.model import EnergyName
+from warp_trunk.engine.model import EnergyName
 
 TRUTH_TOLERANCE = 1e-6
 """Estimated distance from equilibrium of the solution that errors are measured against [mm]."""

@@ -26,8 +26,8 @@ from warp_trunk import (
     measure,
     simulate,
 )
-from warp_trunk.energy import State
-from warp_trunk.model import EnergyName, WeightsName
+from warp_trunk.engine.model import EnergyName, WeightsName
+from warp_trunk.engine.state import State
 
 from .problem import Problem
 from .record import Setting

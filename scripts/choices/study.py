@@ -29,11 +29,11 @@ from warp_trunk import (
     skin_after,
     spline_path,
 )
-from warp_trunk.articulation import bone_motions
-from warp_trunk.bone_path import rigid_path
-from warp_trunk.joints import free_joints
+from warp_trunk.bone_motion.articulation import bone_motions
+from warp_trunk.bone_motion.bone_path import rigid_path
 from warp_trunk.measures.volume import tissue_volume_change
 from warp_trunk.meshing.cache import cache_key
+from warp_trunk.meshing.joints import free_joints
 
 from .choices import Choices
 from .errors import moved_bones, moved_landmarks

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.surface import Surface, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface, read_surface, write_surface
 
 Break = Callable[[Path], object]
 """Spoils a case folder."""

@@ -12,9 +12,9 @@ from breaking import ply
 from report_results import write_small_result
 from small_case import small_case
 
+from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
-from warp_trunk.landmarks import Landmarks, write_landmarks
-from warp_trunk.surface import Surface, write_surface
+from warp_trunk.geometry.surface import Surface, write_surface
 
 ARGUMENTS = [
     ("no increment", ["--increments", "0"], "increments: must be from 1 to 10000, not 0"),
@@ -42,7 +42,7 @@ ARGUMENTS = [
 
 @pytest.mark.parametrize("row", ARGUMENTS, ids=lambda row: row[0])
 def test_arguments_that_cannot_be_are_refused_before_any_work(good_case, refused, tmp_path, monkeypatch, row):
-    monkeypatch.setattr("warp_trunk.run.make_trunk", None)  # nothing is meshed
+    monkeypatch.setattr("warp_trunk.run.run_case.make_trunk", None)  # nothing is meshed
     _, flags, *fragments = row
     refused(["simulate", str(good_case), "--out", str(tmp_path / "out"), *flags], *fragments)
     assert not (tmp_path / "out").exists() or list((tmp_path / "out").rglob("*")) == []

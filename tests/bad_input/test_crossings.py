@@ -7,9 +7,9 @@ from synthetic import sphere
 
 from warp_trunk.cli.crossing_file import crossings_written
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, read_surface
 from warp_trunk.meshing import CrossingError
 from warp_trunk.meshing.tetrahedra import tetrahedralize
-from warp_trunk.surface import Surface, read_surface
 
 
 def pulled_through(vertices, faces):

@@ -24,20 +24,20 @@ from small_trunk import boned_case, made_up_increments
 from small_trunk import small_case as small_trunk_case
 
 from warp_trunk.case.header import read_header
+from warp_trunk.case.landmarks import read_landmarks, write_landmarks
 from warp_trunk.case.layer_table import read_numbers
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import read_trunk
 from warp_trunk.errors import InputError
-from warp_trunk.exchange import read_volume, write_volume
-from warp_trunk.landmarks import read_landmarks, write_landmarks
-from warp_trunk.layers.labels import labels_from_mesh
+from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.io.exchange import read_volume, write_volume
 from warp_trunk.meshing import cache
-from warp_trunk.reconstruction import read_film
-from warp_trunk.reconstruction.films import read_projection
+from warp_trunk.meshing.layers.labels import labels_from_mesh
+from warp_trunk.preparation.reconstruction import read_film
+from warp_trunk.preparation.reconstruction.films import read_projection
+from warp_trunk.preparation.scanning import read_transform
 from warp_trunk.results import read_result
 from warp_trunk.results.checkpoint import Checkpoint
-from warp_trunk.scanning import read_transform
-from warp_trunk.surface import Surface, read_surface, write_surface
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import read_trunk
 
 EXAMPLES = int(os.environ.get("WARP_TRUNK_FUZZ", "0"))
 VTK = Path(__file__).parents[1] / "vtk_files"

@@ -15,7 +15,7 @@ from small_trunk import boned_case
 import warp_trunk
 from warp_trunk import kernels
 from warp_trunk.case import read_case
-from warp_trunk.landmarks import read_landmarks
+from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.meshing import cache
 
 NAME = "T7 – Wirbel μ"  # an en dash, spaces and a Greek letter

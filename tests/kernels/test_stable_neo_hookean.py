@@ -10,8 +10,8 @@ from meshes import rotation
 from warp_trunk.kernels.neo_hookean import neo_hookean_kernels
 from warp_trunk.kernels.stable_neo_hookean import neo_hookean
 
-from warp_trunk.neo_hookean import stable_moduli
-from warp_trunk.tissue import Tissue
+from warp_trunk.engine.energies.neo_hookean import stable_moduli
+from warp_trunk.engine.tissue import Tissue
 
 MU, BULK = 1.7, 23.0
 RATIOS = [0.0, 0.3, 0.45, 0.49]

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from small_trunk import small_case
 
-from warp_trunk.bone_path import BonePath, spline_path
-from warp_trunk.exchange import write_volume
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import RelaxOptions
-from warp_trunk.simulation import SimulationOptions, simulate
-from warp_trunk.tissue import Tissue
+from warp_trunk.bone_motion.bone_path import BonePath, spline_path
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.io.exchange import write_volume
 
 CCX = shutil.which("ccx")
 

@@ -9,12 +9,12 @@ from continuum import Continuum, parts
 from meshes import block, block_with_bone, rotate, rotation, trunk
 from scipy.optimize import brentq
 
-from warp_trunk.energy import State
-from warp_trunk.model import Model, build_model
-from warp_trunk.neo_hookean import stable_moduli
-from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.energies.neo_hookean import stable_moduli
+from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 pytestmark = pytest.mark.usefixtures("split_small_meshes")
 

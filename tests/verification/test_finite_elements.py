@@ -8,7 +8,7 @@ from equilibria import SOLVERS
 from finite_elements.neo_hookean import NeoHookean
 from meshes import block, block_with_bone, rotate, rotation
 
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 def moved_bone() -> tuple[TrunkMesh, np.ndarray]:

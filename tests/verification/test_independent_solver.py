@@ -5,10 +5,10 @@ import pytest
 from meshes import block, block_with_bone, rotate
 from reference import Reference
 
-from warp_trunk.model import build_model
-from warp_trunk.relaxation import Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 TISSUE = Tissue(epsilon=0.8, theta=6.0)
 

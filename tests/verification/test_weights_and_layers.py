@@ -9,11 +9,11 @@ import pytest
 from meshes import block, grid, rotation, trunk
 from reference import Reference, volumes
 
-from warp_trunk.energy import Energy, State
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.state import Energy, State
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-from warp_trunk.model import build_model
-from warp_trunk.tissue import Tissue
-from warp_trunk.trunk_mesh import TrunkMesh
 
 SOFT = Tissue(epsilon=0.5, theta=8.0, youngs_modulus=5.0, density=900.0)
 STIFF = Tissue(epsilon=2.0, theta=20.0, youngs_modulus=35.0, density=1300.0)

@@ -1,6 +1,6 @@
 """What the clinic gives: a patient's skin, bones and landmarks, read, checked and written as a case folder."""
 
-from ..axes import Axes
+from .axes import Axes
 from .checks import CheckOptions, check_case
 from .folder import read_case, write_case
 from .record import Case

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
-from ..rigid import fit_rigid
-from ..surface import check_surface
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.surface import check_surface
 
 if TYPE_CHECKING:
     from .record import Case

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..axes import MILLIMETRES
-from ..errors import InputError
-from ..landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
-from ..meshing.distance_field import SurfaceDistance
-from ..meshing.surface_checks import check_solid, components, enclosed_volume
-from ..surface import Surface, check_surface
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import Surface, check_surface
+from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
+
+from .axes import MILLIMETRES
 from .bones_after import check_bones_after
+from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 
 if TYPE_CHECKING:
     from .record import Case

@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ..axes import MILLIMETRES, Axes
-from ..errors import InputError
-from ..file_access import check_within
-from ..landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
-from ..surface import Surface, read_surface, write_surface
-from ..surface_files import surface_files
-from ..whole_files import whole
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.file_access import check_within
+from warp_trunk.io.surface_files import surface_files
+
+from .axes import MILLIMETRES, Axes
 from .checks import CaseSource, CheckOptions, check_case, check_names
 from .header import CaseHeader, header_text, read_header
+from .landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from .layer_table import read_layers, write_layers
 from .record import Case
 

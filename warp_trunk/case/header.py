@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..axes import MILLIMETRES, Axes
-from ..errors import InputError
-from ..file_access import read_text
-from ..landmarks import COLUMNS
-from ..tissue import Tissue
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
+from warp_trunk.io.file_access import read_text
+
+from .axes import MILLIMETRES, Axes
 from .keys import numbers, quoted, refuse_unknown, shown
+from .landmarks import COLUMNS
 from .layer_table import LayerTable, layer_table, layer_text
 
 _MOST = 1_000_000

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
 
 
 def refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: str) -> None:

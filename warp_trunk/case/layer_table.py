@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..file_access import check_within, number, read_text
-from ..layers.record import NAMES, Layers
-from ..tissue import Tissue
-from ..whole_files import whole
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.file_access import check_within, number, read_text
+
 from .keys import is_number, numbers, quoted, refuse_unknown, shown
+from .layers import NAMES, Layers
 
 THICKNESS = ("skin_thickness", "fat_thickness")
 CONSTANT_NAMES = [constant.name for constant in dataclasses.fields(Tissue)]

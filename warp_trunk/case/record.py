@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from ..landmarks import Landmarks
-from ..layers.record import Layers
-from ..surface import Surface
-from ..tissue import Tissue
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.geometry.surface import Surface
+
+from .landmarks import Landmarks
+from .layers import Layers
 
 
 @dataclass(frozen=True, eq=False)

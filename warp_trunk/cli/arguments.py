@@ -11,7 +11,7 @@ from typing import Any
 import tyro
 from tyro.conf import OmitArgPrefixes
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
 
 
 def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:

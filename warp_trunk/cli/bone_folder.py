@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import InputError
-from ..surface import Surface, read_surface
-from ..surface_files import surface_files
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.io.surface_files import surface_files
 
 
 def read_bones(folder: Path) -> dict[str, Surface]:

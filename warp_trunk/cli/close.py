@@ -11,9 +11,9 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
-from ..errors import InputError
-from ..progress import Progress
-from ..scanning import (
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, check_written, read_surface, write_surface
+from warp_trunk.preparation.scanning import (
     ClosedSkin,
     CloseOptions,
     CutPlane,
@@ -23,7 +23,8 @@ from ..scanning import (
     moved,
     read_transform,
 )
-from ..surface import Surface, check_written, read_surface, write_surface
+from warp_trunk.run.progress import Progress
+
 from .exit_status import OK
 
 

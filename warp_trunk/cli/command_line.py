@@ -11,7 +11,8 @@ from typing import Annotated
 import warp as wp
 from tyro.conf import subcommand
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
+
 from .arguments import parse
 from .close import Close
 from .demo import Demo

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import InputError
-from ..meshing import CrossingError
-from ..surface import write_surface
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import write_surface
+from warp_trunk.meshing import CrossingError
 
 CROSSINGS = "crossings.ply"
 

@@ -9,12 +9,13 @@ from typing import Annotated
 
 import tyro
 
-from ..meshing import MeshOptions
-from ..phantom import phantom_case
-from ..progress import Progress
-from ..run import run_case
-from ..run_options import RunOptions
-from ..simulation import SimulationOptions
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.preparation.phantom import phantom_case
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.progress import Progress
+from warp_trunk.run.run_case import run_case
+
 from .ending import tell
 
 

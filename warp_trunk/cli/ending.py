@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from ..relaxation import RelaxStatus
-from ..results import RECORDING
-from ..results.summary_text import plain
-from ..run import RunResult
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.results import RECORDING
+from warp_trunk.results.summary_text import plain
+from warp_trunk.run.run_case import RunResult
+
 from .exit_status import NOT_CONVERGED, OK
 
 

@@ -8,14 +8,15 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from ..errors import InputError
-from ..exchange import ENDINGS, write_volume
-from ..file_access import check_place
-from ..results import read_summary
-from ..results.folder import TRUNK
-from ..tissue import Tissue
-from ..trunk_mesh import read_trunk
-from ..whole_files import whole
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import read_trunk
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.exchange import ENDINGS, write_volume
+from warp_trunk.io.file_access import check_place
+from warp_trunk.results import read_summary
+from warp_trunk.results.folder import TRUNK
+
 from .exit_status import OK
 
 

@@ -10,11 +10,12 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import InputError
-from ..landmarks import read_landmarks
-from ..reconstruction import fit_atlas
-from ..surface import write_surface
-from ..whole_files import whole
+from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import write_surface
+from warp_trunk.io.atomic_write import whole
+from warp_trunk.preparation.reconstruction import fit_atlas
+
 from .bone_folder import read_bones
 from .exit_status import OK
 from .spread import mean_and_largest

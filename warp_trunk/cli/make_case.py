@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..case import write_case
-from ..deformity import SpineCurve, make_case
-from ..progress import Progress
-from ..surface import read_surface
+from warp_trunk.case import write_case
+from warp_trunk.geometry.surface import read_surface
+from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.run.progress import Progress
+
 from .bone_folder import read_bones
 from .exit_status import OK
 

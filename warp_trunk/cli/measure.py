@@ -13,19 +13,20 @@ from typing import Any, Literal
 import numpy as np
 from tyro.conf import Positional
 
-from ..case import Case, read_case
-from ..case.header import read_header
-from ..errors import InputError
-from ..measures import compare_skins, measure
-from ..measures.record import COLUMNS, comparison_record, measures_record, rows
-from ..measures.table import comparison_text, measures_text
-from ..measures.volume import tissue_volume_change
-from ..meshing.surface_checks import enclosed_volume, manifold_fault
-from ..progress import Progress
-from ..results import partial
-from ..results.folder import SKIN_AFTER, TRUNK
-from ..surface import Surface, read_surface
-from ..trunk_mesh import read_trunk
+from warp_trunk.case import Case, read_case
+from warp_trunk.case.header import read_header
+from warp_trunk.engine.trunk_mesh import read_trunk
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
+from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
+from warp_trunk.measures.table import comparison_text, measures_text
+from warp_trunk.measures.volume import tissue_volume_change
+from warp_trunk.results import partial
+from warp_trunk.results.folder import SKIN_AFTER, TRUNK
+from warp_trunk.run.progress import Progress
+
 from .exit_status import OK
 
 

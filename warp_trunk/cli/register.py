@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..landmarks import read_landmarks
-from ..reconstruction import register_skin
-from ..surface import check_written, read_surface, write_surface
+from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.geometry.surface import check_written, read_surface, write_surface
+from warp_trunk.preparation.reconstruction import register_skin
+
 from .exit_status import OK
 from .spread import mean_and_largest
 

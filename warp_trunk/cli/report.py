@@ -9,9 +9,10 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from ..progress import Progress
-from ..report import write_report
-from ..results import unfinished
+from warp_trunk.report import write_report
+from warp_trunk.results import unfinished
+from warp_trunk.run.progress import Progress
+
 from .exit_status import OK
 
 

@@ -10,11 +10,12 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
-from ..case import read_case
-from ..progress import Progress
-from ..run import run_case
-from ..run_options import RunOptions
-from ..tissue import Tissue
+from warp_trunk.case import read_case
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.progress import Progress
+from warp_trunk.run.run_case import run_case
+
 from .arguments import parse
 from .crossing_file import crossings_written
 from .ending import tell

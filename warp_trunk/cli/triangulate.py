@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..file_access import check_place
-from ..reconstruction import read_film, triangulate, write_triangulation
+from warp_trunk.io.file_access import check_place
+from warp_trunk.preparation.reconstruction import read_film, triangulate, write_triangulation
+
 from .exit_status import OK
 from .spread import mean_and_largest
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from ..errors import InputError
-from ..recording import view, view_in_browser
-from ..results import RECORDING, partial, unfinished
+from warp_trunk.errors import InputError
+from warp_trunk.recording import view, view_in_browser
+from warp_trunk.results import RECORDING, partial, unfinished
 
 _BEGINS = b"RRF"
 """How a recording of Rerun begins; its viewer would open much else."""

@@ -9,8 +9,8 @@ import numpy as np
 from .trunk_shift import sacral_line
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
-    from ..surface import Surface
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.surface import Surface
 
 
 def mirror_asymmetry(skin: Surface, landmarks: Landmarks) -> np.ndarray:
@@ -28,7 +28,7 @@ def mirror_asymmetry(skin: Surface, landmarks: Landmarks) -> np.ndarray:
     Raises:
         InputError: no ASIS among the landmarks.
     """
-    from ..meshing.distance_field import SurfaceDistance  # heavy
+    from warp_trunk.geometry.distance_field import SurfaceDistance  # heavy
 
     line = sacral_line(landmarks)
     mirrored = skin.vertices.copy()

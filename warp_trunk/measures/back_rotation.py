@@ -13,8 +13,8 @@ from .outlines import outlines_of
 from .spine import Spine, asis_axis, spine_of
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
-    from ..surface import Surface
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.surface import Surface
 
 SPAN = 40.0
 """Least distance between the points where the dual tangent touches the back [mm]."""

@@ -11,7 +11,7 @@ import numpy as np
 from .spine import Spine, spine_of
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
+    from warp_trunk.case.landmarks import Landmarks
 
 LEAST_CURVE = 10.0
 """A curve of less than this is not scoliosis [degrees], the threshold of the Scoliosis Research Society."""

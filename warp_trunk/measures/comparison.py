@@ -12,8 +12,8 @@ from .back_rotation import back_surface_rotation
 from .skin_distance import DistanceStatistics, distance_statistics, skin_distance
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
-    from ..surface import Surface
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.surface import Surface
 
 DETECTABLE = 2.5
 """Smallest detectable difference of the maximum back surface rotation [degrees] (section 4.5 of [2])."""

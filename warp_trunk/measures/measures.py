@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
+
 from .axial_rotation import axial_rotation
 from .back_rotation import DualTangent, tangents_of
 from .cobb import CobbAngle, curves_of
@@ -21,8 +22,8 @@ from .spine import spine_of
 from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
-    from ..surface import Surface
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.surface import Surface
 
 
 @dataclass(frozen=True)

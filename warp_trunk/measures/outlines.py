@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..section import sections, trunk_loop
+from warp_trunk.geometry.section import sections, trunk_loop
+
 from .spine import Spine
 
 if TYPE_CHECKING:
-    from ..surface import Surface
+    from warp_trunk.geometry.surface import Surface
 
 
 def outlines_of(surface: Surface, spine: Spine) -> tuple[dict[str, np.ndarray | None], dict[str, str]]:

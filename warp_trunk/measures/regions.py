@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
+
 from .spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
-    from ..surface import Surface
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.surface import Surface
 
 BANDS = {
     "upper thoracic": tuple(f"T{i}" for i in range(1, 5)),

@@ -10,8 +10,8 @@ import numpy as np
 from .regions import Regions, regions_of, vertex_normals
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
-    from ..surface import Surface
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.surface import Surface
 
 _SAME_WAY = 0.5
 """Cosine of 60 degrees: skin whose nearest point lies, or faces, further aside than this has none."""
@@ -70,7 +70,7 @@ def skin_distance(skin: Surface, other: Surface, landmarks: Landmarks) -> SkinDi
     Raises:
         InputError: no ASIS, or no vertebra, among the landmarks.
     """
-    from ..meshing.distance_field import SurfaceDistance  # heavy
+    from warp_trunk.geometry.distance_field import SurfaceDistance  # heavy
 
     regions = regions_of(skin, landmarks)
     nearest = SurfaceDistance(other).nearest(skin.vertices)

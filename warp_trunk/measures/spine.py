@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
+    from warp_trunk.case.landmarks import Landmarks
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ import numpy as np
 from .spine import asis_axis
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
+    from warp_trunk.case.landmarks import Landmarks
+
     from .spine import Spine
 
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..trunk_mesh import tet_volumes
+from warp_trunk.engine.trunk_mesh import tet_volumes
 
 if TYPE_CHECKING:
-    from ..trunk_mesh import TrunkMesh
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 def tissue_volume_change(trunk: TrunkMesh, displacement: np.ndarray) -> float:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from ..surface import Surface, check_surface
-from .coarsening import coarsen
-from .distance_field import Box, Grid, SurfaceDistance, connected
-from .isosurface import zero_surface
-from .surface_checks import crossings, manifold_fault
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected
+from warp_trunk.geometry.isosurface import zero_surface
+from warp_trunk.geometry.surface import Surface, check_surface
+from warp_trunk.geometry.surface_checks import crossings, manifold_fault
 
 _BAND = 2.0
 """Distances are worked out to this many voxels from a surface."""

@@ -9,14 +9,15 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from ..surface import Surface, check_surface
-from ..trunk_mesh import TrunkMesh, check_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, check_surface
+from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_volume
+
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
-from .polish import polish
+from .quality import polish
 from .space_order import morton_order
-from .surface_checks import check_solid, crossings, enclosed_volume
 from .tetrahedra import Tetrahedra, tetrahedralize
 
 

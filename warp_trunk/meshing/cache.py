@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..file_access import limited_memory
-from ..surface import Surface
-from ..trunk_mesh import TrunkMesh, check_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.file_access import limited_memory
 
 FORMAT = 3
 """Raised whenever the same input would give another mesh or another file, so that old files are not used."""

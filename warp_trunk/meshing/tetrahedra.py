@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..surface import Surface
-from ..trunk_mesh import tet_volumes
-from .distance_field import SurfaceDistance
-from .surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
+from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 
 _RUNS = 6
 """How often TetGen is run at most to meet the number asked for; one or two runs are usual."""

@@ -11,8 +11,8 @@ from . import drawing
 from .colours import COLOURS, ColourName
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..measures import TrunkMeasures
+    from warp_trunk.case import Case
+    from warp_trunk.measures import TrunkMeasures
 
 FOV = np.radians(53.0)
 """The angle that a pane of the viewer sees from top to bottom, less a margin."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..measures import DualTangent
+    from warp_trunk.measures import DualTangent
 
 SKIN = (229, 194, 172)
 BONE = (236, 226, 198)

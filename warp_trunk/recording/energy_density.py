@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..features import EDGES, face_areas
-from ..itmsm import Itmsm
-from ..neo_hookean import NeoHookean
+from warp_trunk.engine.energies.itmsm import Itmsm
+from warp_trunk.engine.energies.neo_hookean import NeoHookean
+from warp_trunk.engine.features import EDGES, face_areas
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from warp_trunk.engine.model import Model
 
 
 def energy_density(model: Model, skin_nodes: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ..results.summary_text import RESEARCH
+from warp_trunk.results.summary_text import RESEARCH
+
 from . import drawing
 
 if TYPE_CHECKING:
-    from ..energy import Energy
-    from ..measures import TrunkMeasures
+    from warp_trunk.engine.state import Energy
+    from warp_trunk.measures import TrunkMeasures
+
     from .scene import Log
 
 TERMS = {

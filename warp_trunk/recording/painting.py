@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
-from ..surface import Surface
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+
 from .colours import COLOURS, ColourName
 from .energy_density import energy_density
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..model import Model
-    from ..trunk_mesh import TrunkMesh
+    from warp_trunk.case import Case
+    from warp_trunk.engine.model import Model
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 Values = Callable[[np.ndarray, float], np.ndarray]
 """From displacements of all nodes (nodes, 3) [mm] and the load factor to a number for each vertex of the skin."""
@@ -43,12 +44,12 @@ def painters(
         return np.sqrt(np.einsum("ij,ij->i", skin, skin))
 
     def asymmetry(displacement: np.ndarray, load_factor: float) -> np.ndarray:
-        from ..measures import mirror_asymmetry
+        from warp_trunk.measures import mirror_asymmetry
 
         return mirror_asymmetry(moved(displacement), case.landmarks_at(load_factor))
 
     def distance(displacement: np.ndarray, load_factor: float) -> np.ndarray:
-        from ..measures.skin_distance import skin_distance
+        from warp_trunk.measures.skin_distance import skin_distance
 
         assert case.skin_after is not None
         found = skin_distance(moved(displacement), case.skin_after, case.landmarks_at(load_factor))

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..measures import TrunkMeasures, measure
-from ..surface import Surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkMeasures, measure
+
 from . import drawing
 from .blueprint import layout
 from .colours import ColourName, FurtherColour
@@ -24,13 +25,13 @@ from .scene import Scene
 from .stream import open_streams
 
 if TYPE_CHECKING:
-    from ..bone_path import BonePath
-    from ..case import Case
-    from ..energy import State
-    from ..model import Model
-    from ..relaxation import RelaxStep
-    from ..simulation import Increment
-    from ..trunk_mesh import TrunkMesh
+    from warp_trunk.bone_motion.bone_path import BonePath
+    from warp_trunk.case import Case
+    from warp_trunk.engine.model import Model
+    from warp_trunk.engine.relaxation import RelaxStep
+    from warp_trunk.engine.simulation import Increment
+    from warp_trunk.engine.state import State
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
 class Recording:

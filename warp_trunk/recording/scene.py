@@ -11,10 +11,10 @@ from . import drawing
 from .colours import COLOURS, ColourName
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..measures import TrunkMeasures
-    from ..surface import Surface
-    from ..trunk_mesh import TrunkMesh
+    from warp_trunk.case import Case
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.geometry.surface import Surface
+    from warp_trunk.measures import TrunkMeasures
 
 
 class Log(Protocol):

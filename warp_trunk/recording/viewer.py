@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
 
 LOOPBACK = "127.0.0.1"
 WAIT = 60.0

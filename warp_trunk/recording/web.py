@@ -12,7 +12,8 @@ import webbrowser
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-from ..errors import InputError
+from warp_trunk.errors import InputError
+
 from .viewer import LOOPBACK, free_port, listening, stop, viewer_command, viewer_environment
 
 PAGE = {

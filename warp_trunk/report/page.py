@@ -7,14 +7,16 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from ..measures.comparison import DETECTABLE
-from ..relaxation import RelaxStatus
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.measures.comparison import DETECTABLE
+
 from .modelled import modelled, not_modelled
 from .sentences import sentences
 from .tables import error_rows, head, measure_rows, rotation_rows
 
 if TYPE_CHECKING:
-    from ..measures import SkinComparison
+    from warp_trunk.measures import SkinComparison
+
     from .style import Pose
 
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..measures.regions import vertex_normals
-from ..measures.spine import asis_axis
-from ..surface import Surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.regions import vertex_normals
+from warp_trunk.measures.spine import asis_axis
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
+    from warp_trunk.case.landmarks import Landmarks
 
 MARGIN = 10.0
 """Empty space around the trunk [mm]."""

@@ -14,7 +14,7 @@ from .tables import MISSING, signed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..landmarks import Landmarks
+    from warp_trunk.case.landmarks import Landmarks
 
 COLUMNS = 4
 BEYOND = 60.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..measures import SkinComparison, TrunkMeasures
-from ..measures.comparison import DETECTABLE
+from warp_trunk.measures import SkinComparison, TrunkMeasures
+from warp_trunk.measures.comparison import DETECTABLE
+
 from .tables import planned_curves
 
 if TYPE_CHECKING:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ..measures import CobbAngle, SkinComparison, cobb_angles
-from ..measures.cobb import vertebral_tilt
-from ..measures.spine import spine_of
+from warp_trunk.measures import CobbAngle, SkinComparison, cobb_angles
+from warp_trunk.measures.cobb import vertebral_tilt
+from warp_trunk.measures.spine import spine_of
 
 if TYPE_CHECKING:
-    from ..landmarks import Landmarks
-    from ..measures import TrunkMeasures
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.measures import TrunkMeasures
+
     from .style import Pose
 
 MISSING = "–"

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
-from ..measures import compare_skins, measure
-from ..results import read_result
-from ..whole_files import whole
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import whole
+from warp_trunk.measures import compare_skins, measure
+from warp_trunk.results import read_result
+
 from .back_pictures import back_picture, hump_picture
 from .convergence_plot import convergence_plot
 from .page import page
@@ -18,7 +19,7 @@ from .section_pictures import section_pictures
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
 
 if TYPE_CHECKING:
-    from ..results import Result
+    from warp_trunk.results import Result
 
 PAGE = "report.html"
 

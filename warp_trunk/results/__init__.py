@@ -1,10 +1,11 @@
 """The result folder of a simulation, written and read, and its end in words."""
 
-from ..whole_files import partial
+from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.lock import locked
+
 from .checkpoint import Checkpoint, unfinished
 from .fingerprint import fingerprint_of
 from .folder import RECORDING, prepare_folder, skin_after, write_result
-from .lock import locked
 from .reading import Result, read_result, read_summary
 
 __all__ = [

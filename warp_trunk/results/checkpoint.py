@@ -13,15 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..energy import Energy
-from ..errors import InputError
-from ..relaxation import Relaxation, RelaxStatus, RelaxStep
-from ..simulation import Increment
-from ..whole_files import complete, partial
+from warp_trunk.engine.relaxation import Relaxation, RelaxStatus, RelaxStep
+from warp_trunk.engine.simulation import Increment
+from warp_trunk.engine.state import Energy
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import complete, partial
+
 from .fingerprint import Fingerprint, difference
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from warp_trunk.engine.model import Model
 
 CHECKPOINT = "checkpoint"
 FORMAT = 1

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..parallel import choose_device, choose_threads
+from warp_trunk.engine.parallel import choose_device, choose_threads
+
 from .summary import versions
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..landmarks import Landmarks
-    from ..layers import Layers
-    from ..surface import Surface
-    from ..trunk_mesh import TrunkMesh
+    from warp_trunk.case import Case
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.case.layers import Layers
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.geometry.surface import Surface
 
 Fingerprint = dict[str, Any]
 """Values of JSON by name: options and constants as they are, everything large as a digest."""

@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..landmarks import write_landmarks
-from ..measures import measure
-from ..surface import Surface, write_surface
-from ..trunk_mesh import TrunkMesh, write_trunk
-from ..whole_files import complete, partial
+from warp_trunk.case.landmarks import write_landmarks
+from warp_trunk.engine.trunk_mesh import TrunkMesh, write_trunk
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, write_surface
+from warp_trunk.io.atomic_write import complete, partial
+from warp_trunk.measures import measure
+
 from .summary import summarize
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..model import Model
-    from ..simulation import Increment
+    from warp_trunk.case import Case
+    from warp_trunk.engine.model import Model
+    from warp_trunk.engine.simulation import Increment
 
 RECORDING = "recording.rrd"
 SKIN_BEFORE, SKIN_AFTER, SKIN_ACTUAL = "skin_before.ply", "skin_after.ply", "skin_actual.ply"

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..file_access import read_text
-from ..landmarks import Landmarks, read_landmarks
-from ..relaxation import RelaxStatus
-from ..surface import Surface, read_surface
+from warp_trunk.case.landmarks import Landmarks, read_landmarks
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.io.file_access import read_text
+
 from .checkpoint import unfinished
 from .folder import LANDMARKS_AFTER, LANDMARKS_BEFORE, SKIN_ACTUAL, SKIN_AFTER, SKIN_BEFORE, SUMMARY
 from .summary_shape import fault

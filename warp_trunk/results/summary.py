@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..energy import Energy
-    from ..measures import TrunkMeasures
-    from ..model import Model
-    from ..relaxation import RelaxStep
-    from ..simulation import Increment
-    from ..trunk_mesh import TrunkMesh
+    from warp_trunk.case import Case
+    from warp_trunk.engine.model import Model
+    from warp_trunk.engine.relaxation import RelaxStep
+    from warp_trunk.engine.simulation import Increment
+    from warp_trunk.engine.state import Energy
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.measures import TrunkMeasures
 
 STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
 """The parts of every run, whose seconds a summary gives."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..measures import CobbAngle, TrunkMeasures
-from ..relaxation import RelaxStatus
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.measures import CobbAngle, TrunkMeasures
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..simulation import Increment
+    from warp_trunk.case import Case
+    from warp_trunk.engine.simulation import Increment
 
 RESEARCH = "A research simulation, not for clinical use."
 

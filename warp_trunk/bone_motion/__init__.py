@@ -1,0 +1,1 @@
+"""Where the bones are between before and after surgery."""

@@ -1,0 +1,79 @@
+"""Named points on bones."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+
+VERTEBRA_POINTS = (
+    "superior_endplate",
+    "inferior_endplate",
+    "left_pedicle_superior",
+    "left_pedicle_inferior",
+    "right_pedicle_superior",
+    "right_pedicle_inferior",
+)
+"""The six landmarks of a vertebra, in the order files are written."""
+
+ASIS = {"asis_left": "hip_left", "asis_right": "hip_right"}
+"""The anterior superior iliac spines, and the bone of each; their names do not begin with it."""
+
+_VERTEBRA = re.compile(r"([CTL])(\d+)_")
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """Points with names, `<bone>_<point>` (and `asis_left`, `asis_right`)."""
+
+    names: tuple[str, ...]
+    """One name for each point, none twice."""
+    points: np.ndarray
+    """Positions [mm], shape (n, 3), float64."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a name given twice, or another number of names than of points."""
+        if self.points.shape != (len(self.names), 3):
+            raise InputError(
+                f"landmarks: points must have shape ({len(self.names)}, 3), one for each name, "
+                f"not {self.points.shape}"
+            )
+        twice = sorted({name for name in self.names if self.names.count(name) > 1})
+        if twice:
+            raise InputError(f"landmarks: '{twice[0]}' is named more than once; give each point its own name")
+
+    def index(self, name: str) -> int:
+        """The row of a landmark; InputError with the nearest name where there is none of that name."""
+        if name not in self.names:
+            near = difflib.get_close_matches(name, self.names, n=1)
+            hint = f"; did you mean '{near[0]}'?" if near else ""
+            raise InputError(f"landmarks: there is no '{name}' among the {len(self.names)} landmarks{hint}")
+        return self.names.index(name)
+
+    def point(self, name: str) -> np.ndarray:
+        """Position of one landmark [mm], shape (3,); InputError as `index`."""
+        return self.points[self.index(name)]
+
+    def of_bone(self, bone: str) -> Landmarks:
+        """The landmarks of one bone, in their order; none where the bone has none."""
+        rows = [i for i, name in enumerate(self.names) if _belongs(name, bone)]
+        return Landmarks(tuple(self.names[i] for i in rows), self.points[rows].reshape(-1, 3))
+
+    def vertebrae(self) -> tuple[str, ...]:
+        """Names of the vertebrae that have a landmark, top to bottom."""
+        found = {match.groups() for match in map(_VERTEBRA.match, self.names) if match}
+        return tuple(r + n for r, n in sorted(found, key=lambda v: ("CTL".index(v[0]), int(v[1]))))
+
+
+def bone_of(name: str, bones: Iterable[str]) -> str | None:
+    """The bone among `bones` that a landmark belongs to by its name; None where it is not among them."""
+    return max((bone for bone in bones if _belongs(name, bone)), key=len, default=None)
+
+
+def _belongs(name: str, bone: str) -> bool:
+    return ASIS[name] == bone if name in ASIS else name.startswith(f"{bone}_")

@@ -1,0 +1,1 @@
+"""The energies a trunk can have, one file each."""

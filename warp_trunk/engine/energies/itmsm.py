@@ -1,0 +1,143 @@
+"""The seeds' energy, eq. 4.6 of [2], of one trunk: what its kernels read of every tetrahedron."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.itmsm import itmsm_kernels
+
+from ..features import EDGES, FACES, face_areas, shared_by
+from ..rest_mesh import RestMesh
+
+
+@dataclass(frozen=True)
+class Itmsm:
+    """Rest measures and weights of every tetrahedron on the device; the energy is in units of k_D / 2."""
+
+    unit: ClassVar[str] = "k_D / 2"
+    """Unit of the energy, that of the first tissue."""
+    kernels: SimpleNamespace
+    """`gradient` and `curvature` of the terms that the scene uses."""
+    terms: tuple[str, ...]
+    """Names of those terms, as in Energy."""
+    rest_edge: wp.array
+    """Vectors from corner 0 to corners 1, 2, 3 at rest [mm], shape (tets, 3)."""
+    rest_length: wp.array
+    """Edge lengths at rest [mm], shape (tets,), vec6, order 01 02 03 12 13 23."""
+    rest_area: wp.array
+    """Face areas at rest [mm^2], shape (tets,), vec4, face k opposite corner k; empty without the term."""
+    rest_volume: wp.array
+    """Volumes at rest [mm^3], shape (tets,)."""
+    edge_weight: wp.array
+    """1 / |K_ij| of eq. 4.8 or by volume, times the tissue's relative stiffness, shape (tets,), vec6."""
+    face_weight: wp.array
+    """epsilon / |K_ijk| of eq. 4.9 or by volume, likewise, shape (tets,), vec4; empty without the term."""
+    theta: wp.array
+    """theta of eq. 4.6 or by volume, likewise, shape (1,), or (tets,) where tetrahedra differ."""
+    gravity_weight: wp.array
+    """Energy for each mm^3 of a tetrahedron and mm of height of a corner, alpha m_i / (M_0 H_0 V_T); as theta."""
+    alpha: float
+    """2 g M_0 H_0 / k_D of eq. 4.6, from gravity, density and Young's modulus; 0 without gravity."""
+    gravity_at_rest: float
+    """The gravity term of the trunk at rest, which the displacement's part adds to."""
+
+    @property
+    def arguments(self) -> list[Any]:
+        """The first arguments of its kernels after the tetrahedra."""
+        return [
+            self.rest_edge,
+            self.rest_length,
+            self.rest_area,
+            self.rest_volume,
+            self.edge_weight,
+            self.face_weight,
+            self.theta,
+            self.gravity_weight,
+        ]
+
+    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
+        """What the arrays of these names hold for a rest state; the weights are those of the first."""
+        return measures(rest, "area" in self.terms)
+
+
+def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itmsm:
+    """Measures the rest state and uploads it.
+
+    Every edge, face and tetrahedron weighs 1 (`count`, as the seeds have it), or by the volume that it stands for
+    with the same total (`volume`): `count` makes tissue stiffer where its tetrahedra are small. Each tetrahedron
+    adds its own tissue's share of an edge or face; a tissue is stiffer than the first by their Young's moduli.
+    """
+    scalar, tissues = rest.scalar, rest.tissues
+    edge_weight, face_weight = (1.0 / shared_by(rest.corners[:, part]) for part in (EDGES, FACES))
+    tet_weight = np.ones(1)
+    edge_count = edge_weight.sum()
+    if weights == "volume":
+        share = rest.volume / rest.volume.sum()
+        edge_weight, face_weight = (
+            np.outer(share, np.full(weight.shape[1], weight.sum() / weight.shape[1]))
+            for weight in (edge_weight, face_weight)
+        )
+        tet_weight = share * len(share)
+    relative = [tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues]
+    stiffness = rest.by_tissue(relative)
+    epsilon = rest.by_tissue([r * tissue.epsilon for r, tissue in zip(relative, tissues, strict=True)])
+    theta = tet_weight * rest.by_tissue([r * tissue.theta for r, tissue in zip(relative, tissues, strict=True)])
+    alpha, gravity_weight = gravity_weights(rest, gravity, edge_count)
+    gravity_weight = np.broadcast_to(gravity_weight, theta.shape)
+    used = {
+        "distance": True,
+        "area": bool((epsilon > 0.0).any()),
+        "volume": bool((theta > 0.0).any()),
+        "gravity": gravity != 0.0,
+    }
+    vec4, vec6 = wp.types.vector(4, scalar), wp.types.vector(6, scalar)
+    none = np.empty((0, 4))
+    measured = measures(rest, used["area"])
+    return Itmsm(
+        kernels=itmsm_kernels(scalar, cuda, len(theta) > 1, used["gravity"], used["area"], used["volume"]),
+        terms=tuple(name for name in used if used[name]),
+        rest_edge=rest.upload(measured["rest_edge"], wp.types.vector(3, scalar)),
+        rest_length=rest.upload(measured["rest_length"], vec6),
+        rest_area=rest.upload(measured["rest_area"], vec4),
+        rest_volume=rest.upload(measured["rest_volume"], scalar),
+        edge_weight=rest.upload(stiffness[:, None] * edge_weight, vec6),
+        face_weight=rest.upload(epsilon[:, None] * face_weight if used["area"] else none, vec4),
+        theta=rest.upload(theta, scalar),
+        gravity_weight=rest.upload(gravity_weight, scalar),
+        alpha=alpha,
+        gravity_at_rest=rest.height_energy(gravity_weight),
+    )
+
+
+def measures(rest: RestMesh, area: bool) -> dict[str, np.ndarray]:
+    """Edge vectors, lengths, areas (none without their term) and volumes, as the fields of `Itmsm`."""
+    p = rest.positions
+    return {
+        "rest_edge": rest.edges,
+        "rest_length": np.linalg.norm(p[:, EDGES[:, 1]] - p[:, EDGES[:, 0]], axis=2),
+        "rest_area": face_areas(p) if area else np.empty((0, 4)),
+        "rest_volume": rest.volume,
+    }
+
+
+def gravity_weights(rest: RestMesh, gravity: float, edges: float) -> tuple[float, np.ndarray]:
+    """alpha of eq. 4.6, and the weight of gravity per mm^3 and mm, shape (1,) or (tets,).
+
+    k_D [J] follows from Young's modulus: edges of energy k_D/2 s^2 that point every way give a bar
+    of volume V the energy (k_D/2) N s^2 / 5 at uniaxial strain s, which a continuum gives as
+    E V s^2 / 2, so k_D = 5 E V / N for N edges in the volume V. That makes the sag of the tissue
+    depend on its modulus and not on the size of the tetrahedra.
+    """
+    density = rest.by_tissue([tissue.density for tissue in rest.tissues])
+    if gravity == 0.0:
+        return 0.0, np.zeros(len(density))
+    k_d = 5.0 * rest.tissues[0].youngs_modulus * 1e3 * rest.volume.sum() * 1e-9 / edges
+    mean_mass = (density * rest.volume).mean() * 1e-9
+    height_m = np.ptp(rest.nodes[:, 2]) * 1e-3
+    alpha = 2.0 * gravity * mean_mass * height_m / k_d
+    return float(alpha), alpha * 0.25 * density * 1e-9 / (mean_mass * height_m * 1e3)

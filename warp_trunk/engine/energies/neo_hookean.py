@@ -1,0 +1,85 @@
+"""The stable neo-Hookean energy of one trunk: what its kernels read of every tetrahedron."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.neo_hookean import neo_hookean_kernels
+
+from ..rest_mesh import RestMesh
+from ..tissue import Tissue
+
+
+@dataclass(frozen=True)
+class NeoHookean:
+    """Rest measures and moduli of every tetrahedron on the device; energy in mJ, its gradient in N."""
+
+    unit: ClassVar[str] = "mJ"
+    """Unit of the energy: N/mm^2 times mm^3."""
+    kernels: SimpleNamespace
+    """`gradient` and `curvature`, with gravity if the scene has it."""
+    terms: tuple[str, ...]
+    """Names of the terms that the scene uses, as in Energy."""
+    shape_gradient: wp.array
+    """Gradients of the shape functions of corners 1, 2, 3 at rest [1/mm], shape (tets, 3), vec3."""
+    rest_volume: wp.array
+    """Volumes at rest [mm^3], shape (tets,)."""
+    moduli: wp.array
+    """mu and lambda [N/mm^2], shape (1,), or (tets,) where tetrahedra differ, vec2."""
+    gravity_weight: wp.array
+    """A quarter of the weight of each mm^3 [N/mm^3]; as moduli."""
+    gravity_at_rest: float
+    """The gravity term of the trunk at rest [mJ], which the displacement's part adds to."""
+
+    @property
+    def arguments(self) -> list[Any]:
+        """The first arguments of its kernels after the tetrahedra."""
+        return [self.shape_gradient, self.rest_volume, self.moduli, self.gravity_weight]
+
+    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
+        """What the arrays of these names hold for a rest state."""
+        return measures(rest)
+
+
+def make_neo_hookean(rest: RestMesh, gravity: float, cuda: bool) -> NeoHookean:
+    """Measures the rest state and uploads it."""
+    scalar = rest.scalar
+    layered = rest.label is not None
+    measured = measures(rest)
+    mu, bulk = zip(*map(stable_moduli, rest.tissues), strict=True)
+    density = rest.by_tissue([tissue.density for tissue in rest.tissues])
+    gravity_weight = 0.25 * gravity * density * 1e-9  # m/s^2 kg/m^3 = 1e-9 N/mm^3
+    return NeoHookean(
+        kernels=neo_hookean_kernels(scalar, cuda, layered, gravity != 0.0),
+        terms=("shape", "volume", "gravity") if gravity else ("shape", "volume"),
+        shape_gradient=rest.upload(measured["shape_gradient"], wp.types.vector(3, scalar)),
+        rest_volume=rest.upload(measured["rest_volume"], scalar),
+        moduli=rest.upload(
+            np.stack([rest.by_tissue(mu), rest.by_tissue(bulk)], axis=1), wp.types.vector(2, scalar)
+        ),
+        gravity_weight=rest.upload(gravity_weight, scalar),
+        gravity_at_rest=rest.height_energy(gravity_weight),
+    )
+
+
+def measures(rest: RestMesh) -> dict[str, np.ndarray]:
+    """Gradients of the shape functions and volumes, as the fields of `NeoHookean`."""
+    a, b, c = np.moveaxis(rest.edges, 1, 0)
+    areas = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    return {"shape_gradient": areas / (6.0 * rest.volume[:, None, None]), "rest_volume": rest.volume}
+
+
+def stable_moduli(tissue: Tissue) -> tuple[float, float]:
+    """mu and lambda [N/mm^2] with which small strains see the tissue's Young's modulus and Poisson's ratio.
+
+    mu = 4/3 mu_L and lambda = lambda_L + 5/6 mu_L of Lame's constants (Smith, de Goes and Kim 2018, section 3.4).
+    """
+    modulus, ratio = tissue.youngs_modulus * 1e-3, tissue.poisson_ratio
+    shear = modulus / (2.0 * (1.0 + ratio))
+    lame = modulus * ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
+    return 4.0 / 3.0 * shear, lame + 5.0 / 6.0 * shear

@@ -1,0 +1,166 @@
+"""One kernel launch over all CPU cores, or one on CUDA.
+
+Warp runs a CPU launch serially on the calling thread but lets go of the interpreter lock, so a range
+split over threads runs at the same time. A kernel of the hot path therefore begins with the arguments
+`first, end, slab`: it works on [first, end) and adds only into its own slab of an accumulator, which
+keeps results free of races and, on the CPU, equal to the last bit from run to run.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import weakref
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.errors import InputError
+
+LEAST_SPLIT = 4096
+"""Fewer items than this are run by the calling thread alone: waking another takes longer."""
+CUDA_BLOCK = 256
+"""Threads of a CUDA block; launches are padded to whole blocks because sums are reduced per block."""
+
+
+def choose_device(name: str) -> str:
+    """The Warp device for `auto`, `cpu` or `cuda:N`; InputError where it does not exist."""
+    wp.init()
+    if name == "auto":
+        return "cuda:0" if wp.is_cuda_available() else "cpu"
+    known = [str(device) for device in wp.get_devices()]
+    if name not in known:
+        raise InputError(f"device: '{name}' is not on this machine; choose auto or one of {', '.join(known)}")
+    return name
+
+
+MOST_THREADS = 1024
+"""More would only wait for each other."""
+
+
+def choose_threads(threads: int) -> int:
+    """The asked number of CPU threads, or for 0 the number of cores this process may use."""
+    if not 0 <= threads <= MOST_THREADS:
+        raise InputError(f"threads: must be 0 (all cores) to {MOST_THREADS}, not {threads}")
+    return threads or len(os.sched_getaffinity(0))
+
+
+class Parallel:
+    """Where launches run: `ranges` threads of the CPU, or a CUDA device (one range)."""
+
+    def __init__(self, device: str = "auto", threads: int = 0) -> None:
+        self.device = choose_device(device)
+        self.is_cuda = self.device.startswith("cuda")
+        self.ranges = 1 if self.is_cuda else choose_threads(threads)
+        self._workers = [_Worker() for _ in range(self.ranges - 1)]
+
+    def split(self, size: int) -> np.ndarray:
+        """Bounds of equal ranges of [0, size), shape (ranges + 1,)."""
+        return np.linspace(0, size, self.ranges + 1).astype(np.int64)
+
+    def record(
+        self,
+        kernel: Any,
+        size: int | np.ndarray,
+        inputs: Sequence[Any],
+        outputs: Sequence[Any],
+        least: int = LEAST_SPLIT,
+    ) -> Callable[[], None]:
+        """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
+
+        `size` is the number of items, or the bounds of the ranges where they should not be equal. Fewer
+        items than `least` are not split.
+        """
+        bounds = self.split(size) if isinstance(size, int) else size
+        if bounds[-1] < least:
+            bounds = bounds[[0, -1]]
+        commands = []
+        for slab, (first, end) in enumerate(pairwise(bounds)):
+            count = int(end - first)
+            if count == 0:
+                continue
+            if self.is_cuda:
+                count = -(-count // CUDA_BLOCK) * CUDA_BLOCK
+            commands.append(
+                wp.launch(
+                    kernel,
+                    dim=count,
+                    inputs=[int(first), int(end), slab, *inputs],
+                    outputs=list(outputs),
+                    device=self.device,
+                    block_dim=CUDA_BLOCK,
+                    record_cmd=True,
+                )
+            )
+        if not commands:
+            return lambda: None
+        own, *others = commands
+        if not others:
+            return own.launch
+        pairs = list(zip(self._workers, others, strict=False))
+
+        def launch() -> None:
+            for worker, command in pairs:
+                worker.begin(command.launch)
+            own.launch()
+            for worker, _ in pairs:
+                worker.finish()
+
+        return launch
+
+    def record_whole(
+        self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]
+    ) -> Callable[[], None]:
+        """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
+        command = wp.launch(
+            kernel, dim=size, inputs=list(inputs), outputs=list(outputs), device=self.device, record_cmd=True
+        )
+        return command.launch  # pyright: ignore[reportOptionalMemberAccess]  (recorded launches are returned)
+
+
+class _Worker:
+    """A thread that runs one launch at a time, woken by a lock: a third of a thread pool's delay."""
+
+    def __init__(self) -> None:
+        self._work: Callable[[], None] | None = None
+        self._error: BaseException | None = None
+        self._wake, self._done = threading.Lock(), threading.Lock()
+        self._wake.acquire()
+        self._done.acquire()
+        self._thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._wake), daemon=True)
+        self._thread.start()
+        weakref.finalize(self, self._wake.release)
+
+    def begin(self, work: Callable[[], None]) -> None:
+        """Runs `work` on the thread; `finish` waits for it."""
+        self._work = work
+        self._wake.release()
+
+    def finish(self) -> None:
+        """Waits for the work, and raises what it raised."""
+        self._done.acquire()
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
+
+    def run(self) -> None:
+        """What the thread does when woken."""
+        try:
+            assert self._work is not None
+            self._work()
+        except BaseException as error:
+            self._error = error
+        self._done.release()
+
+
+def _serve(worker: weakref.ref[_Worker], wake: threading.Lock) -> None:
+    """Runs the work of a worker until nobody holds the worker any more."""
+    while wake.acquire():
+        alive = worker()
+        if alive is None:
+            return
+        alive.run()
+        del alive

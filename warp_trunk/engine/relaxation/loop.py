@@ -1,0 +1,160 @@
+"""The projected loop: gradient, direction, line search, projection; it stops in mm or says why not.
+
+Projection is the layout of the arrays: free nodes come first and every launch of the loop ends before the
+prescribed ones, so a node on bone never moves by a bit (the mappings U of eq. 4.3 of [2]).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.elements import COLUMNS
+from warp_trunk.kernels.loop import loop_kernels
+
+from ..model import Model
+from ..state import State
+from .conjugate import Conjugate
+from .gradient import Gradient
+from .line_search import Trial, search
+from .linear import LinearSystem
+from .newton import Newton
+from .outcome import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
+from .products import ProductReader, Products
+
+ESTIMATE_EVERY = 50
+"""Steps of a gradient method between two Newton solves that tell how far the equilibrium is."""
+ROUNDING = {"float32": 1e-7, "float64": 1e-14}
+"""Relative change of the energy that the precision does not resolve."""
+ROUNDING_STEPS = 10.0
+"""Roundings of the largest displacement that a force summed over a node's tetrahedra may hide."""
+PATIENCE = 8
+"""Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
+
+
+class Relaxer:
+    """Everything a relaxation needs on the device, made once for a model with free nodes."""
+
+    states: tuple[State, State]
+    """The two configurations that the loop steps between."""
+    state: State
+    """The one that holds now: set it, relax it, read it."""
+
+    def __init__(self, model: Model, options: RelaxOptions | None = None) -> None:
+        self.model = model
+        self.options = options or RelaxOptions()
+        self.states = states = State.pair(model)
+        self.state, self._other = states
+        if not model.free:
+            return
+        self._newton = Newton(LinearSystem(model, self.state))
+        methods = {"newton": lambda _: self._newton, "conjugate": Conjugate, "gradient": Gradient}
+        self._method: Newton | Conjugate | Gradient = methods[self.options.method](model)
+        self._reader = ProductReader(model, states, self._method.direction)
+        self._length = model.array(None, wp.float64, (1,))
+        self._rounding = ROUNDING[model.precision]
+        self._longest = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
+        self._find_longest = {
+            state: model.parallel.record(
+                loop_kernels(*model.variant).longest, len(model.order), [state.displacement], [self._longest]
+            )
+            for state in states
+        }
+        self._step = {
+            start: model.parallel.record(
+                loop_kernels(*model.variant).step,
+                model.free,
+                [self._length, start.displacement, self._method.direction],
+                [end.displacement],
+            )
+            for start, end in (states, states[::-1])
+        }
+
+    def relax(
+        self, tolerance: float | None = None, watch: Callable[[RelaxStep, State], None] | None = None
+    ) -> Relaxation:
+        """Relaxes `state` until the estimated distance to equilibrium is below the tolerance [mm].
+
+        The estimate is that of the state before the last step, which is taken all the same.
+
+        The energy falls at every accepted step (over ten for `gradient`), no tetrahedron is inverted
+        that was not inverted at the start, and the number of steps is bounded. `watch` is told of each
+        accepted step and sees the state after it, to read and not to change.
+        """
+        start = time.perf_counter()
+        tolerance = self.options.tolerance if tolerance is None else tolerance
+        wp.copy(self._other.displacement, self.state.displacement)
+        self.state.evaluate()
+        energy, inverted, _ = self.state.read()
+        history: list[RelaxStep] = []
+        linear_iterations, evaluations = 0, 1
+        estimate = math.inf
+
+        def report(status: RelaxStatus) -> Relaxation:
+            return Relaxation(
+                status, energy, len(history), linear_iterations, evaluations, estimate, inverted, tuple(history)
+            )
+
+        if not math.isfinite(energy.total):
+            return report(RelaxStatus.NOT_FINITE)
+        if not self.model.free:
+            estimate = 0.0
+            return report(RelaxStatus.CONVERGED)
+        self._reader.read(self.state)  # gathers the gradient
+        newton, method = self._newton, self._method
+        floor = ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * self._largest_displacement()
+        newton.begin(tolerance, floor)
+        energies = [energy.total]
+        products: Products | None = None
+        length, least, waited = 0.0, math.inf, 0
+        for step in range(self.options.max_steps):
+            length, spent = method.propose(self.state, products, length)
+            if method is not newton and step % ESTIMATE_EVERY == 0:
+                newton.begin(tolerance, floor)
+                spent += newton.propose(self.state, None, 1.0)[1]
+            linear_iterations += spent
+            if method is newton or step % ESTIMATE_EVERY == 0:
+                estimate = newton.distance
+                waited = 0 if estimate < 0.9 * least else waited + 1
+                least = min(least, estimate)
+                if waited >= PATIENCE and not self._resolved(energies):
+                    return report(RelaxStatus.STALLED)
+            slope = self._reader.read(self.state).slope
+            reference = max(energies[-method.memory :])
+            trial, attempts = search(self._attempt, length, reference, slope, method.slope_ratio, self._rounding)
+            evaluations += attempts
+            if trial is None:
+                return report(RelaxStatus.CONVERGED if estimate <= tolerance else RelaxStatus.STALLED)
+            self.state, self._other = self._other, self.state
+            energy, inverted, products, length = trial.energy, trial.inverted, trial.products, trial.length
+            energies.append(energy.total)
+            history.append(RelaxStep(energy, estimate, length, spent, time.perf_counter() - start))
+            if watch is not None:
+                watch(history[-1], self.state)
+            if estimate <= tolerance:
+                return report(RelaxStatus.CONVERGED)
+        return report(RelaxStatus.STEP_LIMIT)
+
+    def _largest_displacement(self) -> float:
+        """Largest displacement of a node from rest [mm]."""
+        self._longest.zero_()
+        self._find_longest[self.state]()
+        return float(self._longest.numpy().max()) ** 0.5
+
+    def _resolved(self, energies: list[float]) -> bool:
+        """Whether the steps of the last PATIENCE estimates lowered the energy by more than its rounding."""
+        steps = PATIENCE * (1 if self._method is self._newton else ESTIMATE_EVERY)
+        fall = min(energies[:-steps], default=math.inf) - min(energies[-steps:])
+        return fall > self._rounding * abs(energies[-1])
+
+    def _attempt(self, length: float) -> Trial:
+        """Evaluates the other state at a length along the direction."""
+        self._length.fill_(length)
+        self._step[self.state]()
+        self._other.evaluate()
+        energy, inverted, newly_inverted = self._other.read()
+        return Trial(length, energy, inverted, newly_inverted, self._reader.read(self._other))

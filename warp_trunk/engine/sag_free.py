@@ -1,0 +1,111 @@
+"""The rest state of a trunk that was scanned standing, under gravity.
+
+A scan already holds the sag of the tissue. Taken as the rest state, as in the papers, it sags a second time,
+also where nothing is operated. Here the rest state is the shape that gravity pulls into the scan, with the
+bones where they are. It is found by holding the trunk where the scan is and moving the rest state against the
+way that the tissue would go from there: the fixed point of Sellier (An iterative method for the inverse
+elasto-static problem, J. Fluids Struct. 2011), with one Newton direction in place of each equilibrium. A rest
+state that moves changes the forces as much as tissue that moves, but for the strain, so that the distance
+shrinks in every round to about the strain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+
+from .energies.itmsm import Itmsm
+from .energies.neo_hookean import NeoHookean
+from .model import Model
+from .relaxation.linear import LinearSystem
+from .relaxation.newton import Newton
+from .relaxation.products import ProductReader
+from .rest_mesh import RestMesh
+from .state import State
+
+MOST_ROUNDS = 50
+"""A sag of 6 mm takes 4 rounds, one of 40 mm 14; what has not ended by then will not."""
+LEAST_VOLUME = 0.05
+"""No tetrahedron may have less than this part of its scanned volume at rest."""
+
+
+@dataclass(frozen=True)
+class RestState:
+    """A model whose trunk stands as it was scanned, and how it was found."""
+
+    model: Model
+    """The model at the rest state; its `scan` is the way from there to the scan."""
+    sag: float
+    """Largest distance of a node at rest from its place in the scan [mm]."""
+    error: float
+    """Estimated largest distance of a node from its place in the scan when gravity has pulled it there [mm]."""
+    rounds: int
+    """Newton directions."""
+    linear_iterations: int
+    """Iterations of the linear solver in all."""
+
+
+def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
+    """The same model, at rest where gravity pulls it into the trunk before surgery.
+
+    Weights and masses per volume stay as they are; the model given is not changed.
+
+    Args:
+        model: a model with gravity, at rest at the scan.
+        tolerance: largest estimated distance of the equilibrium from the scan [mm].
+
+    Raises:
+        InputError: tissue so soft for this gravity that no rest state was found.
+    """
+    if model.gravity == 0.0 or model.free == 0:
+        return RestState(model, 0.0, 0.0, 0, 0)
+    scan = model.rest
+    rest = scan.copy()
+    scanned = mesh_at(model, scan)
+    work = replace(model, elements=at_rest(model, scanned))
+    states = State.pair(work)
+    state = states[0]
+    newton = Newton(LinearSystem(work, state))
+    reader = ProductReader(work, states, newton.direction)
+    newton.begin(tolerance, 0.0)
+    spent = 0
+    for rounds in range(1, MOST_ROUNDS + 1):
+        state.displacement.assign(scan - rest)
+        state.evaluate()
+        reader.read(state)  # gathers the gradient
+        spent += newton.propose(state, None, 1.0)[1]
+        rest[: model.free] -= newton.direction.numpy()
+        mesh = mesh_at(model, rest)
+        if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
+            break
+        if newton.distance <= tolerance:
+            sag = float(np.linalg.norm(scan - rest, axis=1).max())
+            found = replace(model, rest=rest, scan=scan - rest, elements=at_rest(model, mesh))
+            return RestState(found, sag, newton.distance, rounds, spent)
+        for name, values in work.elements.measures(mesh).items():
+            getattr(work.elements, name).assign(values)
+    softest = min(tissue.youngs_modulus for tissue in model.tissues)
+    raise InputError(
+        f"gravity: no rest state was found from which {model.gravity:g} m/s^2 pulls the tissue into the scan; "
+        f"with a Young's modulus of {softest:g} kPa it would sag by {np.abs(scan - rest).max():.0f} mm or more: "
+        "raise youngs_modulus, or take the scan as the rest state (--rest scan)"
+    )
+
+
+def mesh_at(model: Model, rest: np.ndarray) -> RestMesh:
+    """The model's tetrahedra with their nodes at other places (nodes, 3) [mm]."""
+    return RestMesh(rest, model.corners, model.tissues, None, model.scalar, model.device)
+
+
+def at_rest(model: Model, mesh: RestMesh) -> Itmsm | NeoHookean:
+    """The model's elements for another rest state, in arrays of their own."""
+    elements = model.elements
+    measured = {
+        name: mesh.upload(values, getattr(elements, name).dtype)
+        for name, values in elements.measures(mesh).items()
+    }
+    height_energy = mesh.height_energy(elements.gravity_weight.numpy())
+    return replace(elements, gravity_at_rest=height_energy, **measured)

@@ -1,0 +1,184 @@
+"""The incremental loop, eq. 4.5 of [2]; one increment is Algorithm 1 of [1]."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.errors import InputError
+from warp_trunk.kernels.loop import loop_kernels
+
+from .model import Model
+from .relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStep
+from .state import State, to_mesh_order
+
+if TYPE_CHECKING:
+    from warp_trunk.bone_motion.bone_path import BonePath
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationOptions:
+    """How the bones are carried from before to after surgery."""
+
+    increments: int = 10
+    """Number of equal parts in which the correction is applied."""
+    relax: RelaxOptions = field(default_factory=RelaxOptions)
+    """How the tissue is relaxed after each increment."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.increments <= 10_000:
+            raise InputError(f"increments: must be from 1 to 10000, not {self.increments}")
+
+
+class Increment:
+    """The trunk after one part of the correction, relaxed."""
+
+    number: int
+    """1 for the first."""
+    load_factor: float
+    """The part of the correction applied so far, in (0, 1]."""
+    relaxation: Relaxation
+    """How the relaxation ended."""
+    seconds: float
+    """Time of this increment [s]."""
+
+    def __init__(
+        self,
+        model: Model,
+        number: int,
+        load_factor: float,
+        from_rest: wp.array | np.ndarray,
+        relaxation: Relaxation,
+        seconds: float,
+    ) -> None:
+        """An increment that was simulated, of `from_rest` on the device or as it was stored."""
+        self.number = number
+        self.load_factor = load_factor
+        self.relaxation = relaxation
+        self.seconds = seconds
+        self._model = model
+        on_device = isinstance(from_rest, wp.array)
+        self._on_device = from_rest if on_device else model.array(from_rest, model.vec3)
+
+    @cached_property
+    def displacement(self) -> np.ndarray:
+        """Displacement of every mesh node from before surgery [mm], shape (nodes, 3), float64.
+
+        Copied from the device when first asked for.
+        """
+        return to_mesh_order(self._model, self._on_device)
+
+    @property
+    def from_rest(self) -> np.ndarray:
+        """Displacement from rest in model order as the device has it [mm], shape (nodes, 3), in its precision.
+
+        This and that of the increment before is all that the next increment starts from.
+        """
+        return self._on_device.numpy()
+
+
+def simulate(
+    model: Model,
+    bone_path: BonePath,
+    options: SimulationOptions | None = None,
+    watch: Callable[[RelaxStep, State], None] | None = None,
+    done: Sequence[Increment] = (),
+    relaxer: Relaxer | None = None,
+) -> Iterator[Increment]:
+    """Carries the trunk along the path of its bones and yields it after every increment.
+
+    Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
+    (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to ten
+    times the tolerance. `watch` is told of every accepted step of every relaxation, see `Relaxer.relax`.
+    `done` are the first increments of the same simulation, which was interrupted: it goes on after the
+    last of them, and on the CPU to the last bit as if it had not been. `relaxer` is one that an earlier
+    simulation of this model used, for another plan for the same patient: its set-up is most of what a
+    simulation costs beside its increments, and changes nothing in them.
+
+    Raises:
+        InputError: the path or `done` does not belong to the model's mesh, nothing is left to do, or `relaxer` is
+            of another model or other options.
+    """
+    options = options or SimulationOptions()
+    if bone_path.displacement.shape != (len(model.order), 3):
+        raise InputError(
+            f"bone_path: has {len(bone_path.displacement)} nodes but the trunk has {len(model.order)}; "
+            "make the path from the nodes of this trunk"
+        )
+    if [increment.number for increment in done] != list(range(1, len(done) + 1)) or (
+        len(done) >= options.increments or any(len(one.from_rest) != len(model.order) for one in done)
+    ):
+        raise InputError(
+            f"done: must be increments 1, 2, ... of fewer than {options.increments}, of {len(model.order)} nodes; "
+            "give those that this simulation yielded"
+        )
+    if relaxer is None:
+        relaxer = Relaxer(model, options.relax)
+    elif relaxer.model is not model or relaxer.options != options.relax:
+        raise InputError(
+            "relaxer: is of another model or of other options; make one of this model, or leave it out"
+        )
+    carrier = Carrier(relaxer, bone_path)
+    if done:
+        carrier.go_on(done)
+    for number in range(len(done) + 1, options.increments + 1):
+        start = time.perf_counter()
+        load_factor = number / options.increments
+        carrier.carry(load_factor)  # phi_t of eq. 4.5
+        final = number == options.increments
+        relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0), watch)  # phi~ of eq. 4.3
+        displacement = wp.clone(relaxer.state.displacement)
+        yield Increment(model, number, load_factor, displacement, relaxation, time.perf_counter() - start)
+
+
+class Carrier:
+    """Moves the trunk to where it is expected at the next load factor, from which it is relaxed.
+
+    Bones go to their place on the path. Tissue is carried by the spline over the first increment, eq. 4.5.
+    Over a later one it goes on by what the relaxed trunk did over the one before: for equal increments
+    that moves the bones just as the spline does, and the tissue nearly to its equilibrium.
+    """
+
+    def __init__(self, relaxer: Relaxer, bone_path: BonePath) -> None:
+        model = relaxer.model
+        self.relaxer, self.bone_path = relaxer, bone_path
+        self._now = model.array(model.scan, model.vec3, (len(model.order),))
+        self._last = model.array(None, model.vec3, (len(model.order),))
+        self._started = False
+        self._extrapolate = {
+            state: model.parallel.record(
+                loop_kernels(*model.variant).extrapolate,
+                model.free,
+                [self._now, self._last],
+                [state.displacement],
+            )
+            for state in relaxer.states
+        }
+
+    def go_on(self, done: Sequence[Increment]) -> None:
+        """Sets the relaxer's state to where the increments done so far, at least one, have led."""
+        self.relaxer.state.displacement.assign(done[-1].from_rest)
+        if len(done) > 1:
+            self._now.assign(done[-2].from_rest)
+        self._started = True
+
+    def carry(self, load_factor: float) -> None:
+        """Changes the relaxer's state to the expected one."""
+        state, model = self.relaxer.state, self.relaxer.model
+        path = self.bone_path.at(load_factor)
+        if self._started:
+            wp.copy(self._last, self._now)
+            wp.copy(self._now, state.displacement)
+            self._extrapolate[state]()
+            bones = path[model.order[model.free :]]
+            held = wp.array(bones, dtype=model.vec3, device=model.device)
+            wp.copy(state.displacement, held, dest_offset=model.free, count=len(bones))
+        else:
+            state.place(path)
+        self._started = True

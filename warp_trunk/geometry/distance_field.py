@@ -1,0 +1,124 @@
+"""Signed distance to a closed surface, at points and in a narrow band of a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.distance_field import signed_distance
+
+from .surface import Surface
+
+Box = tuple[slice, slice, slice]
+"""The nodes of a block of a grid."""
+_NEAREST: tuple[Any, ...] = (wp.float32, wp.int32, wp.vec3)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A regular grid of nodes."""
+
+    lower: np.ndarray
+    """Position of node (0, 0, 0) [mm], shape (3,)."""
+    spacing: float
+    """Distance between neighbouring nodes [mm]."""
+    shape: tuple[int, int, int]
+    """Number of nodes along x, y, z."""
+
+    def box(self, lower: np.ndarray, upper: np.ndarray) -> Box:
+        """The nodes of the smallest block of cells that holds the box from lower to upper [mm]."""
+        first = np.floor((lower - self.lower) / self.spacing).astype(int)
+        last = np.ceil((upper - self.lower) / self.spacing).astype(int)
+        first, last = np.maximum(first, 0), np.minimum(last, np.array(self.shape) - 1)
+        return (
+            slice(first[0], last[0] + 1),
+            slice(first[1], last[1] + 1),
+            slice(first[2], last[2] + 1),
+        )
+
+    def positions(self, nodes: np.ndarray) -> np.ndarray:
+        """Positions [mm] of nodes given by their three numbers, shape (n, 3)."""
+        return self.lower + self.spacing * nodes
+
+
+class Nearest(NamedTuple):
+    """The nearest points of a surface to other points."""
+
+    distance: np.ndarray
+    """Distance [mm], negative inside; NaN where the surface is out of reach, shape (n,), float32."""
+    face: np.ndarray
+    """Nearest triangle, -1 out of reach, shape (n,), int32."""
+    point: np.ndarray
+    """Nearest point [mm], NaN out of reach, shape (n, 3)."""
+
+
+class SurfaceDistance:
+    """Signed distance to one closed surface, negative inside; the surface may overlap or cross itself."""
+
+    def __init__(self, surface: Surface) -> None:
+        """Build the search tree of a surface; positions are kept about its middle, in float32."""
+        self.lower = surface.vertices.min(axis=0)
+        self.upper = surface.vertices.max(axis=0)
+        self._middle = 0.5 * (self.lower + self.upper)
+        self._size = float(np.linalg.norm(self.upper - self.lower))
+        self._mesh = wp.Mesh(
+            points=wp.array(surface.vertices - self._middle, dtype=wp.vec3, device="cpu"),
+            indices=wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu"),
+            support_winding_number=True,
+        )
+
+    def at(self, points: np.ndarray, reach: float | None = None) -> np.ndarray:
+        """Signed distance [mm] of points (n, 3); NaN where the surface is farther away than reach [mm]."""
+        return self.nearest(points, reach).distance
+
+    def nearest(self, points: np.ndarray, reach: float | None = None) -> Nearest:
+        """Where the surface is nearest to points (n, 3), if within reach [mm]."""
+        if reach is None:
+            off = np.abs(points - self._middle).max(initial=0.0)
+            reach = 2.0 * (self._size + float(off)) + 1.0
+        distance, face, nearest = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _NEAREST)
+        wp.launch(
+            signed_distance,
+            dim=len(points),
+            inputs=[self._mesh.id, wp.array(points - self._middle, dtype=wp.vec3, device="cpu"), reach],
+            outputs=[distance, face, nearest],
+            device="cpu",
+        )
+        return Nearest(distance.numpy(), face.numpy(), nearest.numpy() + self._middle)
+
+    def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
+        """Signed distance [mm] in a block of a grid, cut off at -band and +band.
+
+        Only nodes within the band are searched for their nearest triangle. Beyond it, the sign is the same
+        all over each connected patch of nodes (a path between neighbours is too short to cross the surface
+        when band >= spacing), so that one search without limit settles a whole patch.
+
+        wanted: where the value is needed, shape of the block, bool; elsewhere the result is +band.
+        """
+        first = np.array([part.start for part in box])
+        result = np.full(wanted.shape, band, dtype=np.float32)
+        nodes = np.argwhere(wanted)
+        result[wanted] = self.at(grid.positions(nodes + first), band)
+        patches = connected(np.isnan(result))
+        far = patches > 0
+        if far.any():
+            far_nodes, patch = np.argwhere(far), patches[far]
+            _, sample, patch = np.unique(patch, return_index=True, return_inverse=True)
+            signs = np.sign(self.at(grid.positions(far_nodes[sample] + first)))
+            result[far] = band * signs[patch]
+        return result
+
+
+def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:
+    """Number of the connected patch of each node of a grid, from 1; 0 where the mask is false.
+
+    Neighbours differ in one of the three node numbers, or in one or two of them if `diagonally`.
+    """
+    from scipy import ndimage  # heavy
+
+    patches = np.empty(mask.shape, dtype=np.int32)
+    ndimage.label(mask, ndimage.generate_binary_structure(3, 2 if diagonally else 1), output=patches)
+    return patches

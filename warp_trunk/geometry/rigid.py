@@ -1,0 +1,53 @@
+"""Rigid motions: the one nearest to pairs of points, and the screw that leads there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+_LINE = 1e-4
+"""Second over first singular value of the covariance below which points count as lying on one line: they are
+then narrower than 1 % of their length."""
+
+
+def fit_rigid(before: np.ndarray, after: np.ndarray) -> RigidTransform:
+    """The rotation and shift that carry points nearest to their places after, in least squares (Kabsch).
+
+    Two points, or points on a line, leave the turn about that line open; of all rotations that fit equally
+    well the smallest is taken. One point gives a shift.
+
+    Args:
+        before: shape (n, 3) [mm], at least one.
+        after: the same points moved, shape (n, 3) [mm].
+
+    Raises:
+        InputError: no points, shapes that differ, or a number that is not finite.
+    """
+    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+
+    if before.shape != after.shape or before.ndim != 2 or before.shape[1] != 3 or len(before) == 0:
+        raise InputError(
+            f"rigid fit: both sets of points must have one shape (n, 3), not {before.shape} and {after.shape}; "
+            "give each point before and after"
+        )
+    if not (np.isfinite(before).all() and np.isfinite(after).all()):
+        raise InputError("rigid fit: coordinates must be finite; correct or remove the points that are not")
+    from_centre, to_centre = before.mean(axis=0), after.mean(axis=0)
+    a, b = before - from_centre, after - to_centre
+    U, extents, Vt = np.linalg.svd(a.T @ b)
+    if extents[1] <= _LINE * extents[0]:  # on a line, or one point
+        a, b = U[:, :1].T, Vt[:1]
+    rotation = Rotation.align_vectors(b, a)[0] if extents[0] > 0.0 else Rotation.identity()
+    return RigidTransform.from_components(to_centre - rotation.apply(from_centre), rotation)
+
+
+def part_of(motion: RigidTransform, fraction: float) -> RigidTransform:
+    """The same screw, turned by a fraction of its angle (the shorter way round) and shifted by it of its way."""
+    # motion**fraction would round the fraction to float32 (SciPy 1.17)
+    return type(motion).from_exp_coords(fraction * motion.as_exp_coords())

@@ -1,0 +1,138 @@
+"""Horizontal sections of a closed surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+
+from .surface import Surface
+
+
+def section(surface: Surface, height: float) -> list[np.ndarray]:
+    """Cut a closed surface by the plane z = height [mm].
+
+    A vertex that lies exactly in the plane counts as above it, so that every triangle is cut in two edges or
+    not at all, and the cut of a closed surface is closed loops whatever vertices, edges or triangles lie in
+    the plane. Points that coincide are given once.
+
+    Returns closed loops, each (k, 2) xy [mm], k >= 3, the first point not repeated; counterclockwise from
+    above around the inside of the surface, so that the loop of a hole turns clockwise. Empty where the plane
+    misses the surface.
+
+    Raises InputError when the surface is open, or oriented in more than one way, at the plane.
+    """
+    return sections(surface, [height])[0]
+
+
+def sections(surface: Surface, heights: Sequence[float]) -> list[list[np.ndarray]]:
+    """Cut a closed surface by planes, all in one pass over its triangles; for each plane what `section` gives."""
+    order = np.argsort(heights)
+    plane, points, following = _cut(surface, np.asarray(heights, dtype=np.float64)[order])
+    repeated = (points[following] == points).all(axis=1)
+    loops: list[list[np.ndarray]] = [[] for _ in heights]
+    for cycle in _cycles(following):
+        kept = cycle[~repeated[cycle]]
+        if len(kept) >= 3:
+            loops[order[plane[cycle[0]]]].append(points[kept])
+    return loops
+
+
+def outer_loop(loops: list[np.ndarray]) -> np.ndarray:
+    """The loop with the largest enclosed area: the trunk, where arms or cut planes give loops too.
+
+    Raises InputError when there are no loops.
+    """
+    if not loops:
+        raise InputError("section: the plane misses the surface, there is no loop; choose another height")
+    return max(loops, key=lambda loop: abs(enclosed_area(loop)))
+
+
+def trunk_loop(loops: list[np.ndarray], spine: np.ndarray) -> np.ndarray | None:
+    """Of several loops (arms give some too) the largest around the spine (2,) [mm]; None if none is.
+
+    A single loop is taken as it is.
+    """
+    around = loops if len(loops) == 1 else [loop for loop in loops if encloses(loop, spine)]
+    return around[0] if len(around) == 1 else max(around, key=lambda loop: abs(enclosed_area(loop)), default=None)
+
+
+def enclosed_area(loop: np.ndarray) -> float:
+    """Area inside a closed loop (k, 2) [mm^2], positive if it turns counterclockwise."""
+    x, y = (loop - loop.mean(axis=0)).T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def encloses(loop: np.ndarray, point: np.ndarray) -> bool:
+    """Whether a loop (k, 2) goes round a point (2,): a ray from there crosses it an odd number of times."""
+    x, y = (loop - point).T
+    after_x, after_y = np.roll(x, -1), np.roll(y, -1)
+    crossing = (y < 0.0) != (after_y < 0.0)
+    x, y, after_x, after_y = x[crossing], y[crossing], after_x[crossing], after_y[crossing]
+    return bool(np.count_nonzero(x - y * (after_x - x) / (after_y - y) > 0.0) % 2)
+
+
+def _cut(surface: Surface, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Every edge that one of the planes, in rising order, cuts: plane (k,), x and y (k, 2), next edge (k,)."""
+    vertices, faces = surface.vertices, surface.faces
+    # a vertex is above the first `above` planes, so those cut a triangle that lie between its least and its most
+    above = np.searchsorted(planes, vertices[:, 2], side="right").astype(np.int16)
+    first, second, third = above[faces[:, 0]], above[faces[:, 1]], above[faces[:, 2]]
+    least = np.minimum(np.minimum(first, second), third)
+    times = np.maximum(np.maximum(first, second), third) - least
+    face = np.flatnonzero(times)
+    times = times[face].astype(np.int64)
+    plane = np.arange(times.sum()) + np.repeat(least[face] - (np.cumsum(times) - times), times)
+    p, q, r = faces[np.repeat(face, times)].astype(np.int64).T
+    # turn each triangle so that its lonely corner a comes first: the cut joins the two edges at that corner
+    p_up, q_up, r_up = above[p] > plane, above[q] > plane, above[r] > plane
+    p_lonely, q_lonely = q_up == r_up, r_up == p_up
+    a, b, c = (
+        np.where(p_lonely, one, np.where(q_lonely, two, three))
+        for one, two, three in ((p, q, r), (q, r, p), (r, p, q))
+    )
+    rising = above[a] > plane
+    # the inside is to the left of the direction of travel, the face normal to the right
+    out, into = np.where(rising, b, c), np.where(rising, c, b)
+    leave, enter = (_edge_key(plane, a, other, len(vertices)) for other in (out, into))
+    by_leave, by_enter = np.argsort(leave), np.argsort(enter)
+    keys, plane = leave[by_leave], plane[by_leave]
+    wrong = keys != enter[by_enter]
+    wrong[1:] |= keys[1:] == keys[:-1]
+    if wrong.any():
+        raise InputError(
+            "section: the surface must be closed and oriented where it is cut, at "
+            f"z = {planes[plane[wrong.argmax()]]:g} mm; repair the surface"
+        )
+    rank = np.empty(len(keys), dtype=np.int64)
+    rank[by_enter] = np.arange(len(keys))
+    start, end, height = vertices[a[by_leave]], vertices[out[by_leave]], planes[plane]
+    share = (height - start[:, 2]) / (end[:, 2] - start[:, 2])
+    points = start[:, :2] + share[:, None] * (end[:, :2] - start[:, :2])
+    at_end = end[:, 2] == height
+    points[at_end] = end[at_end, :2]  # to the bit, so that repeats are seen
+    return plane, points, rank[by_leave]
+
+
+def _edge_key(plane: np.ndarray, first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
+    """One number for an edge at a plane, the same from both of its faces."""
+    return (plane * count + np.minimum(first, second)) * count + np.maximum(first, second)
+
+
+def _cycles(following: np.ndarray) -> list[np.ndarray]:
+    """The cycles of a permutation."""
+    after: list[int] = following.tolist()  # Python reads its own lists several times faster than arrays
+    left = [True] * len(after)
+    cycles = []
+    for start in range(len(after)):
+        if not left[start]:
+            continue
+        cycle, here = [], start
+        while left[here]:
+            left[here] = False
+            cycle.append(here)
+            here = after[here]
+        cycles.append(np.array(cycle))
+    return cycles

@@ -1,0 +1,170 @@
+"""Thin-plate spline in 3-D: the smoothest map that carries landmarks to landmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.engine.parallel import choose_device
+from warp_trunk.errors import InputError
+from warp_trunk.kernels.spline import spline_displacement, spline_gradient
+
+_VECTOR: Any = wp.vec3d  # Any: warp's stubs know scalar types only
+_MATRIX: Any = wp.mat33d
+MOST_NUGGET = 1e12
+"""More smooths all landmarks into one affine map, to rounding [mm]."""
+_COINCIDENT = 1e-6
+"""Landmarks closer than this [mm] are one landmark to the linear system."""
+_FLAT = 1e-6
+"""Thickness over extent of the landmarks below which they count as lying in one plane."""
+
+
+@dataclass(frozen=True)
+class Spline:
+    """The map x -> x + a + B (x - m) + sum_i w_i |x - c_i|, from `fit_spline`; B = 0 for a constant drift.
+
+    What is fitted is the displacement, not the target: landmarks that do not move make every coefficient
+    exactly zero, and the map is the identity to the last bit.
+    """
+
+    origin: np.ndarray
+    """m, the mean of the source landmarks [mm], shape (3,)."""
+    centres: np.ndarray
+    """c_i - m, shape (landmarks, 3) [mm]."""
+    weights: np.ndarray
+    """w_i, shape (landmarks, 3), no unit."""
+    constant: np.ndarray
+    """a [mm], shape (3,)."""
+    linear: np.ndarray
+    """B, shape (3, 3), no unit."""
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Images of points, shape (m, 3) [mm] -> (m, 3) [mm], float64."""
+        return points + self.displacement(points)
+
+    def displacement(self, points: np.ndarray) -> np.ndarray:
+        """How far each point moves, shape (m, 3) [mm] -> (m, 3) [mm], float64."""
+        out = wp.empty(len(points), dtype=_VECTOR, device=choose_device("auto"))
+        inputs = [*self._arrays(points), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
+        wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device=choose_device("auto"))
+        return out.numpy().copy()
+
+    def bending(self, points: np.ndarray) -> np.ndarray:
+        """The part of the displacement that is not affine, shape (m, 3) [mm] -> (m, 3) [mm], float64."""
+        return self.displacement(points) - self.constant - (points - self.origin) @ self.linear.T
+
+    def jacobian(self, points: np.ndarray) -> np.ndarray:
+        """Gradient of the map at points, shape (m, 3) [mm] -> (m, 3, 3); a determinant <= 0 is a fold."""
+        out = wp.empty(len(points), dtype=_MATRIX, device=choose_device("auto"))
+        inputs = [*self._arrays(points), _MATRIX(*self.linear.ravel())]
+        wp.launch(spline_gradient, dim=len(points), inputs=inputs, outputs=[out], device=choose_device("auto"))
+        return out.numpy() + np.eye(3)
+
+    def _arrays(self, points: np.ndarray) -> list[wp.array]:
+        shifted = np.asarray(points, dtype=np.float64) - self.origin
+        host = (shifted, self.centres, self.weights)
+        return [wp.array(np.ascontiguousarray(a), dtype=_VECTOR, device=choose_device("auto")) for a in host]
+
+
+def fit_spline(
+    sources: np.ndarray,
+    targets: np.ndarray,
+    nugget: float = 0.0,
+    names: Sequence[str] | None = None,
+    drift: Literal["linear", "constant"] = "linear",
+) -> Spline:
+    """The spline of kernel r with an affine part that carries sources to targets (T of eq. 1 of [1]).
+
+    In three dimensions r is the thin-plate kernel, and also the linear variogram of dual kriging. Minus r is
+    conditionally positive definite, so the nugget is subtracted from the diagonal:
+    (R - nugget I) w + P a = u, P^T w = 0. Coordinates are centred and scaled for the solve, which changes
+    nothing but the rounding.
+
+    Args:
+        sources: landmarks before, shape (n, 3) [mm].
+        targets: landmarks after, shape (n, 3) [mm].
+        nugget: variance of the landmarks over the slope of the variogram [mm]; 0 meets every landmark, more
+            smooths, and infinity is the affine least-squares fit.
+        names: what to call the landmarks in an error; their numbers when left out.
+        drift: what the map is far from the landmarks, and what it is exactly where they allow it: an affine
+            map, or (constant) a shift, which is enough for the kernel and asks for no more than one landmark.
+
+    Raises:
+        InputError: shapes that differ, a number that is not finite, a negative nugget, coincident landmarks
+            (allowed with a nugget), or, for a linear drift, fewer than four or all of them in one plane.
+    """
+    sources = np.asarray(sources, dtype=np.float64)
+    targets = np.asarray(targets, dtype=np.float64)
+    called = [f"number {i}" for i in range(len(sources))] if names is None else list(names)
+    _check(sources, targets, nugget, called, drift)
+
+    n = len(sources)
+    origin = sources.mean(axis=0)
+    scale = float(np.abs(sources - origin).max()) or 1.0
+    c = (sources - origin) / scale
+    terms = 4 if drift == "linear" else 1
+    A = np.zeros((n + terms, n + terms))
+    A[:n, :n] = np.linalg.norm(c[:, None] - c[None], axis=2) - (nugget / scale) * np.eye(n)
+    A[:n, n] = A[n, :n] = 1.0
+    if drift == "linear":
+        A[:n, n + 1 :] = c
+        A[n + 1 :, :n] = c.T
+    rhs = np.zeros((n + terms, 3))
+    rhs[:n] = targets - sources
+    solution = np.linalg.solve(A, rhs)
+    solution += np.linalg.solve(A, rhs - A @ solution)  # one refinement, for landmarks met to 1e-9 mm
+    return Spline(
+        origin=origin,
+        centres=sources - origin,
+        weights=solution[:n] / scale,
+        constant=solution[n],
+        linear=solution[n + 1 :].T / scale if drift == "linear" else np.zeros((3, 3)),
+    )
+
+
+def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[str], drift: str) -> None:
+    if sources.ndim != 2 or sources.shape[1] != 3 or sources.shape != targets.shape:
+        raise InputError(
+            "spline: sources and targets must both have shape (n, 3), "
+            f"not {sources.shape} and {targets.shape}; give each landmark before and after"
+        )
+    if len(names) != len(sources):
+        raise InputError(f"spline: names must be one for each landmark, not {len(names)} for {len(sources)}")
+    if not 0.0 <= nugget <= MOST_NUGGET:
+        raise InputError(f"spline: 'nugget' must be 0 to {MOST_NUGGET:g} mm, not {nugget}; try 1")
+    if drift not in ("linear", "constant"):
+        raise InputError(f"spline: 'drift' must be linear or constant, not {drift!r}")
+    least = 4 if drift == "linear" else 1
+    if len(sources) < least:
+        raise InputError(
+            f"spline: at least {least} landmarks are needed, not {len(sources)} ({_list(names)}); add landmarks"
+        )
+    bad = np.flatnonzero(~np.isfinite(np.hstack([sources, targets])).all(axis=1))
+    if len(bad):
+        found = _list([names[i] for i in bad])
+        raise InputError(f"spline: coordinates must be finite, not those of {found}; correct or remove them")
+    if nugget == 0.0:
+        gap = np.linalg.norm(sources[:, None] - sources[None], axis=2)
+        pairs = np.argwhere(np.triu(gap < _COINCIDENT, k=1))
+        if len(pairs):
+            found = [f"'{names[i]}' and '{names[j]}'" for i, j in pairs]
+            raise InputError(
+                f"spline: no two landmarks may coincide, but {_list(found)} do; "
+                "remove one of each, or set a nugget"
+            )
+    if drift == "constant":
+        return
+    spread = np.linalg.svd(sources - sources.mean(axis=0), compute_uv=False)
+    if spread[2] <= _FLAT * spread[0]:
+        raise InputError(
+            f"spline: landmarks may not all lie in one plane, but {_list(names)} do; add one off the plane"
+        )
+
+
+def _list(names: list[str], most: int = 6) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -1,0 +1,175 @@
+"""What a surface must be before tetrahedra can fill it: closed, oriented, 2-manifold, not crossing itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.errors import InputError
+from warp_trunk.kernels.crossing import crossing_faces
+
+from .surface import Surface
+
+_INT: Any = wp.int32
+_FLAT = 1e-9
+"""A triangle whose height is less than this part of its longest edge has no area."""
+_SLACK = 1e-6
+"""Edges that miss a triangle by less than this part of its size count as crossing it."""
+
+
+class CrossingError(InputError):
+    """A surface crosses itself or another one."""
+
+    def __init__(self, text: str, surface: Surface, pairs: np.ndarray) -> None:
+        """Pairs of faces of the surface, shape (pairs, 2)."""
+        super().__init__(text)
+        faces = surface.faces[np.unique(pairs)]
+        used, corners = np.unique(faces, return_inverse=True)
+        self.triangles = Surface(surface.vertices[used], corners.reshape(-1, 3).astype(np.int32))
+        """All that cross, to be looked at."""
+
+
+def crossings(surface: Surface) -> np.ndarray:
+    """Pairs of faces where an edge of the first passes through the second, shape (pairs, 2), int32.
+
+    At most one pair for each first face; none if the surface does not cross itself. Faces that lie on each
+    other in one plane are not found.
+    """
+    middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
+    centred = np.ascontiguousarray(surface.vertices - middle)
+    corners = wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu")
+    mesh = wp.Mesh(points=wp.array(centred, dtype=wp.vec3, device="cpu"), indices=corners)
+    crossed: Any = wp.empty(len(surface.faces), dtype=_INT, device="cpu")
+    wp.launch(
+        crossing_faces,
+        dim=len(surface.faces),
+        inputs=[mesh.id, wp.array(centred, dtype=wp.vec3d, device="cpu"), corners, _SLACK],
+        outputs=[crossed],
+        device="cpu",
+    )
+    other = crossed.numpy()
+    first = np.flatnonzero(other >= 0)
+    return np.stack([first, other[first]], axis=1).astype(np.int32)
+
+
+def manifold_fault(surface: Surface) -> str | None:
+    """What keeps a surface from being a closed oriented 2-manifold, with a place; None if it is one."""
+    faces, vertices = surface.faces.astype(np.int64), surface.vertices
+    same = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    if same.any():
+        return f"triangle {np.flatnonzero(same)[0]} has one vertex twice"
+    loose = np.flatnonzero(np.bincount(faces.reshape(-1), minlength=len(vertices)) == 0)
+    if loose.size:
+        return f"{loose.size} vertices are in no triangle, the first is number {loose[0]}"
+    first, second = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    directed = np.sort(first * len(vertices) + second)
+    back = np.sort(second * len(vertices) + first)
+    twice = directed[1:][directed[1:] == directed[:-1]]
+    if twice.size:
+        return _at_edge("triangles of opposite turning, or more than two, share an edge", twice, surface)
+    open_edges = np.setdiff1d(directed, back, assume_unique=True)
+    if open_edges.size:
+        return _at_edge("it is open along", open_edges, surface)
+    pinched = np.flatnonzero(_fans(faces, len(vertices)) > 1)
+    if pinched.size:
+        place = _place(vertices[pinched[0]])
+        return f"parts of it touch in {pinched.size} single vertices, the first near {place}"
+    return None
+
+
+def check_solid(surface: Surface, name: str) -> None:
+    """Check that a surface is closed, a 2-manifold, oriented outward and free of self-intersections.
+
+    Raises InputError that starts with `name` and says what is wrong and where.
+    """
+    fault = manifold_fault(surface)
+    if fault is not None:
+        raise InputError(f"{name}: the surface must be closed and 2-manifold, but {fault}; repair the surface")
+    volume = enclosed_volume(surface)
+    if volume <= 0.0:
+        raise InputError(
+            f"{name}: triangles must be counterclockwise seen from outside, but the enclosed volume is "
+            f"{volume:.6g} mm3; flip the triangles"
+        )
+    _check_spread(surface, name)
+    pairs = crossings(surface)
+    if len(pairs):
+        place = place_of(surface, pairs[0])
+        raise CrossingError(
+            f"{name}: the surface must not cross itself, but {len(pairs)} triangles do, the first number "
+            f"{pairs[0, 0]} and {pairs[0, 1]} near {place}; repair the surface",
+            surface,
+            pairs,
+        )
+
+
+def _check_spread(surface: Surface, name: str) -> None:
+    """Check that no two vertices are at one place and that no triangle is a line; TetGen fills neither."""
+    order = np.lexsort(surface.vertices.T)
+    same = np.flatnonzero((np.diff(surface.vertices[order], axis=0) == 0.0).all(axis=1))
+    if same.size:
+        one, other = sorted(order[same[0] : same[0] + 2].tolist())
+        raise InputError(
+            f"{name}: vertices must be apart, but numbers {one} and {other} are both at "
+            f"{_place(surface.vertices[one])} ({same.size} such pairs); repair the surface"
+        )
+    a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
+    longest = np.max([np.sum(edge**2, axis=1) for edge in (a - b, b - c, c - a)], axis=0)
+    flat = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) <= _FLAT * longest)
+    if flat.size:
+        raise InputError(
+            f"{name}: triangles must have an area, but {flat.size} have none, the first number {flat[0]} near "
+            f"{place_of(surface, flat[:1])}; repair the surface"
+        )
+
+
+def place_of(surface: Surface, faces: np.ndarray) -> str:
+    """Where the first of some faces is, in words."""
+    return _place(surface.vertices[surface.faces[faces[0]]].mean(axis=0))
+
+
+def enclosed_volume(surface: Surface) -> float:
+    """Volume inside a closed surface [mm3], negative if it is oriented inward."""
+    middle = surface.vertices.mean(axis=0)
+    a, b, c = np.moveaxis((surface.vertices - middle)[surface.faces], 1, 0)
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6.0)
+
+
+def components(surface: Surface) -> np.ndarray:
+    """Number of the connected part each vertex belongs to, from 0, shape (vertices,), int32."""
+    from scipy.sparse import coo_array  # heavy
+    from scipy.sparse.csgraph import connected_components
+
+    first, second = surface.faces[:, :2].reshape(-1), surface.faces[:, 1:].reshape(-1)
+    count = len(surface.vertices)
+    links = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
+    return connected_components(links, directed=False)[1].astype(np.int32)
+
+
+def _fans(faces: np.ndarray, count: int) -> np.ndarray:
+    """How many separate fans of triangles meet at each vertex of a closed oriented surface."""
+    from scipy.sparse import coo_array  # heavy
+    from scipy.sparse.csgraph import connected_components
+
+    # a corner of a triangle is linked to the corner at the same vertex across one of its edges
+    corner = np.arange(faces.size).reshape(-1, 3)
+    first, second = faces, np.roll(faces, -1, axis=1)
+    out = np.argsort((first * count + second).reshape(-1))  # directed edge v -> w, at the corner of v
+    into = np.argsort((second * count + first).reshape(-1))  # its reverse w -> v, whose v is the next corner
+    here, there = corner.reshape(-1)[out], np.roll(corner, -1, axis=1).reshape(-1)[into]
+    links = coo_array((np.ones(faces.size, dtype=np.int8), (here, there)), shape=(faces.size, faces.size))
+    _, fan = connected_components(links, directed=False)
+    vertex_of_fan = np.zeros(fan.max() + 1, dtype=np.int64)
+    vertex_of_fan[fan] = faces.reshape(-1)
+    return np.bincount(vertex_of_fan, minlength=count)
+
+
+def _at_edge(what: str, keys: np.ndarray, surface: Surface) -> str:
+    ends = surface.vertices[[keys[0] // len(surface.vertices), keys[0] % len(surface.vertices)]]
+    return f"{what} ({keys.size} edges, the first near {_place(ends.mean(axis=0))})"
+
+
+def _place(point: np.ndarray) -> str:
+    return "({:.1f}, {:.1f}, {:.1f}) mm".format(*point)

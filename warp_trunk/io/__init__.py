@@ -1,0 +1,1 @@
+"""Opening, reading and writing files so that a damaged one does no harm."""

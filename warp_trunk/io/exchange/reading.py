@@ -1,0 +1,138 @@
+"""Tetrahedra made by another program, as a trunk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, read_trunk
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.meshing.bone_surface import nearest_bone
+from warp_trunk.meshing.tetrahedra import oriented
+
+from ..volume_files import read_mesh
+
+OFF_SURFACE = 10.0
+"""How far the mesh's surfaces may be from those of the case [mm]; further is another frame, unit or patient."""
+_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # outward, for a positive tetrahedron
+
+
+def read_volume(path: str | Path, skin: Surface, bones: Mapping[str, Surface]) -> TrunkMesh:
+    """A trunk from tetrahedra made elsewhere, in the case's LPS axes and mm.
+
+    The file (.vtu, .vtk, .xdmf, .msh or .inp) tells which nodes lie on bone: by the point data `bone` (0 or
+    more) or `node_kind` (2), or by a node set `bones`. Its boundary without those nodes is the skin of the
+    trunk. Each node on bone belongs to the bone of the case that is nearest. Whole numbers in the cell data
+    `tissue` say what each tetrahedron is of. A file that this program wrote comes back as it was.
+
+    Args:
+        path: the file.
+        skin: the skin of the case, which the mesh's must agree with.
+        bones: the bones of the case by name.
+
+    Raises:
+        InputError: a file that cannot be read, holds no linear tetrahedra or others beside them, does not
+            tell its bones, or does not agree with the case.
+    """
+    path = Path(path)
+    mesh = read_mesh(path)
+    if "skin_vertex" in mesh.point_data and path.suffix.lower() == ".vtu":
+        trunk = read_trunk(path)[0]
+    else:
+        trunk = _trunk(path, mesh, bones)
+    _check_agrees(path, trunk, skin, bones)
+    return trunk
+
+
+def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:
+    solid = {block.type for block in mesh.cells} - {"vertex", "line", "triangle", "quad"}
+    if solid != {"tetra"}:
+        found = ", ".join(sorted(solid)) or "no solid cells"
+        raise InputError(f"{path}: must hold linear tetrahedra (tetra) only, not {found}; mesh with those")
+    all_tets = np.concatenate([block.data for block in mesh.cells if block.type == "tetra"])
+    points = np.array(mesh.points, dtype=np.float64)
+    if all_tets.min() < 0 or all_tets.max() >= len(points):
+        raise InputError(
+            f"{path}: tetrahedra name nodes {all_tets.min()} to {all_tets.max()}, there are 0 to "
+            f"{len(points) - 1}; write the file again"
+        )
+    used, tets = np.unique(all_tets, return_inverse=True)
+    nodes = points[used]
+    tets = oriented(nodes, tets.reshape(-1, 4).astype(np.int32))
+    on_bone = _on_bone(path, mesh)[used]
+    if not on_bone.any():
+        raise InputError(f"{path}: no node lies on bone, and bones are what moves the trunk; tag their nodes")
+
+    boundary = _boundary(tets)
+    of_bone = on_bone[boundary].all(axis=1)
+    skin_nodes, faces = np.unique(boundary[~of_bone], return_inverse=True)
+    names = tuple(bones)
+    bone = np.full(len(nodes), -1, dtype=np.int32)
+    bone[on_bone] = nearest_bone(nodes[on_bone], [SurfaceDistance(bones[name]) for name in names], OFF_SURFACE)
+    trunk = TrunkMesh(
+        nodes=nodes,
+        tets=tets,
+        skin_nodes=skin_nodes.astype(np.int32),
+        skin_faces=faces.reshape(-1, 3).astype(np.int32),
+        bone=bone,
+        bone_names=names,
+        bone_faces=boundary[of_bone][:, ::-1].astype(np.int32),
+    )
+    if "tissue" in mesh.cell_data:
+        labels = zip(mesh.cells, mesh.cell_data["tissue"], strict=True)
+        tissue = np.concatenate([label for block, label in labels if block.type == "tetra"])
+        trunk = replace(trunk, tissue=np.asarray(tissue).reshape(-1).astype(np.int8))
+    check_trunk(trunk, str(path))
+    check_solid(Surface(nodes[skin_nodes], trunk.skin_faces), f"{path}: its outer boundary")
+    return trunk
+
+
+def _on_bone(path: Path, mesh: Any) -> np.ndarray:
+    """Which nodes of the file lie on bone, shape (points,)."""
+    data, sets = mesh.point_data, {name.lower(): nodes for name, nodes in mesh.point_sets.items()}
+    if "bone" in data:
+        return np.asarray(data["bone"]).reshape(-1) >= 0
+    if "node_kind" in data:
+        return np.asarray(data["node_kind"]).reshape(-1) == 2
+    if "bones" in sets:
+        on_bone = np.zeros(len(mesh.points), dtype=bool)
+        on_bone[np.asarray(sets["bones"], dtype=np.int64)] = True
+        return on_bone
+    raise InputError(
+        f"{path}: does not tell which nodes lie on bone; give point data 'bone' (0 or more) or 'node_kind' (2), "
+        "or a node set 'bones'"
+    )
+
+
+def _boundary(tets: np.ndarray) -> np.ndarray:
+    """Triangles that belong to one tetrahedron only, outward, shape (faces, 3)."""
+    faces = tets[:, _FACES].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[first[count == 1]]
+
+
+def _check_agrees(path: Path, trunk: TrunkMesh, skin: Surface, bones: Mapping[str, Surface]) -> None:
+    outer = Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces)
+    off = max(
+        float(np.abs(SurfaceDistance(one).at(other.vertices)).max())
+        for one, other in ((skin, outer), (outer, skin))
+    )
+    if not off <= OFF_SURFACE:
+        raise InputError(
+            f"{path}: its outer boundary is up to {off:.1f} mm from the skin of the case, {OFF_SURFACE:g} mm is "
+            "allowed; bring the mesh into the case's frame (LPS, mm)"
+        )
+    on_bone = trunk.nodes[trunk.prescribed]
+    off = float(np.abs(np.min([SurfaceDistance(bone).at(on_bone) for bone in bones.values()], axis=0)).max())
+    if not off <= OFF_SURFACE:
+        raise InputError(
+            f"{path}: a node on bone is {off:.1f} mm from every bone of the case, {OFF_SURFACE:g} mm is "
+            "allowed; check which nodes are tagged as bone, and the frame of the mesh"
+        )

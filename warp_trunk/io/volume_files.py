@@ -1,0 +1,61 @@
+"""Meshes of other programs, read so that a damaged file neither ends the program nor fills the memory."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+
+from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes, reason
+
+ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp")
+"""Endings of the files that are read."""
+_ELSEWHERE = {
+    ".inp": (rb"(?im)^\s*\*\s*include\b", "*INCLUDE"),
+    ".xdmf": (rb"""(?i)\bformat\s*=\s*["']\s*(hdf|binary|tiff)""", "data in other files"),
+}
+"""What would make meshio open another file."""
+
+
+def read_mesh(path: Path) -> Any:
+    """A meshio.Mesh; no other file is opened, whatever the file names.
+
+    Raises:
+        InputError: it is missing, of another format, too large, damaged, or keeps data in other files.
+    """
+    import meshio  # heavy
+
+    # meshio.read would end the program on a file that is damaged
+    readers: dict[str, Callable[[str], Any]] = {
+        ".vtu": meshio.vtu.read,
+        ".vtk": meshio.vtk.read,
+        ".xdmf": meshio.xdmf.read,
+        ".msh": meshio.gmsh.read,
+        ".inp": meshio.abaqus.read,
+    }
+    ending = path.suffix.lower()
+    if path.is_file() and ending not in readers:
+        raise InputError(f"{path}: '{path.suffix}' is not read as a mesh; use {', '.join(ENDINGS)}")
+    content = read_bytes(path, f"a mesh of tetrahedra ({', '.join(ENDINGS)}) was expected", MOST_SURFACE)
+    pattern, what = _ELSEWHERE.get(ending, (rb"(?!)", ""))
+    if re.search(pattern, content):
+        raise InputError(f"{path}: has {what}, and other files are not opened; write the mesh into one file")
+    if ending in (".vtu", ".xdmf") and (b"<!DOCTYPE" in content or b"<!ENTITY" in content):
+        raise InputError(f"{path}: defines entities, which no mesh needs; write it again")
+    try:
+        with limited_memory(len(content)):
+            mesh = readers[ending](str(path))
+    except (Exception, SystemExit) as error:  # meshio fails in many ways on a damaged file
+        raise InputError(f"{path}: cannot be read as a mesh ({reason(error)}); write it again") from error
+    points = np.asarray(mesh.points)
+    if points.ndim != 2 or points.shape[1] != 3 or not (np.abs(points) <= FARTHEST).all():  # nor is NaN
+        raise InputError(
+            f"{path}: nodes must have three finite coordinates within {FARTHEST:g} (there are {points.shape}); "
+            "write it again"
+        )
+    return mesh

@@ -1,0 +1,1 @@
+"""From what a clinic has, or from formulas, to a case."""

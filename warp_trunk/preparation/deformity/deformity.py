@@ -1,0 +1,95 @@
+"""Scoliosis imposed on straight anatomy, and its surgical correction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.spline import fit_spline
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import crossings
+
+from .rib_cage import guiding_points
+from .spine_curve import Pose, SpineCurve, vertebra_poses
+
+_PELVIS = ("hip_left", "hip_right", "sacrum")
+
+
+def impose(
+    skin: Surface, bones: Mapping[str, Surface], landmarks: Landmarks, curve: SpineCurve
+) -> tuple[Surface, dict[str, Surface], Landmarks]:
+    """Straight anatomy with the curve: skin, bones and landmarks as they are before surgery.
+
+    Vertebrae move rigidly and the pelvis stays. Ribs, sternum, skin and all else are carried by one spline
+    through the landmarks and points on ribs, sternum and pelvis that follow the spine (`rib_cage`).
+
+    Args:
+        skin: closed surface of the straight trunk.
+        bones: surfaces by name, as in a case.
+        landmarks: of the straight bones, endplates of T1 to L5 among them.
+        curve: the deformity; a Cobb angle of 0 gives the input back to the last bit.
+
+    Raises:
+        InputError: landmarks that do not fit (see `vertebra_poses`), or a curve so strong that the spline
+            would fold the trunk or make its skin cross itself.
+    """
+    poses = vertebra_poses(landmarks, curve)
+    moved = _move(landmarks, poses)
+    before, after = guiding_points(bones, poses, landmarks.points)
+    spline = fit_spline(np.vstack([landmarks.points, before]), np.vstack([moved.points, after]))
+
+    what = f"a {curve.kind} curve of {curve.cobb:g} degrees Cobb with {curve.rotation:g} degrees of rotation"
+    everything = np.vstack([skin.vertices, *(bone.vertices for bone in bones.values())])
+    volume = np.linalg.det(spline.jacobian(everything))
+    if volume.min() <= 0.0:
+        x, y, z = everything[volume.argmin()]
+        raise InputError(
+            f"curve: {what} folds this trunk, at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the straight one; ask for less"
+        )
+
+    carried = {}
+    for name, bone in bones.items():
+        if name in poses:
+            carried[name] = Surface(poses[name](bone.vertices), bone.faces)
+        elif name in _PELVIS:
+            carried[name] = bone
+        else:
+            carried[name] = Surface(spline(bone.vertices), bone.faces)
+    carried_skin = Surface(spline(skin.vertices), skin.faces)
+    crossed = crossings(carried_skin)
+    if len(crossed):
+        x, y, z = carried_skin.vertices[carried_skin.faces[crossed[0, 0], 0]]
+        raise InputError(
+            f"curve: {what} makes this skin cross itself, at ({x:.0f}, {y:.0f}, {z:.0f}) mm; ask for less, "
+            "or mend the skin if it crosses itself when straight"
+        )
+    return carried_skin, carried, moved
+
+
+def correct(straight: Landmarks, curve: SpineCurve, fraction: float) -> Landmarks:
+    """Landmarks after a surgery that takes away a fraction of the curve.
+
+    Each vertebra goes rigidly from its pose in the curve to its pose in the corrected one: the same as going
+    there from the straight spine, so that is where the landmarks are taken from. The iliac spines stay.
+
+    Args:
+        straight: landmarks before `impose`.
+        curve: what was imposed.
+        fraction: of Cobb angle and axial rotation taken away, 0 to 1.
+
+    Raises:
+        InputError: a fraction outside [0, 1], or landmarks that do not fit (see `vertebra_poses`).
+    """
+    return _move(straight, vertebra_poses(straight, curve.corrected(fraction)))
+
+
+def _move(landmarks: Landmarks, poses: Mapping[str, Pose]) -> Landmarks:
+    points = landmarks.points.copy()
+    for i, name in enumerate(landmarks.names):
+        pose = poses.get(name.split("_")[0])
+        if pose is not None:
+            points[i] = pose(points[i][None])[0]
+    return Landmarks(names=landmarks.names, points=points)

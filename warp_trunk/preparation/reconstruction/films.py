@@ -1,0 +1,112 @@
+"""A radiograph: where landmarks lie on it, and how it was taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warp_trunk.case.landmarks.table import read_rows
+from warp_trunk.errors import InputError
+from warp_trunk.io.file_access import number, read_text
+
+_COLUMNS = ("name", "u", "v")
+_LARGEST = 1e100
+"""No element of a projection is larger; squares of larger ones would not be finite."""
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Landmarks on one radiograph, whose source and place are calibrated."""
+
+    view: str
+    """What to call it in an error, such as its file."""
+    names: tuple[str, ...]
+    """One name for each landmark, none twice."""
+    points: np.ndarray
+    """Their places on the film [mm, or pixels], shape (n, 2), float64."""
+    projection: np.ndarray
+    """P, shape (3, 4): a point X [mm, LPS] is seen at (p0, p1) / p2, where p = P (X, 1)."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for shapes that do not fit, or a projection without one source."""
+        if self.points.shape != (len(self.names), 2):
+            raise InputError(
+                f"{self.view}: points must have shape ({len(self.names)}, 2), one for each name, "
+                f"not {self.points.shape}"
+            )
+        check_projection(self.view, self.projection)
+
+    def rows(self, names: tuple[str, ...]) -> np.ndarray:
+        """Places of these landmarks in their order, shape (n, 2)."""
+        return self.points[[self.names.index(name) for name in names]]
+
+
+def read_film(points: str | Path, projection: str | Path) -> Film:
+    """A film from a CSV file with the columns name, u and v, and a text file with its matrix.
+
+    Raises:
+        InputError: a file that is missing, cannot be read or breaks a rule.
+    """
+    path = Path(points)
+    names, places = read_rows(path, _COLUMNS)
+    return Film(str(path), names, places, read_projection(projection))
+
+
+def read_projection(path: str | Path) -> np.ndarray:
+    """The projection matrix, shape (3, 4), of a text file with three lines of four numbers.
+
+    Raises:
+        InputError: a missing file, other than 3 by 4 finite numbers, or a matrix that is no projection from
+            one source.
+    """
+    path = Path(path)
+    text = read_text(path, "a projection is a text file of 3 lines of 4 numbers")
+    try:
+        rows = [line.split("#")[0].replace(",", " ").split() for line in text.split("\n")]
+        matrix = np.array([[number(word) for word in row] for row in rows if row])
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read ({str(error)[:80]}); write 3 lines of 4 numbers") from error
+    check_projection(str(path), matrix)
+    return matrix
+
+
+def check_projection(where: str, matrix: np.ndarray) -> None:
+    """Raises InputError, which begins with `where`, for a matrix that is no projection from one source."""
+    if matrix.shape != (3, 4) or not (np.abs(matrix) <= _LARGEST).all():
+        raise InputError(f"{where}: a projection is 3 by 4 finite numbers, not {matrix.shape}; calibrate again")
+    spread = np.linalg.svd(matrix[:, :3] / np.linalg.norm(matrix[:, :3], axis=1, keepdims=True).clip(1e-300))[1]
+    if not spread[2] > 1e-9 * spread[0]:
+        raise InputError(
+            f"{where}: the first three columns must be a regular matrix, so that there is one source; "
+            "calibrate again"
+        )
+
+
+def project(projection: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Where points (n, 3) [mm] are seen on a film, shape (n, 2)."""
+    p = points @ projection[:, :3].T + projection[:, 3]
+    return p[:, :2] / p[:, 2:]
+
+
+def projection_matrix(
+    source: np.ndarray, film_origin: np.ndarray, across: np.ndarray, up: np.ndarray
+) -> np.ndarray:
+    """The matrix of a source and a flat film, shape (3, 4).
+
+    Args:
+        source: the focal spot [mm], shape (3,).
+        film_origin: the point of the film where u = v = 0 [mm], shape (3,).
+        across: how far a step of 1 in u goes [mm], shape (3,).
+        up: how far a step of 1 in v goes [mm], shape (3,).
+
+    Raises:
+        InputError: a source in the plane of the film, or axes along one line.
+    """
+    # source + s (X - source) = film_origin + u across + v up, for (u, v, 1) / s
+    frame = np.column_stack([across, up, film_origin - source])
+    if not abs(np.linalg.det(frame)) > 1e-9 * np.prod(np.linalg.norm(frame, axis=0)):
+        raise InputError("projection: the source must lie off the film, and the film's axes across each other")
+    inverse = np.linalg.inv(frame)
+    return np.column_stack([inverse, -inverse @ source])

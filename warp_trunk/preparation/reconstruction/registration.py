@@ -1,0 +1,92 @@
+"""The scanned skin brought into the frame of the bones, by markers seen on both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.spline import Spline, fit_spline
+from warp_trunk.geometry.surface import Surface
+
+from .plausible import check_near, check_size
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+
+@dataclass(frozen=True)
+class Registration:
+    """A skin in the frame of the bones: first moved rigidly, then by a spline."""
+
+    skin: Surface
+    """The skin, same vertices and faces, in the frame of the bones [mm]."""
+    rigid: RigidTransform
+    """From the frame of the scan to that of the bones."""
+    spline: Spline
+    """What is left: the change of posture between scan and films."""
+    names: tuple[str, ...]
+    """The markers."""
+    rigid_miss: np.ndarray
+    """Distance of each marker from its place on the films after the rigid part [mm], shape (n,)."""
+    miss: np.ndarray
+    """The same after both parts [mm], shape (n,); 0 without a nugget."""
+    strain: np.ndarray
+    """Stretches of the affine part of the spline along its own three axes, less 1; no unit, shape (3,)."""
+    bending: np.ndarray
+    """Length of the part of the spline that is not affine, at each skin vertex [mm], shape (vertices,)."""
+    least_volume: float
+    """Smallest ratio of volumes, after to before, at a skin vertex; a fold would make it negative."""
+
+
+def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget: float = 0.0) -> Registration:
+    """Carry the skin by the rigid motion nearest to its markers, then by the spline through what that leaves.
+
+    This is the elastic registration of trunk surface and bones by radio-opaque markers, section 4.3.5 of [2].
+    An affine change is met without any bending.
+
+    Args:
+        skin: in the frame of the scan [mm].
+        on_skin: markers on it, in that frame.
+        on_films: the same markers, in any order, in the frame of the bones.
+        nugget: see `fit_spline` [mm]; more than 0 smooths the errors of the markers.
+
+    Raises:
+        InputError: names that differ, markers off the skin or of another size, markers on which no spline can
+            be fitted, or a map that folds the skin.
+    """
+    differ = sorted(set(on_skin.names) ^ set(on_films.names))
+    if differ:
+        raise InputError(
+            f"register: markers on skin and films must have the same names, but {', '.join(differ[:4])} "
+            f"{'differs' if len(differ) == 1 else 'differ'}; name or remove them"
+        )
+    targets = on_films.points[[on_films.index(name) for name in on_skin.names]]
+    check_near("register", on_skin.names, on_skin.points, skin, "the skin")
+    check_size("register", on_skin.points, targets)
+    rigid = fit_rigid(on_skin.points, targets)
+    markers, vertices = rigid.apply(on_skin.points), rigid.apply(skin.vertices)
+    spline = fit_spline(markers, targets, nugget, on_skin.names)
+    volume = np.linalg.det(spline.jacobian(vertices))
+    if volume.min() <= 0.0:
+        x, y, z = skin.vertices[volume.argmin()]
+        nearest = int(np.linalg.norm(vertices[volume.argmin()] - markers, axis=1).argmin())
+        raise InputError(
+            f"register: the markers fold the skin, at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the scan near "
+            f"'{on_skin.names[nearest]}'; look for swapped or wrong markers there, or set a nugget"
+        )
+    return Registration(
+        skin=Surface(spline(vertices), skin.faces),
+        rigid=rigid,
+        spline=spline,
+        names=on_skin.names,
+        rigid_miss=np.linalg.norm(markers - targets, axis=1),
+        miss=np.linalg.norm(spline(markers) - targets, axis=1),
+        strain=np.linalg.svd(np.eye(3) + spline.linear)[1] - 1.0,
+        bending=np.linalg.norm(spline.bending(vertices), axis=1),
+        least_volume=float(volume.min()),
+    )

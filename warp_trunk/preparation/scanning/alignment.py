@@ -1,0 +1,125 @@
+"""Move overlapping scans by the last millimetres onto each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.surface import Surface
+
+from .overlap import covered_by, reach_of, vertex_areas
+from .transforms import moved
+
+_ROUNDS = 30
+"""How often the nearest places are looked for anew at most."""
+_STILL = 0.01
+"""Scans that move less than this in a round [mm] have arrived."""
+_FAR = 10.0
+"""Scans may be this far from where they belong [mm]."""
+_FEWEST = 50
+"""Fewer points in common than this say nothing about a rotation."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """What a scan was moved by."""
+
+    matrix: np.ndarray
+    """Rigid transform that was applied, shape (4, 4)."""
+    shift: float
+    """How far it moved the middle of the scan [mm]."""
+    turn: float
+    """Angle of its rotation [degrees]."""
+    distance: float
+    """Root mean square distance from the other scans where they overlap, along their normals, afterwards [mm]."""
+
+
+def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[str, Alignment]]:
+    """Move all scans but the first rigidly, so that they lie on each other where they overlap.
+
+    Iterative closest points with distances along the normals of the other scan (Chen and Medioni 1992), all pairs
+    of scans in one least squares problem, so that the error around the trunk is shared and none is left where
+    the last meets the first. (Moving point to point, one scan after the other, stalls on skin this smooth.)
+
+    Args:
+        parts: scans within some 10 mm of where they belong, by name.
+
+    Returns the scans moved, and by what each was moved.
+
+    Raises InputError when a scan overlaps no other.
+    """
+    names = list(parts)
+    now = dict(parts)
+    total = {name: np.eye(4) for name in names}
+    reaches = {name: reach_of(part, _FAR) for name, part in parts.items()}
+    middle = np.concatenate([part.vertices for part in parts.values()]).mean(axis=0)
+    size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts.values())
+    square, count = np.zeros(len(names)), np.zeros(len(names))
+    for _ in range(_ROUNDS):
+        system, right = np.zeros((6 * len(names),) * 2), np.zeros(6 * len(names))
+        square[:], count[:] = 0.0, 0.0
+        for i, one in enumerate(names):
+            for j, other in enumerate(names):
+                if i == j:
+                    continue
+                points, normal, off = _distances(now[one], now[other], reaches[other])
+                square[[i, j]] += off @ off
+                count[[i, j]] += len(off)
+                # turning by w about the middle and shifting by s moves a point along n by (p x n).w + n.s
+                row = np.zeros((len(off), 6 * len(names)))
+                motion = np.column_stack([np.cross(points - middle, normal) / size, normal])
+                row[:, 6 * i : 6 * i + 6], row[:, 6 * j : 6 * j + 6] = motion, -motion
+                system += row.T @ row
+                right -= row.T @ off
+        for name, common in zip(names, count, strict=True):
+            if common < _FEWEST:
+                raise InputError(
+                    f"{name}: overlaps the other parts in {common:.0f} vertices, and needs {_FEWEST} to be "
+                    "refined; give scans that overlap more, or do not refine"
+                )
+        motions = np.zeros(6 * len(names))
+        motions[6:] = np.linalg.lstsq(system[6:, 6:], right[6:], rcond=1e-9)[0]  # the first one stays
+        for name, motion in zip(names[1:], motions.reshape(-1, 6)[1:], strict=True):
+            step = _motion(motion[:3] / size, motion[3:], middle)
+            now[name] = moved(now[name], step)
+            total[name] = step @ total[name]
+        if np.abs(motions).max() < _STILL:
+            break
+    rms = np.sqrt(square / count)
+    return now, {
+        name: _alignment(parts[name], total[name], float(rms[i])) for i, name in enumerate(names) if i > 0
+    }
+
+
+def _distances(part: Surface, other: Surface, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices of a scan that lie on the other (n, 3), normals there (n, 3), distances along these (n,) [mm]."""
+    normals = vertex_areas(other)
+    on_other = covered_by(part.vertices, vertex_areas(part), other, reach)
+    points = part.vertices[on_other]
+    face, weights = nearest(other, points, reach)
+    points, face, weights = points[face >= 0], face[face >= 0], weights[face >= 0]
+    normal = np.einsum("nk,nki->ni", weights, normals[other.faces[face]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    foot = np.einsum("nk,nki->ni", weights, other.vertices[other.faces[face]])
+    return points, normal, np.einsum("ni,ni->n", points - foot, normal)
+
+
+def _motion(turn: np.ndarray, shift: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """The rigid transform (4, 4) nearest to a small turn [radians] about the middle and a shift [mm]."""
+    matrix = np.eye(4)
+    matrix[:3, :3] += np.array([[0.0, -turn[2], turn[1]], [turn[2], 0.0, -turn[0]], [-turn[1], turn[0], 0.0]])
+    left, _, right = np.linalg.svd(matrix[:3, :3])
+    matrix[:3, :3] = left @ right
+    matrix[:3, 3] = middle - matrix[:3, :3] @ middle + shift
+    return matrix
+
+
+def _alignment(part: Surface, matrix: np.ndarray, distance: float) -> Alignment:
+    middle = part.vertices.mean(axis=0)
+    shift = float(np.linalg.norm(matrix[:3, :3] @ middle + matrix[:3, 3] - middle))
+    half = float(np.linalg.norm(matrix[:3, :3] - np.eye(3))) / np.sqrt(8.0)  # sine of half the angle
+    return Alignment(matrix, shift, float(np.degrees(2.0 * np.arcsin(min(half, 1.0)))), distance)

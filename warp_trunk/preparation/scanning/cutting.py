@@ -1,0 +1,222 @@
+"""Cut a closed surface flat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.surface import Surface
+
+from .overlap import vertex_areas
+
+_SHORTEST = 0.6
+"""Edges that a cut leaves shorter than this part of the edge length are collapsed."""
+_TOLERANCE = 0.05
+"""How far that may move the surface, in edge lengths."""
+_AWAY = 0.25
+"""Vertices keep this far from a plane that cuts, in edge lengths."""
+_CLEAR = 0.7
+"""Points inside a flat end keep this far from its rim, in edge lengths, so that triangles end at the rim."""
+
+
+@dataclass(frozen=True)
+class CutPlane:
+    """Where to cut, and which side goes."""
+
+    point: tuple[float, float, float]
+    """A point of the plane [mm]."""
+    normal: tuple[float, float, float]
+    """Points to what is cut off; of any length."""
+    radius: float = math.inf
+    """Only what is nearer to the point than this is cut off [mm]: an arm, but not the hip below it."""
+
+    def __post_init__(self) -> None:
+        numbers = (*self.point, *self.normal)
+        good = len(self.point) == len(self.normal) == 3 and all(map(math.isfinite, numbers)) and any(self.normal)
+        if not good or not self.radius > 0.0:
+            raise InputError(
+                "cut: a plane is a point, a normal that is not zero and a radius above 0, "
+                f"not {self.point}, {self.normal} and {self.radius}"
+            )
+
+    def __str__(self) -> str:
+        return "the plane through ({:.1f}, {:.1f}, {:.1f}) mm with normal ({:.2f}, {:.2f}, {:.2f})".format(
+            *self.point, *self.normal
+        )
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """How far points (..., 3) lie beyond the plane [mm]."""
+        return (points - np.array(self.point)) @ self.unit
+
+    @property
+    def unit(self) -> np.ndarray:
+        """The normal of length 1, shape (3,)."""
+        return np.array(self.normal) / np.linalg.norm(self.normal)
+
+
+def cut_flat(surface: Surface, planes: Sequence[CutPlane], edge_length: float) -> Surface:
+    """Cut a closed surface at planes and close it flat with triangles of the given edge length [mm].
+
+    Raises InputError when a plane has nothing of the surface beyond it, leaves nothing, when the surface goes on
+    beyond it at its radius, or when the outline is too narrow for the triangles.
+    """
+    for plane in planes:
+        near = np.linalg.norm(surface.vertices - np.array(plane.point), axis=1) < plane.radius
+        away = plane.distance(surface.vertices)
+        if not (near & (away > 0.0)).any() or (away > 0.0).all():
+            part = "all" if (away > 0.0).all() else "nothing"
+            raise InputError(f"cut: {part} of the trunk lies beyond {plane}; move it, or turn its normal round")
+        if goes_on_beyond(surface, plane, near, edge_length):
+            raise InputError(
+                f"cut: {plane.radius:g} mm from its point the trunk goes on beyond {plane}; give another radius"
+            )
+        surface = cut_within(surface, plane, near, edge_length)
+    return tidy(surface, edge_length)
+
+
+def tidy(surface: Surface, edge_length: float) -> Surface:
+    """The surface without the short edges that cuts leave; flat parts stay flat, their rims sharp."""
+    return coarsen(surface, _SHORTEST * edge_length, _TOLERANCE * edge_length, 2.0 * edge_length)
+
+
+def goes_on_beyond(surface: Surface, plane: CutPlane, near: np.ndarray, edge_length: float) -> bool:
+    """Whether what lies beyond a plane among the vertices `near` goes on beyond it outside them."""
+    away = plane.distance(surface.vertices)
+    first, second = surface.faces.reshape(-1), np.roll(surface.faces, -1, axis=1).reshape(-1)
+    leaves = (near & (away > 0.0))[first] & ~near[second] & (away[second] > edge_length)
+    return bool(leaves.any())
+
+
+def cut_within(surface: Surface, plane: CutPlane, near: np.ndarray, edge_length: float) -> Surface:
+    """Cut off what lies beyond a plane among the vertices `near` (bool), and close it flat.
+
+    Raises InputError when the outline is too narrow for triangles of the edge length.
+    """
+    for least in (_AWAY * edge_length, 0.0):  # sliding may fold the surface
+        made = _cut(_slide(surface, plane, near, least), plane, near, edge_length)
+        if made is not None:
+            return made
+    raise InputError(f"cut: the outline in {plane} is too narrow to be closed; move it")
+
+
+def _cut(surface: Surface, plane: CutPlane, near: np.ndarray, edge_length: float) -> Surface | None:
+    away = plane.distance(surface.vertices)
+    away = np.where(near, away, np.minimum(away, -1e-3 * edge_length))
+    beyond = away > 0.0
+    count = beyond[surface.faces].sum(axis=1)
+    # turn each triangle that is cut so that its lonely corner comes first
+    cut = surface.faces[(count == 1) | (count == 2)].astype(np.int64)
+    gone = beyond[cut]
+    lonely = np.where((gone.sum(axis=1) == 1)[:, None], gone, ~gone).argmax(axis=1)
+    a, b, c = np.take_along_axis(cut, (lonely[:, None] + np.arange(3)) % 3, axis=1).T
+    keys, number = np.unique(np.concatenate([_key(a, b), _key(a, c)]), return_inverse=True)
+    low, high = keys >> 32, keys & 0xFFFFFFFF
+    share = (away[low] / (away[low] - away[high]))[:, None]
+    rim = surface.vertices[low] + share * (surface.vertices[high] - surface.vertices[low])
+    rim -= plane.distance(rim)[:, None] * plane.unit  # where what is near ends, the skin is a little beyond
+    ab, ac = len(surface.vertices) + number.reshape(2, -1)
+    tip = gone[np.arange(len(cut)), lonely]  # the lonely corner goes: a quadrangle stays
+    faces = [
+        surface.faces[count == 0],
+        np.column_stack([a, ab, ac])[~tip],
+        np.column_stack([ab, b, c])[tip],
+        np.column_stack([ab, c, ac])[tip],
+    ]
+    start, end = np.where(tip, ab, ac), np.where(tip, ac, ab)  # along the cap, its inside on the left
+    vertices = np.concatenate([surface.vertices, rim])
+    cap = _cap(vertices, np.column_stack([start, end]), plane, edge_length)
+    if cap is None:
+        return None
+    vertices = np.concatenate([vertices, cap[0]])
+    used, number = np.unique(np.concatenate([*faces, cap[1]]), return_inverse=True)
+    return Surface(vertices[used], number.reshape(-1, 3).astype(np.int32))
+
+
+def _slide(surface: Surface, plane: CutPlane, near: np.ndarray, least: float) -> Surface:
+    """Slide vertices along the surface until none is nearer to the plane than `least` [mm]: no slivers then."""
+    away = plane.distance(surface.vertices)
+    normal = vertex_areas(surface)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    along = plane.unit - (normal @ plane.unit)[:, None] * normal
+    climb = along @ plane.unit
+    moves = near & (np.abs(away) < least) & (climb > 0.1)
+    step = (np.where(away > 0.0, least, -least) - away)[moves] / climb[moves]
+    step = np.clip(step, -1.5 * least, 1.5 * least)
+    vertices = surface.vertices.copy()
+    vertices[moves] += step[:, None] * along[moves]
+    return Surface(vertices, surface.faces)
+
+
+def _cap(
+    vertices: np.ndarray, rim: np.ndarray, plane: CutPlane, edge_length: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Flat triangles inside the rim, directed edges (n, 2): new points (m, 3), faces that number them on.
+
+    None if the rim crosses or nearly touches itself.
+    """
+    from scipy.spatial import Delaunay, KDTree  # heavy
+
+    normal = plane.unit
+    side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    side /= np.linalg.norm(side)
+    frame = np.column_stack([side, np.cross(normal, side)])  # counterclockwise about the normal
+    ids = np.unique(rim)
+    flat = (vertices[ids] - np.array(plane.point)) @ frame
+    edges = np.searchsorted(ids, rim)
+    lattice = _lattice(flat, edge_length)
+    # a triangulation keeps an edge when no point lies in the circle around it
+    middle = flat[edges].mean(axis=1)
+    half = 0.5 * np.linalg.norm(flat[edges[:, 0]] - flat[edges[:, 1]], axis=1)
+    distance, edge = KDTree(middle).query(lattice, k=min(4, len(edges)))
+    clear = (distance > np.maximum(1.1 * half[edge], _CLEAR * edge_length)).all(axis=1)
+    lattice = lattice[clear & _inside(lattice, flat, edges)]
+    triangles = Delaunay(np.concatenate([flat, lattice])).simplices
+    corners = np.concatenate([flat, lattice])[triangles]
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+    triangles[area < 0.0] = triangles[area < 0.0][:, ::-1]
+    triangles = triangles[_inside(corners.mean(axis=1), flat, edges)]
+    have = _boundary(triangles)
+    if not np.array_equal(have, np.unique(edges, axis=0)):
+        return None
+    numbers = np.concatenate([ids, len(vertices) + np.arange(len(lattice))])
+    return np.array(plane.point) + lattice @ frame.T, numbers[triangles]
+
+
+def _lattice(points: np.ndarray, edge_length: float) -> np.ndarray:
+    """Corners of equilateral triangles over the extent of points in a plane, shape (n, 2)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    rows = np.arange(low[1], high[1], edge_length * math.sqrt(0.75))
+    columns = np.arange(low[0], high[0], edge_length)
+    x, y = np.meshgrid(columns, rows)
+    x[1::2] += 0.5 * edge_length
+    return np.column_stack([x.reshape(-1), y.reshape(-1)])
+
+
+def _inside(points: np.ndarray, corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Which points (n, 2) a line to the right leaves across an odd number of edges; bool."""
+    inside = np.zeros(len(points), dtype=bool)
+    x, y = points.T
+    for (x0, y0), (x1, y1) in corners[edges]:
+        spans = (y0 > y) != (y1 > y)
+        inside[spans] ^= x[spans] < x0 + (y[spans] - y0) * (x1 - x0) / (y1 - y0)
+    return inside
+
+
+def _boundary(triangles: np.ndarray) -> np.ndarray:
+    """Directed edges with a triangle on their left only, sorted, shape (n, 2)."""
+    directed = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+    keys = directed[:, 0].astype(np.int64) << 32 | directed[:, 1]
+    back = directed[:, 1].astype(np.int64) << 32 | directed[:, 0]
+    alone = np.setdiff1d(keys, back)
+    return np.column_stack([alone >> 32, alone & 0xFFFFFFFF])
+
+
+def _key(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """One number for an edge, the same from both of its triangles."""
+    return np.minimum(first, second) << 32 | np.maximum(first, second)

@@ -1,0 +1,1 @@
+"""One whole run: from a case to a result folder."""

@@ -1,0 +1,88 @@
+"""How a case is simulated, as asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from warp_trunk.engine.model import EnergyName, WeightsName
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.errors import InputError
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.meshing.layers import LayersFrom
+from warp_trunk.recording import FurtherColour
+
+MOST_GRAVITY = 1000.0
+"""A hundred times that of the Earth [m/s^2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """How a case is simulated."""
+
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+    """How the trunk is meshed."""
+    simulation: SimulationOptions = field(default_factory=SimulationOptions)
+    """How the correction is applied."""
+    energy: EnergyName = "itmsm"
+    """Energy of the tissue: itmsm (the seeds' springs on edges, faces, volumes) or neo-hookean (a continuum)."""
+    weights: WeightsName = "count"
+    """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the seeds) or volume (what it
+    stands for, so that tissue is not stiffer where tetrahedra are small)."""
+    device: str = "auto"
+    """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
+    precision: Literal["float32", "float64"] = "float32"
+    """Precision of the simulation."""
+    threads: int = 0
+    """CPU threads; 0 is one for each core."""
+    gravity: float = 0.0
+    """Gravity [m/s^2], pulling down; 0 is off."""
+    rest: Literal["sag-free", "scan"] = "sag-free"
+    """The rest state under gravity: what gravity pulls into the scan, so that no surgery changes nothing, or the
+    scan itself, which then sags (the seeds)."""
+    layers: LayersFrom | None = None
+    """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
+    case.toml has in [layers] when left out."""
+    bones: Literal["spline", "rigid"] = "spline"
+    """How bones are carried: by the thin-plate spline through all landmarks, or each of them rigidly."""
+    record: bool = True
+    """Write recording.rrd, which the viewer steps through."""
+    record_steps: bool = False
+    """Record every step of the relaxations too, on a second timeline."""
+    record_colours: tuple[FurtherColour, ...] = ()
+    """What else the colours of the recorded skin can show than its displacement; costs time at every increment."""
+    live: bool = False
+    """Show the recording in the viewer as it grows."""
+    from_mesh: Path | None = None
+    """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
+    boundary takes the place of the skin, and `--layers mesh` takes the labels of its cell data `tissue`."""
+    resume: bool = False
+    """Go on from the last increment of an interrupted simulation in the result folder; the recording then has all
+    increments, but single steps only of the new ones."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a gravity that no place has, before any work."""
+        if not abs(self.gravity) <= MOST_GRAVITY:  # nor is NaN
+            raise InputError(f"gravity: must be within {MOST_GRAVITY:g} m/s^2, not {self.gravity}; give 9.81")
+
+
+def parameters(options: RunOptions) -> dict[str, Any]:
+    """Every option by its own name, as on the command line; a resumed run is no other than a whole one."""
+    flat: dict[str, Any] = {}
+
+    def add(values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            if isinstance(value, dict):
+                add(value)
+            else:
+                flat[name] = value
+
+    add(dataclasses.asdict(options))
+    del flat["resume"]
+    if options.from_mesh is not None:
+        flat["from_mesh"] = str(options.from_mesh)
+        for name in dataclasses.asdict(options.mesh):
+            del flat[name]
+    return flat

@@ -1,0 +1,95 @@
+"""What a run tells while it goes on: bars with the time left on a terminal, a line for each stage in a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from warp_trunk.engine.simulation import Increment
+
+
+class Progress:
+    """Times the stages of a run and shows them on a stream, which is standard error if not given."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._start = time.perf_counter()
+        self._bars: Any = None
+        self._task: Any = None
+        self.seconds: dict[str, float] = {}
+        """Time spent so far in each stage [s]."""
+
+    def __enter__(self) -> Progress:
+        if self._stream.isatty():
+            from rich import console, progress  # on a terminal only
+
+            self._bars = progress.Progress(
+                progress.TextColumn("{task.description}"),
+                progress.BarColumn(),
+                progress.MofNCompleteColumn(),
+                progress.TimeElapsedColumn(),
+                progress.TextColumn("left"),
+                progress.TimeRemainingColumn(),
+                console=console.Console(file=self._stream),
+            )
+            self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bars is not None:
+            self._bars.stop()
+
+    @contextmanager
+    def stage(self, name: str, doing: str) -> Iterator[None]:
+        """Shows what is being done, and adds the time until the block ends to `seconds[name]`."""
+        bars = self._bars
+        task = None if bars is None else bars.add_task(doing, total=None)
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            taken = time.perf_counter() - start
+            self.add(name, taken)
+            if bars is not None:
+                bars.update(task, total=1, completed=1)
+        if bars is None:
+            self._line(f"{doing}: {taken:.1f} s")
+
+    def add(self, name: str, seconds: float) -> None:
+        """Adds to the time of a stage."""
+        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+
+    def say(self, text: str) -> None:
+        """Shows a line that stays."""
+        if self._bars is None:
+            self._line(text)
+        else:
+            self._bars.console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def increment(self, increment: Increment, count: int) -> None:
+        """Shows that an increment of so many is done; the time left follows from those before it."""
+        relaxation = increment.relaxation
+        if self._bars is None:
+            self._line(
+                f"increment {increment.number} of {count}: {relaxation.status.name}, "
+                f"error {relaxation.estimated_error:.2g} mm, {relaxation.steps} steps, "
+                f"{relaxation.linear_iterations} linear iterations, {increment.seconds:.1f} s"
+            )
+            return
+        if self._task is None:
+            self._task = self._bars.add_task("relaxing the tissue", total=count)
+        self._bars.update(self._task, completed=increment.number)
+
+    def total(self) -> float:
+        """Time since this was made [s]."""
+        return time.perf_counter() - self._start
+
+    def _line(self, text: str) -> None:
+        print(text, file=self._stream, flush=True)
