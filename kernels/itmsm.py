@@ -1,4 +1,4 @@
-"""The seeds' energy, eq. 4.6 of [2], over tetrahedra: energy with gradient, and curvature, each one kernel.
+"""The energy itmsm, eq. 4.6 of [2], over tetrahedra: energy with gradient, and curvature, each one kernel.
 
 A kernel is made for one precision and one set of terms; a term that is off is not compiled in.
 """

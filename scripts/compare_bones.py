@@ -25,10 +25,10 @@ from warp_trunk import (
     free_joints,
     make_case,
     measure,
+    predicted_skin,
     read_surface,
     rigid_path,
     simulate,
-    skin_after,
     spline_path,
 )
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -77,7 +77,7 @@ def main(folder: str, tets: int = 225_000) -> None:
     for way, (mesh, path) in ways.items():
         increments = list(simulate(build_model(mesh, case.tissue), path))
         ends = [increment.relaxation for increment in increments]
-        skin = skin_after(case, mesh, increments[-1].displacement)
+        skin = predicted_skin(case, mesh, increments[-1].displacement)
         found = measure(skin, landmarks[1], case.skin)
         rotation = [
             abs(here - there)

@@ -16,10 +16,10 @@ from warp_trunk import (
     build_trunk,
     layered,
     measure,
+    predicted_skin,
     read_case,
     sag_free,
     simulate,
-    skin_after,
     spline_path,
 )
 from warp_trunk.engine.model import EnergyName
@@ -55,7 +55,7 @@ def main(folder: str, tets: int = 225_000) -> None:
                 moved = 0.0
                 if rest:
                     moved = np.linalg.norm(list(simulate(model, none))[-1].displacement, axis=1).max()
-                skin = skin_after(case, trunk, list(simulate(model, surgery))[-1].displacement)
+                skin = predicted_skin(case, trunk, list(simulate(model, surgery))[-1].displacement)
                 rotation = measure(skin, case.landmarks_after).bsr.values()
                 now = skin.vertices, np.array([np.nan if value is None else value for value in rotation])
                 reference = reference or now

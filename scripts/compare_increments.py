@@ -15,7 +15,7 @@ import numpy as np
 from warp_trunk import MeshOptions, build_model, build_trunk, measure, read_case, simulate
 from warp_trunk.bone_motion.bone_path import BonePath, composed_path, spline_path
 from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.results import skin_after
+from warp_trunk.results import predicted_skin
 
 COUNTS = (20, 10, 5, 1)
 
@@ -29,7 +29,7 @@ def main(folder: str, tets: int = 225_000) -> None:
 
     def run(path: BonePath, increments: int) -> tuple[np.ndarray, np.ndarray]:
         *_, last = simulate(model, path, SimulationOptions(increments=increments))
-        skin = skin_after(case, trunk, last.displacement)
+        skin = predicted_skin(case, trunk, last.displacement)
         rotation = measure(skin, case.landmarks_after).bsr
         return skin.vertices, np.array([np.nan if value is None else value for value in rotation.values()])
 

@@ -14,9 +14,9 @@ from warp_trunk import (
     build_trunk,
     layered,
     measure,
+    predicted_skin,
     read_case,
     simulate,
-    skin_after,
     spline_path,
 )
 from warp_trunk.engine.model import EnergyName
@@ -45,7 +45,7 @@ def main(folder: str, tets: int = 225_000) -> None:
             mesh = trunk if layers is None else layered(trunk, layers, "depth")
             tissue = case.tissue if layers is None else layers.tissues(case.tissue)
             increments = list(simulate(build_model(mesh, tissue, energy=energy), path))
-            skin = skin_after(case, trunk, increments[-1].displacement)
+            skin = predicted_skin(case, trunk, increments[-1].displacement)
             rotation = measure(skin, case.landmarks_after).bsr.values()
             now = skin.vertices, np.array([np.nan if value is None else value for value in rotation])
             reference = reference or now

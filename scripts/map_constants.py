@@ -1,4 +1,4 @@
-"""How near the seeds' energy comes to a continuum's, over its constants epsilon and theta.
+"""How near the energy itmsm comes to a continuum's, over its constants epsilon and theta.
 
     python scripts/map_constants.py CASE --out docs/constants
 
@@ -33,7 +33,7 @@ TOLERANCE = 0.1
 MORE = 20
 """Increments of a second attempt where one increment did not converge."""
 
-PAGE = """# How near the seeds' energy comes to a continuum's: {case}
+PAGE = """# How near the energy itmsm comes to a continuum's: {case}
 
 ![Map of the table below]({picture})
 

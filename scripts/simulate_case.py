@@ -6,9 +6,9 @@ from warp_trunk import (
     build_model,
     build_trunk,
     measure,
+    predicted_skin,
     read_case,
     simulate,
-    skin_after,
     spline_path,
     write_result,
 )
@@ -23,7 +23,7 @@ for increment in simulate(model, bone_path):
     print(f"{increment.load_factor:.0%}: {increment.relaxation.status.value}")
     increments.append(increment)
 
-skin = skin_after(case, trunk, increments[-1].displacement)
+skin = predicted_skin(case, trunk, increments[-1].displacement)
 before, after = measure(case.skin, case.landmarks_before), measure(skin, case.landmarks_after, case.skin)
 print(f"rotation of the back {before.max_thoracic_bsr:.1f} to {after.max_thoracic_bsr:.1f} degrees")
 write_result(sys.argv[2], case, trunk, model, increments)

@@ -28,11 +28,11 @@ def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray
     j, squares = determinant(f), (f * f).sum(axis=(-2, -1))
     alpha = 1.0 + mu / bulk - mu / (4.0 * bulk)
 
-    def whole(squares: np.ndarray | float, j: np.ndarray | float) -> np.ndarray:
+    def atomic_write(squares: np.ndarray | float, j: np.ndarray | float) -> np.ndarray:
         return 0.5 * mu * (squares - 3.0) + 0.5 * bulk * (j - alpha) ** 2 - 0.5 * mu * np.log(squares + 1.0)
 
     volume = 0.5 * bulk * (j - 1.0) ** 2
-    return whole(squares, j) - whole(3.0, 1.0) - volume, volume
+    return atomic_write(squares, j) - atomic_write(3.0, 1.0) - volume, volume
 
 
 def stress(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:

@@ -85,7 +85,7 @@ def telling(pipe: int) -> None:
 
 def contents(folder: Path) -> dict[str, str]:
     """The files of a result by their final names, as text; summaries without times and memory."""
-    names = ("skin_before.ply", "skin_after.ply", "landmarks_before.csv", "landmarks_after.csv", "trunk.vtu")
+    names = ("skin_before.ply", "predicted_skin.ply", "landmarks_before.csv", "landmarks_after.csv", "trunk.vtu")
     found = {name: (folder / name).read_bytes().hex() for name in names if (folder / name).is_file()}
     if (folder / "summary.json").is_file():
         summary = json.loads((folder / "summary.json").read_text())

@@ -42,7 +42,7 @@ def write_small_result(
         skin = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
         angle = np.radians(-turn_more)
         turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        case = replace(case, skin_after=Surface(skin @ turn.T, case.skin.faces))
+        case = replace(case, actual_skin=Surface(skin @ turn.T, case.skin.faces))
     if without is not None:
         up = np.array([[0.0, 0.0, 500.0 * n.startswith(f"{without}_")] for n in case.landmarks_before.names])
         lifted = [

@@ -14,7 +14,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.recording import Recording
-from warp_trunk.results import skin_after
+from warp_trunk.results import predicted_skin
 
 SHAPE = (5, 5, 7)
 SIZE = np.array([300.0, 200.0, 420.0])
@@ -145,5 +145,5 @@ def start_recording(path, case, trunk, **options):
 
 def measured(case, trunk, increment):
     """Measures of a case at an increment."""
-    skin = skin_after(case, trunk, increment.displacement)
+    skin = predicted_skin(case, trunk, increment.displacement)
     return measure(skin, case.landmarks_at(increment.load_factor), case.skin)

@@ -132,8 +132,8 @@ def test_millimetres_declared_metres_name_the_right_unit():
 
 def test_wrong_units_of_the_trunk_after_surgery_are_found():
     skin = small_case().skin
-    case = replace(small_case(), skin_after=Surface(skin.vertices * 1e-3, skin.faces))
-    refused(case, "skin_after: the trunk is 0.48 mm tall")
+    case = replace(small_case(), actual_skin=Surface(skin.vertices * 1e-3, skin.faces))
+    refused(case, "actual_skin: the trunk is 0.48 mm tall")
 
 
 def turned(case: Case, M: np.ndarray) -> Case:

@@ -15,7 +15,6 @@ from warp_trunk.preparation.deformity import find_landmarks
 
 def assert_equal(one: Case, other: Case) -> None:
     assert (one.name, one.tissue, list(one.bones)) == (other.name, other.tissue, list(other.bones))
-    assert one.skin_after_is_placeholder == other.skin_after_is_placeholder
     for a, b in [(one.skin, other.skin), *((one.bones[n], other.bones[n]) for n in one.bones)]:
         np.testing.assert_array_equal(a.vertices, b.vertices)
         np.testing.assert_array_equal(a.faces, b.faces)
@@ -46,18 +45,17 @@ def test_a_case_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
         read_case(tmp_path)
 
 
-def test_round_trip_of_a_placeholder(tmp_path):
+def test_round_trip_of_an_actual_skin(tmp_path):
     skin = small_case().skin
     case = replace(
         small_case(),
-        skin_after=Surface(skin.vertices / 3.0 * 3.1, skin.faces),
-        skin_after_is_placeholder=True,
+        actual_skin=Surface(skin.vertices / 3.0 * 3.1, skin.faces),
     )
     write_case(tmp_path, case)
     back = read_case(tmp_path)
     assert_equal(back, case)
-    assert back.skin_after is not None
-    np.testing.assert_array_equal(back.skin_after.vertices, skin.vertices / 3.0 * 3.1)
+    assert back.actual_skin is not None
+    np.testing.assert_array_equal(back.actual_skin.vertices, skin.vertices / 3.0 * 3.1)
     write_case(tmp_path, case)  # over itself
 
 
@@ -145,9 +143,10 @@ def test_two_candidates_are_refused(tmp_path):
         read_case(tmp_path)
 
 
-def test_a_placeholder_that_is_not_there_is_refused(tmp_path):
-    write_case(tmp_path, replace(small_case(), skin_after_is_placeholder=True))
-    with pytest.raises(InputError, match=r"skin_after\.ply: there is no such file, but case\.toml calls it"):
+def test_a_skin_under_its_former_name_is_not_passed_over(tmp_path):
+    write_case(tmp_path, small_case())
+    write_surface(tmp_path / "skin_after.ply", small_case().skin)
+    with pytest.raises(InputError, match=r"skin_after\.ply: .*rename it to actual_skin\.ply"):
         read_case(tmp_path)
 
 

@@ -22,15 +22,9 @@ def test_round_trip(tmp_path, name):
         name=name,
         units="cm",
         axes=Axes("ASR"),
-        skin_after_is_placeholder=True,
         tissue=Tissue(epsilon=0.1 + 0.2, theta=1e-9, density=1e17, youngs_modulus=3),
     )
     assert read(tmp_path, header_text(header)) == header
-
-
-def test_a_placeholder_is_labelled_in_words():
-    assert "a placeholder, no truth" in header_text(CaseHeader(name="", skin_after_is_placeholder=True))
-    assert "placeholder, no truth" not in header_text(CaseHeader(name=""))
 
 
 @pytest.mark.parametrize(
@@ -44,8 +38,6 @@ def test_a_placeholder_is_labelled_in_words():
         ("zzz = 1", "unknown key 'zzz'; the keys are name"),
         ("name = 7", "'name' must be text, not 7"),
         ("units = true", "'units' must be text, not True"),
-        ("skin_after_is_placeholder = 1", "'skin_after_is_placeholder' must be true or false, not 1"),
-        ('skin_after_is_placeholder = "yes"', "must be true or false, not 'yes' (str)"),
         ("tissue = 1", "'tissue' must be a table, [tissue], not 1"),
         ('[tissue]\ntheta = "10"', "'tissue.theta' must be a number, not '10' (str)"),
         ("[tissue]\ntheta = true", "'tissue.theta' must be a number, not True"),

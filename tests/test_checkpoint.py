@@ -118,7 +118,7 @@ def test_another_simulation_is_refused_and_said_in_what_it_differs(now, named: s
 
 
 def test_what_changes_no_displacement_makes_no_other_simulation() -> None:
-    same = fingerprint(replace(CASE, skin_after=CASE.skin, name="other"), record=False, resume=True)
+    same = fingerprint(replace(CASE, actual_skin=CASE.skin, name="other"), record=False, resume=True)
     assert difference(fingerprint(), same) == ""
 
 

@@ -30,7 +30,7 @@ FLAGS = [
     "--record-steps", "--record-colours", "--live",
 ]  # fmt: skip
 RESULT = {
-    "landmarks_after.csv", "landmarks_before.csv", "skin_after.ply", "skin_before.ply",
+    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
     "summary.json", "trunk.vtu",
 }  # fmt: skip
 """The files of a result beside its recording."""
@@ -220,18 +220,18 @@ def test_make_case_hands_on_what_was_asked(tmp_path, monkeypatch, capsys):
     (tmp_path / "bones" / "SOURCE.md").write_text("not a bone")
     asked = {}
 
-    def make(skin, bones, curve, correction, placeholder):
-        asked.update(bones=set(bones), curve=curve, correction=correction, placeholder=placeholder)
+    def make(skin, bones, curve, correction):
+        asked.update(bones=set(bones), curve=curve, correction=correction)
         return case
 
     monkeypatch.setattr(make_case, "read_surface", lambda path: case.skin)
     monkeypatch.setattr(make_case, "make_case", make)
-    flags = ["--curve=double_major", "--cobb=45", "--correction=0.6", "--direction=left", "--placeholder"]
+    flags = ["--curve=double_major", "--cobb=45", "--correction=0.6", "--direction=left"]
     files = ["--skin", "skin.ply", "--bones", str(tmp_path / "bones"), "--out", str(tmp_path / "case")]
     assert main(["make-case", *files, *flags]) == OK
     assert asked["bones"] == {"T7"}
     assert (asked["curve"].kind, asked["curve"].cobb, asked["curve"].direction) == ("double_major", 45.0, "left")
-    assert (asked["correction"], asked["placeholder"]) == (0.6, True)
+    assert asked["correction"] == 0.6
     assert (tmp_path / "case" / "case.toml").is_file()
     assert "warp-trunk simulate" in capsys.readouterr().out
 

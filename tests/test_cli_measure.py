@@ -100,9 +100,9 @@ def test_result_folder_gives_the_change_of_its_tissue_too(place, tmp_path):
     displacement = np.zeros_like(trunk.nodes)
     displacement[-1] = 0.5 * (corners[:3].mean(axis=0) - corners[3])
     write_trunk(tmp_path / "trunk.vtu", trunk, displacement)
-    write_surface(tmp_path / "skin_after.ply", case.skin)
+    write_surface(tmp_path / "predicted_skin.ply", case.skin)
     assert run(place, tmp_path) == OK
-    record = record_of(tmp_path / "skin_after_measures")
+    record = record_of(tmp_path / "predicted_skin_measures")
     assert record["tissue_volume_change_percent"] == pytest.approx(-50.0)
 
 
@@ -121,7 +121,7 @@ def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
         replace(
             case,
             skin=surface(case.skin),
-            skin_after=surface(after),
+            actual_skin=surface(after),
             bones={name: surface(bone) for name, bone in case.bones.items()},
             landmarks_before=replace(case.landmarks_before, points=theirs(case.landmarks_before.points)),
             landmarks_after=replace(case.landmarks_after, points=theirs(case.landmarks_after.points)),
@@ -130,7 +130,7 @@ def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
     header = tmp_path / "case" / "case.toml"
     header.write_text(header.read_text().replace('"mm"', '"cm"').replace('"LPS"', '"RAS"'))
     theirs_too = (tmp_path, case, after)
-    assert run(theirs_too, tmp_path / "case" / "skin_after.ply", "--out", tmp_path / "inside") == OK
+    assert run(theirs_too, tmp_path / "case" / "actual_skin.ply", "--out", tmp_path / "inside") == OK
     assert run(theirs_too, folder / "after.ply", "--out", tmp_path / "beside") == OK
     found = [record_of(tmp_path / name)["skin"]["levels"]["T7"] for name in ("inside", "beside")]
     assert found[0] == pytest.approx(found[1], abs=1e-6)

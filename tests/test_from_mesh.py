@@ -51,7 +51,7 @@ def test_its_boundary_is_the_skin_and_the_summary_says_so(mesh: Path, tmp_path: 
     out = tmp_path / "out"
     assert simulated(out, mesh, "--no-record") == OK
     nodes, _, boundary = box_mesh()
-    before, after = (read_surface(out / f"skin_{when}.ply") for when in ("before", "after"))
+    before, after = (read_surface(out / name) for name in ("skin_before.ply", "predicted_skin.ply"))
     wanted = nodes[np.unique(boundary)] * [1.01, 0.99, 1.0]
     np.testing.assert_allclose(before.vertices, wanted, atol=1e-9)
     trunk, displacement = read_trunk(out / "trunk.vtu")
@@ -96,7 +96,7 @@ def test_an_interrupted_run_is_told_and_resumed_with_all_its_increments(
     assert "2 of 3 increments" in capsys.readouterr().err.splitlines()[-1]
     assert simulated(out, mesh, "--resume") == OK
     assert "going on after increment 2 of 3" in capsys.readouterr().err
-    for name in ("skin_after.ply", "trunk.vtu"):
+    for name in ("predicted_skin.ply", "trunk.vtu"):
         assert (out / name).read_bytes() == (whole / name).read_bytes()
     one, other = (
         column(folder / "recording.rrd", "/now/skin/displacement", "vertex_positions") for folder in (whole, out)

@@ -277,7 +277,7 @@ CONTINUUM_CASES: dict[str, Callable[[], Case]] = {
 
 @pytest.mark.parametrize("name", CONTINUUM_CASES)
 def test_a_continuum_ends_in_a_true_way(name: str) -> None:
-    """Also from the mirror image of the trunk, which the seeds' energy cannot leave."""
+    """Also from the mirror image of the trunk, which the energy itmsm cannot leave."""
     ending = check_ending(replace(CONTINUUM_CASES[name](), energy="neo-hookean"))
     if not any(word in name for word in ("edge lengths", "gravity 1e", "crush")):
         assert ending.relaxation.status is RelaxStatus.CONVERGED

@@ -21,8 +21,7 @@ CURVE = SpineCurve(kind="double_major", cobb=40.0)
 def test_case_holds_the_curve_and_its_correction() -> None:
     case = make_case(SKIN, BONES, CURVE, 0.7)
     assert case.name == "double_major 40 degrees, 70 % corrected"
-    assert case.skin_after is None
-    assert not case.skin_after_is_placeholder
+    assert case.actual_skin is None
     assert case.landmarks_before.names == case.landmarks_after.names
     straight = find_landmarks(BONES)
     gone = [
@@ -32,21 +31,9 @@ def test_case_holds_the_curve_and_its_correction() -> None:
     assert np.abs(case.skin.vertices - SKIN.vertices).max() > 10.0
 
 
-def test_placeholder_is_the_image_of_the_skin_and_marked() -> None:
-    case = make_case(SKIN, BONES, CURVE, 0.7, placeholder=True, name="x")
-    assert case.name == "x"
-    assert case.skin_after_is_placeholder
-    assert case.skin_after is not None
-    np.testing.assert_array_equal(case.skin_after.faces, case.skin.faces)
-    moved = np.linalg.norm(case.skin_after.vertices - case.skin.vertices, axis=1)
-    assert 5.0 < moved.max() < 100.0
-
-
-def test_no_correction_leaves_the_placeholder_where_it_was() -> None:
-    case = make_case(SKIN, BONES, CURVE, 0.0, placeholder=True)
+def test_no_correction_leaves_the_landmarks_where_they_were() -> None:
+    case = make_case(SKIN, BONES, CURVE, 0.0)
     np.testing.assert_array_equal(case.landmarks_after.points, case.landmarks_before.points)
-    assert case.skin_after is not None
-    np.testing.assert_array_equal(case.skin_after.vertices, case.skin.vertices)
 
 
 def test_fraction_is_checked() -> None:

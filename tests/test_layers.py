@@ -61,7 +61,7 @@ def test_the_part_below_a_plane_is_the_integral_of_a_spline(values: tuple[float,
         assert part_negative(np.array([values])[:, order])[0] == pytest.approx(float(below), abs=1e-9)
 
 
-def test_above_and_below_make_the_whole() -> None:
+def test_above_and_below_make_the_atomic_write() -> None:
     values = np.random.default_rng(2).normal(size=(1000, 4))
     np.testing.assert_allclose(part_negative(values) + part_negative(-values), 1.0, atol=1e-12)
 

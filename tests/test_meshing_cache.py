@@ -21,7 +21,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "kept"
 
 
-def test_mesh_comes_back_whole(trunk, folder):
+def test_mesh_comes_back_atomic_write(trunk, folder):
     assert load_cached(KEY) is None
     store_cached(KEY, trunk)
     back = load_cached(KEY)

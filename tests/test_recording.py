@@ -233,7 +233,7 @@ def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
     bones = column(path, "/target/bones", "vertex_positions")[None]
     np.testing.assert_allclose(bones[faces], (trunk.nodes + planned)[trunk.bone_faces], atol=1e-4)
     actual = Surface(case.skin.vertices * [1.0, 1.1, 1.0], case.skin.faces[:, [1, 2, 0]])
-    known = replace(case, skin_after=actual)
+    known = replace(case, actual_skin=actual)
     start_recording(tmp_path / "a.rrd", known, trunk, colours=("distance",)).close()
     np.testing.assert_allclose(
         column(tmp_path / "a.rrd", "/target/skin", "vertex_positions")[None], actual.vertices, atol=1e-4
@@ -241,9 +241,8 @@ def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
     assert 0 in column(tmp_path / "a.rrd", "/now/skin/distance", "vertex_colors")
     assert "actual" in column(tmp_path / "a.rrd", "/section/target/angle", "labels")[None].item()
     assert column(path, "/section/target/angle", "labels") == {}
-    guessed = replace(known, skin_after_is_placeholder=True)
     with pytest.raises(InputError, match="actual skin"):
-        start_recording(tmp_path / "b.rrd", guessed, trunk, colours=("distance",))
+        start_recording(tmp_path / "b.rrd", case, trunk, colours=("distance",))
 
 
 def test_bars_stand_beside_their_level():

@@ -50,7 +50,7 @@ def compared(compared_report):
     return compared_report.parent, compared_report.read_text()
 
 
-def test_page_and_pictures_are_written_whole(plain):
+def test_page_and_pictures_are_written_atomic_write(plain):
     folder, _ = plain
     assert sorted(path.name for path in (folder / "report").iterdir()) == [f"{name}.png" for name in PICTURES]
     assert not list(folder.glob("*partial*"))

@@ -14,11 +14,11 @@ from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, read_surface
 from warp_trunk.results import folder as result_folder
-from warp_trunk.results import prepare_folder, read_summary, skin_after, write_result
+from warp_trunk.results import predicted_skin, prepare_folder, read_summary, write_result
 from warp_trunk.results.reading import SUMMARY_KEYS
 
 WHOLE = {
-    "landmarks_after.csv", "landmarks_before.csv", "skin_after.ply", "skin_before.ply",
+    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
     "summary.json", "trunk.vtu",
 }  # fmt: skip
 
@@ -33,7 +33,7 @@ def simulated():
 def test_folder_holds_the_predicted_skin_in_its_order(simulated, tmp_path):
     case, trunk, _, increments = simulated
     write_result(tmp_path, *simulated)
-    skin = read_surface(tmp_path / "skin_after.ply")
+    skin = read_surface(tmp_path / "predicted_skin.ply")
     np.testing.assert_array_equal(skin.faces, case.skin.faces)
     moved = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
     np.testing.assert_allclose(skin.vertices, moved, atol=1e-9)
@@ -77,13 +77,11 @@ def test_rotation_before_and_after_by_level(simulated, tmp_path):
     assert bsr["actual"] is None
 
 
-def test_actual_skin_is_measured_unless_it_is_a_placeholder(simulated, tmp_path):
+def test_actual_skin_is_measured(simulated, tmp_path):
     case, trunk, model, increments = simulated
-    known = replace(case, skin_after=case.skin)
+    known = replace(case, actual_skin=case.skin)
     bsr = write_result(tmp_path, known, trunk, model, increments)["bsr_deg"]
     assert bsr["actual"] == pytest.approx(bsr["before"], abs=1e-9)
-    placeholder = replace(known, skin_after_is_placeholder=True)
-    assert write_result(tmp_path, placeholder, trunk, model, increments)["bsr_deg"]["actual"] is None
 
 
 def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
@@ -108,7 +106,7 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
 
 def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_path):
     (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
-    (tmp_path / "skin_actual.ply").write_bytes(b"of another patient")
+    (tmp_path / "actual_skin.ply").write_bytes(b"of another patient")
     write_result(tmp_path, *simulated)
     assert {path.name for path in tmp_path.iterdir()} == WHOLE
     (tmp_path / "recording.partial.rrd").write_bytes(b"new")
@@ -188,6 +186,6 @@ def test_no_increment_and_no_summary_are_named(simulated, tmp_path):
 def test_predicted_skin_does_not_pick_up_the_rounding_of_the_mesher(simulated):
     case, trunk, _, _ = simulated
     rounded = replace(trunk, nodes=trunk.nodes + 1e-7)
-    skin = skin_after(case, rounded, np.zeros_like(trunk.nodes))
+    skin = predicted_skin(case, rounded, np.zeros_like(trunk.nodes))
     assert isinstance(skin, Surface)
     np.testing.assert_array_equal(skin.vertices, case.skin.vertices)

@@ -10,7 +10,7 @@ from small_trunk import made_up_increments, small_case
 from warp_trunk.engine.model import build_model
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, write_surface
-from warp_trunk.results import read_result, skin_after, write_result
+from warp_trunk.results import predicted_skin, read_result, write_result
 
 
 @pytest.fixture(scope="module")
@@ -29,32 +29,31 @@ def folder(simulated, tmp_path):
 def test_all_of_it_comes_back_to_the_last_bit(simulated, folder):
     case, trunk, _, increments = simulated
     result = read_result(folder)
-    predicted = skin_after(case, trunk, increments[-1].displacement)
+    predicted = predicted_skin(case, trunk, increments[-1].displacement)
     np.testing.assert_array_equal(result.skin_before.vertices, case.skin.vertices)
-    np.testing.assert_array_equal(result.skin_after.vertices, predicted.vertices)
-    np.testing.assert_array_equal(result.skin_after.faces, case.skin.faces)
+    np.testing.assert_array_equal(result.predicted_skin.vertices, predicted.vertices)
+    np.testing.assert_array_equal(result.predicted_skin.faces, case.skin.faces)
     assert result.landmarks_after.names == case.landmarks_after.names
     np.testing.assert_array_equal(result.landmarks_before.points, case.landmarks_before.points)
     np.testing.assert_array_equal(result.landmarks_after.points, case.landmarks_after.points)
     assert result.summary["parameters"]["case"] == "small"
-    assert result.skin_actual is None
+    assert result.actual_skin is None
 
 
-def test_actual_skin_comes_back_and_a_placeholder_does_not(simulated, tmp_path):
+def test_actual_skin_comes_back(simulated, tmp_path):
     case, trunk, model, increments = simulated
     actual = Surface(case.skin.vertices * 1.1, case.skin.faces[::-1])
-    known = replace(case, skin_after=actual)
+    known = replace(case, actual_skin=actual)
     write_result(tmp_path, known, trunk, model, increments)
-    read = read_result(tmp_path).skin_actual
+    read = read_result(tmp_path).actual_skin
     assert read is not None
     np.testing.assert_array_equal(read.vertices, actual.vertices)
     np.testing.assert_array_equal(read.faces, actual.faces)
-    write_result(tmp_path, replace(known, skin_after_is_placeholder=True), trunk, model, increments)
-    assert read_result(tmp_path).skin_actual is None
 
 
 @pytest.mark.parametrize(
-    "name", ["skin_before.ply", "skin_after.ply", "landmarks_before.csv", "landmarks_after.csv", "summary.json"]
+    "name",
+    ["skin_before.ply", "predicted_skin.ply", "landmarks_before.csv", "landmarks_after.csv", "summary.json"],
 )
 def test_missing_and_damaged_files_are_named(folder, name):
     whole = (folder / name).read_bytes()
@@ -68,16 +67,16 @@ def test_missing_and_damaged_files_are_named(folder, name):
 
 def test_missing_actual_skin_is_named(simulated, tmp_path):
     case, trunk, model, increments = simulated
-    write_result(tmp_path, replace(case, skin_after=case.skin), trunk, model, increments)
-    (tmp_path / "skin_actual.ply").unlink()
-    with pytest.raises(InputError, match=r"skin_actual\.ply: is missing"):
+    write_result(tmp_path, replace(case, actual_skin=case.skin), trunk, model, increments)
+    (tmp_path / "actual_skin.ply").unlink()
+    with pytest.raises(InputError, match=r"actual_skin\.ply: is missing"):
         read_result(tmp_path)
 
 
 def test_files_of_two_simulations_are_refused(simulated, folder):
     case = simulated[0]
-    write_surface(folder / "skin_after.ply", Surface(case.skin.vertices, case.skin.faces[:-1]))
-    with pytest.raises(InputError, match=r"skin_after\.ply: .* not those of skin_before\.ply"):
+    write_surface(folder / "predicted_skin.ply", Surface(case.skin.vertices, case.skin.faces[:-1]))
+    with pytest.raises(InputError, match=r"predicted_skin\.ply: .* not those of skin_before\.ply"):
         read_result(folder)
 
 

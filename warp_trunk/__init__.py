@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from .preparation.reconstruction import Film, fit_atlas, read_film, register_skin, triangulate
     from .preparation.scanning import CloseOptions, CutPlane, align_parts, close_skin
     from .recording import Recording
-    from .results import Result, read_result, read_summary, skin_after, write_result
+    from .results import Result, predicted_skin, read_result, read_summary, write_result
     from .run.options import RunOptions
     from .run.run_case import RunResult, run_case
 
@@ -102,7 +102,7 @@ _MODULE = {
     "Result": "results",
     "read_result": "results",
     "read_summary": "results",
-    "skin_after": "results",
+    "predicted_skin": "results",
     "write_result": "results",
     "RunResult": "run.run_case",
     "run_case": "run.run_case",
@@ -174,6 +174,7 @@ __all__ = [
     "measure",
     "mirror_asymmetry",
     "phantom_case",
+    "predicted_skin",
     "read_case",
     "read_film",
     "read_landmarks",
@@ -186,7 +187,6 @@ __all__ = [
     "run_case",
     "sag_free",
     "simulate",
-    "skin_after",
     "spline_path",
     "tissue_volume_change",
     "triangulate",

@@ -31,7 +31,7 @@ def draw_map(path: Path, points: Sequence[dict[str, Any]], nu: float) -> None:
     weights = list(dict.fromkeys(point["weights"] for point in points))
     figure = Figure(figsize=(10.0, 0.8 + 3.6 * len(weights)), layout="constrained")
     figure.suptitle(
-        f"The seeds' energy against a neo-Hookean continuum (Poisson's ratio {nu:g}), after surgery",
+        f"The energy itmsm against a neo-Hookean continuum (Poisson's ratio {nu:g}), after surgery",
         x=0.01,
         ha="left",
         fontsize=13,

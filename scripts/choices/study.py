@@ -24,9 +24,9 @@ from warp_trunk import (
     build_model,
     build_trunk,
     layered,
+    predicted_skin,
     sag_free,
     simulate,
-    skin_after,
     spline_path,
 )
 from warp_trunk.bone_motion.articulation import bone_motions
@@ -137,7 +137,7 @@ class Study:
         increments = list(simulate(model, path, SimulationOptions(increments=choices.increments, relax=relax)))
         last = increments[-1]
         found = {
-            "skin": skin_after(self.case, trunk, last.displacement).vertices,
+            "skin": predicted_skin(self.case, trunk, last.displacement).vertices,
             "tets": len(trunk.tets),
             "status": last.relaxation.status.name,
             "inverted": last.relaxation.inverted_tets,

@@ -50,7 +50,6 @@ CASES = [
         "from 0 to 0.499, not 0.5",
     ),
     ("NaN", text("case.toml", lambda t: _constant(t, "theta", "nan")), "'theta' must be a finite number"),
-    ("a truth that is not there", header("skin_after_is_placeholder = true"), "calls it a placeholder"),
     ("three columns", header('landmark_columns = ["a", "b", "c"]'), "must be four different names"),
     ("columns of another file", header('landmark_columns = ["name", "x", "y", "w"]'), "must name the columns"),
     ("thickness elsewhere", layers('skin_thickness = "../secret.txt"'), "lies outside the case folder", "copy it"),

@@ -1,4 +1,4 @@
-"""The seeds' energy with weights by volume, and of several tissues, against sums over tetrahedra in NumPy."""
+"""The energy itmsm with weights by volume, and of several tissues, against sums over tetrahedra in NumPy."""
 
 from dataclasses import replace
 from itertools import combinations

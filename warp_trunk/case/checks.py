@@ -54,7 +54,7 @@ class CaseSource:
     """Where a case came from, so that an error can name the file."""
 
     files: Mapping[str, Path] = field(default_factory=dict)
-    """Files by what they hold: case, skin, skin_after, landmarks_before, landmarks_after, and bone names."""
+    """Files by what they hold: case, skin, actual_skin, landmarks_before, landmarks_after, and bone names."""
     units: str = "mm"
     """Unit of the files."""
     axes: str = "LPS"
@@ -81,7 +81,7 @@ def check_case(case: Case, options: CheckOptions | None = None, source: CaseSour
     check_names(case.landmarks_before, case.landmarks_after, source)
     for key in ("landmarks_before", "landmarks_after"):
         check_landmarks(getattr(case, key), list(case.bones), source.name(key))
-    skins = [("skin", case.skin)] + ([("skin_after", case.skin_after)] if case.skin_after else [])
+    skins = [("skin", case.skin)] + ([("actual_skin", case.actual_skin)] if case.actual_skin else [])
     for key, skin in skins:
         check_surface(skin, source.name(key))
         _check_height(skin, key, source)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, read_surface, write_surface
-from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import check_within
 from warp_trunk.io.surface_files import surface_files
 
@@ -23,7 +23,7 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     """Read and check a case folder; everything that comes back is in LPS axes and mm.
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
-    `landmarks_before.csv`, `landmarks_after.csv` and perhaps `skin_after.ply` and `bones_after/*.ply`.
+    `landmarks_before.csv`, `landmarks_after.csv` and perhaps `actual_skin.ply` and `bones_after/*.ply`.
     Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone is named after
     its file. No file is read that lies elsewhere, also where case.toml names it or a link leads to it.
 
@@ -57,27 +57,26 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     check_names(before, after, source)
     after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
 
-    skin_file, after_file = (surface_files(folder, stem).get(stem) for stem in ("skin", "skin_after"))
+    skin_file, actual_file = (surface_files(folder, stem).get(stem) for stem in ("skin", "actual_skin"))
     bone_files = surface_files(folder / "bones")
     if skin_file is None:
         raise InputError(
             f"{folder / 'skin.ply'}: there is no such file, nor one of another surface format; add it"
         )
+    for former in surface_files(folder, "skin_after").values():
+        raise InputError(
+            f"{former}: a scan after surgery has another name; rename it to actual_skin{former.suffix}, or "
+            "remove it if it was not scanned"
+        )
     if not bone_files:
         raise InputError(f"{folder / 'bones'}: there is no surface in it; give each bone as bones/<name>.ply")
-    if header.skin_after_is_placeholder and after_file is None:
-        raise InputError(
-            f"{folder / 'skin_after.ply'}: there is no such file, but case.toml calls it a placeholder; "
-            "add it or set skin_after_is_placeholder = false"
-        )
     case = Case(
         name=header.name,
         skin=read("skin", skin_file),
         bones={name: read(name, path) for name, path in bone_files.items()},
         landmarks_before=before,
         landmarks_after=after,
-        skin_after=None if after_file is None else read("skin_after", after_file),
-        skin_after_is_placeholder=header.skin_after_is_placeholder,
+        actual_skin=None if actual_file is None else read("actual_skin", actual_file),
         tissue=header.tissue,
         bones_after={
             name: read(f"bones_after/{name}", path) for name, path in surface_files(folder / "bones_after").items()
@@ -102,8 +101,8 @@ def write_case(folder: str | Path, case: Case) -> None:
     """
     folder = Path(folder)
     surfaces = {folder / "skin.ply": case.skin}
-    if case.skin_after is not None:
-        surfaces[folder / "skin_after.ply"] = case.skin_after
+    if case.actual_skin is not None:
+        surfaces[folder / "actual_skin.ply"] = case.actual_skin
     for name, surface in case.bones.items():
         if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
             raise InputError(f"write_case: '{name}' names a bone and must serve as a file name; rename the bone")
@@ -112,7 +111,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         surfaces[folder / "bones_after" / f"{name}.ply"] = surface
     for found in (
         surface_files(folder, "skin"),
-        surface_files(folder, "skin_after"),
+        surface_files(folder, "actual_skin"),
         surface_files(folder / "bones"),
         surface_files(folder / "bones_after"),
     ):
@@ -128,14 +127,13 @@ def write_case(folder: str | Path, case: Case) -> None:
         write_surface(path, surface)
     landmarks = {"landmarks_before.csv": case.landmarks_before, "landmarks_after.csv": case.landmarks_after}
     for file, points in landmarks.items():
-        with whole(folder / file) as unfinished:
+        with atomic_write(folder / file) as unfinished:
             write_landmarks(unfinished, points)
     header = CaseHeader(
         name=case.name,
         axes=Axes("LPS"),
-        skin_after_is_placeholder=case.skin_after_is_placeholder,
         tissue=case.tissue,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )
-    with whole(folder / "case.toml") as unfinished:
+    with atomic_write(folder / "case.toml") as unfinished:
         unfinished.write_text(header_text(header), encoding="utf-8")

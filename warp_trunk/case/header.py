@@ -33,8 +33,6 @@ class CaseHeader:
     """Patient axes of every position in the folder."""
     landmark_columns: tuple[str, ...] = COLUMNS
     """Columns of the CSV files of landmarks that hold name, x, y and z."""
-    skin_after_is_placeholder: bool = False
-    """True when skin_after.ply is the spline's own image of the skin, and no truth."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue, from the table [tissue]."""
     layers: LayerTable | None = None
@@ -53,6 +51,7 @@ def read_header(path: Path) -> CaseHeader:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+    table.pop("skin_after_is_placeholder", None)  # version 0.1 wrote it
     refuse_unknown(path, table, [field.name for field in dataclasses.fields(CaseHeader)], "")
     values: dict[str, Any] = {"name": path.resolve().parent.name}
     for key, kind, expected in (
@@ -60,7 +59,6 @@ def read_header(path: Path) -> CaseHeader:
         ("units", str, "text"),
         ("axes", str, "text"),
         ("landmark_columns", list, "a list of four column names"),
-        ("skin_after_is_placeholder", bool, "true or false"),
         ("tissue", dict, "a table, [tissue]"),
         ("layers", dict, "a table, [layers]"),
     ):
@@ -107,17 +105,10 @@ def _tissue(path: Path, table: dict[str, Any]) -> Tissue:
 
 def header_text(header: CaseHeader) -> str:
     """The text of case.toml, which `read_header` reads back to the last bit."""
-    truth = "true" if header.skin_after_is_placeholder else "false"
-    label = (
-        "skin_after is the spline's own image of the skin: a placeholder, no truth"
-        if header.skin_after_is_placeholder
-        else "skin_after, where there is one, was measured"
-    )
     lines = [
         f"name = {quoted(header.name)}",
         f'units = "{header.units}"',
         f'axes = "{header.axes.code}"  # the patient\'s left, back and up are L, P and S',
-        f"skin_after_is_placeholder = {truth}  # {label}",
         "",
         "[tissue]",
     ]

@@ -12,7 +12,7 @@ import numpy as np
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import check_within, number, read_text
 
 from .keys import is_number, numbers, quoted, refuse_unknown, shown
@@ -118,10 +118,10 @@ def write_layers(folder: Path, layers: Layers) -> LayerTable:
         if isinstance(thickness[name], np.ndarray):
             lines = "".join(f"{number!r}\n" for number in thickness[name].tolist())
             thickness[name] = f"{name}.txt"
-            with whole(folder / thickness[name]) as unfinished:
+            with atomic_write(folder / thickness[name]) as unfinished:
                 unfinished.write_text(lines, encoding="utf-8")
     if layers.mesh is not None and layers.mesh.parent.resolve() != folder.resolve():
-        with whole(folder / layers.mesh.name) as unfinished:
+        with atomic_write(folder / layers.mesh.name) as unfinished:
             shutil.copy(layers.mesh, unfinished)
     constants = {name: dict(given) for name, given in layers.constants.items()}
     return LayerTable(mesh=None if layers.mesh is None else layers.mesh.name, constants=constants, **thickness)

@@ -26,10 +26,8 @@ class Case:
     """Points on the bones before surgery."""
     landmarks_after: Landmarks
     """The same points after surgery, same names in the same order."""
-    skin_after: Surface | None = None
+    actual_skin: Surface | None = None
     """The trunk after surgery where known; it need not have the triangles of `skin`."""
-    skin_after_is_placeholder: bool = False
-    """True when skin_after is the spline's own image of the skin, which is no truth to compare with."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue."""
     bones_after: dict[str, Surface] = dataclasses.field(default_factory=dict)

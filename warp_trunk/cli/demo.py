@@ -16,7 +16,7 @@ from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
 
-from .ending import tell
+from .ending import report_ending
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,4 +38,4 @@ class Demo:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()
             result = run_case(case, self.out, self.options, progress)
-        return tell(result)
+        return report_ending(result)

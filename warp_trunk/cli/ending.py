@@ -10,7 +10,7 @@ from warp_trunk.run.run_case import RunResult
 from .exit_status import NOT_CONVERGED, OK
 
 
-def tell(result: RunResult) -> int:
+def report_ending(result: RunResult) -> int:
     """Prints how a run ended and what to do next; returns the exit status."""
     print(plain(result.folder, result.summary, result.before, result.after))
     if (result.folder / RECORDING).is_file():

@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import read_trunk
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.exchange import ENDINGS, write_volume
 from warp_trunk.io.file_access import check_place
 from warp_trunk.results import read_summary
@@ -40,7 +40,7 @@ class Export:
         parameters = read_summary(self.result).get("parameters", {})
         trunk, displacement = read_trunk(self.result / TRUNK)
         constants = {name: parameters[name] for name in Tissue.__dataclass_fields__ if name in parameters}
-        with whole(self.out) as unfinished:
+        with atomic_write(self.out) as unfinished:
             write_volume(unfinished, trunk, displacement, Tissue(**constants))
         print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {self.out}")
         return OK

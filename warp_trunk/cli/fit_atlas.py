@@ -13,7 +13,7 @@ import numpy as np
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import write_surface
-from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.preparation.reconstruction import fit_atlas
 
 from .bone_folder import read_bones
@@ -48,7 +48,7 @@ class FitAtlas:
         for name, bone in fit.bones.items():
             write_surface(self.out / f"{name}.ply", bone)
         with (
-            whole(self.out / "atlas_fit.csv") as unfinished,
+            atomic_write(self.out / "atlas_fit.csv") as unfinished,
             unfinished.open("w", newline="", encoding="utf-8") as file,
         ):
             writer = csv.writer(file, lineterminator="\n")

@@ -36,8 +36,6 @@ class MakeCase:
     """The side to which the curve is convex; of a double major, its thoracic curve."""
     correction: float = 0.7
     """Fraction of Cobb angle and axial rotation that surgery takes away, 0 to 1."""
-    placeholder: bool = False
-    """Also write skin_after.ply, the spline's image of the skin; marked as a placeholder, no truth."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the case folder."""
@@ -49,7 +47,7 @@ class MakeCase:
                 bones = read_bones(self.bones)
                 skin = read_surface(self.skin)
             with progress.stage("make", f"imposing a {self.curve} curve of {self.cobb:g} degrees"):
-                case = make_case(skin, bones, curve, self.correction, placeholder=self.placeholder)
+                case = make_case(skin, bones, curve, self.correction)
             with progress.stage("write", f"writing {self.out}"):
                 write_case(self.out, case)
         print(f"Case '{case.name}' written to {self.out}")

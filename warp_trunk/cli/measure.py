@@ -24,7 +24,7 @@ from warp_trunk.measures.record import COLUMNS, comparison_record, measures_reco
 from warp_trunk.measures.table import comparison_text, measures_text
 from warp_trunk.measures.volume import tissue_volume_change
 from warp_trunk.results import partial
-from warp_trunk.results.folder import SKIN_AFTER, TRUNK
+from warp_trunk.results.folder import PREDICTED_SKIN, TRUNK
 from warp_trunk.run.progress import Progress
 
 from .exit_status import OK
@@ -47,7 +47,7 @@ class Measure:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Prints the measures and writes them."""
-        file = self.skin / SKIN_AFTER if self.skin.is_dir() else self.skin
+        file = self.skin / PREDICTED_SKIN if self.skin.is_dir() else self.skin
         stem = self.out or file.with_name(f"{file.stem}_measures")
         stem = stem / "measures" if stem.is_dir() else stem
         check_writable(stem)

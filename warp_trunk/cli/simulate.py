@@ -18,7 +18,7 @@ from warp_trunk.run.run_case import run_case
 
 from .arguments import parse
 from .crossing_file import crossings_written
-from .ending import tell
+from .ending import report_ending
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,4 +43,4 @@ class Simulate:
             given = parse(Simulate, arguments, replace(self, tissue=case.tissue))
             with crossings_written(out):
                 result = run_case(replace(case, tissue=given.tissue), out, self.options, progress)
-        return tell(result)
+        return report_ending(result)

@@ -101,8 +101,8 @@ def build_model(
         trunk: the mesh before surgery.
         tissue: constants of the energy; the default tissue if left out. Of several, `trunk.tissue` says which
             a tetrahedron is made of, or which part of it.
-        energy: 'itmsm', the seeds' energy (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
-        weights: how itmsm weights its features: by their 'count' (the seeds) or by rest 'volume'.
+        energy: 'itmsm', the energy itmsm (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
+        weights: how itmsm weights its features: by their 'count' (the papers) or by rest 'volume'.
         gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.
         device: 'auto', 'cpu' or 'cuda:N'.
         precision: 'float32' or 'float64', of the device arrays; the host measures in float64.

@@ -111,7 +111,7 @@ class Parallel:
 
         return launch
 
-    def record_whole(
+    def record_atomic_write(
         self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]
     ) -> Callable[[], None]:
         """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""

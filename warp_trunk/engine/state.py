@@ -25,7 +25,7 @@ from .model import Model
 class Energy:
     """The terms of an energy, each with its factor, in the unit of the model's elements.
 
-    The seeds' energy, eq. 4.6 of [2], has distance, area and volume; the neo-Hookean one shape and volume.
+    The energy itmsm, eq. 4.6 of [2], has distance, area and volume; the neo-Hookean one shape and volume.
     """
 
     distance: float

@@ -10,7 +10,7 @@ from warp_trunk.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Tissue:
-    """Constants of a tissue: epsilon and theta of the seeds' energy, the modulus and ratio of a continuum."""
+    """Constants of a tissue: epsilon and theta of the energy itmsm, the modulus and ratio of a continuum."""
 
     epsilon: float = 1.0
     """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""

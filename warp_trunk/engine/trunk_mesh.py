@@ -180,23 +180,23 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
     try:
         part = np.concatenate(mesh.cell_data["part"])
         kinds = np.repeat([block.type for block in mesh.cells], [len(block.data) for block in mesh.cells])
-        triangles = _whole(mesh.cells_dict["triangle"])
+        triangles = _atomic_write(mesh.cells_dict["triangle"])
         skin = part[kinds == "triangle"] == 1
-        skin_vertex = _whole(mesh.point_data["skin_vertex"])
+        skin_vertex = _atomic_write(mesh.point_data["skin_vertex"])
         displacement = np.array(mesh.point_data["displacement"], dtype=np.float64)
         tissue = next((mesh.cell_data[key] for key in ("tissue_parts", "tissue") if key in mesh.cell_data), None)
         if tissue is not None:
             tissue = np.concatenate(tissue)[kinds == "tetra"]
-            tissue = _whole(tissue).astype(np.int8) if tissue.ndim == 1 else tissue.astype(np.float64)
+            tissue = _atomic_write(tissue).astype(np.int8) if tissue.ndim == 1 else tissue.astype(np.float64)
         names = bytes(mesh.field_data["bone_names"].astype(np.uint8).tolist()).decode()
         skin_nodes = np.flatnonzero(skin_vertex >= 0).astype(np.int32)
         skin_nodes = skin_nodes[np.argsort(skin_vertex[skin_nodes], kind="stable")]
         trunk = TrunkMesh(
             nodes=np.array(mesh.points, dtype=np.float64),
-            tets=_whole(mesh.cells_dict["tetra"]),
+            tets=_atomic_write(mesh.cells_dict["tetra"]),
             skin_nodes=skin_nodes,
             skin_faces=skin_vertex[triangles[skin]],
-            bone=_whole(mesh.point_data["bone"]),
+            bone=_atomic_write(mesh.point_data["bone"]),
             bone_names=tuple(names.split("\n")) if names else (),
             bone_faces=triangles[~skin],
             tissue=tissue,
@@ -211,7 +211,7 @@ def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
     return trunk, displacement
 
 
-def _whole(values: np.ndarray) -> np.ndarray:
+def _atomic_write(values: np.ndarray) -> np.ndarray:
     """Whole numbers as int32; ValueError for others, which a cast would round or wrap."""
     if not np.issubdtype(values.dtype, np.integer) or (
         values.size and np.abs(values).max() > np.iinfo(np.int32).max

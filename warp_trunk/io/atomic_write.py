@@ -28,7 +28,7 @@ def complete(path: Path, to_disk: bool = True) -> None:
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """The partial name, to write to in the block; at its end the file is complete, or removed if it failed."""
     try:
         yield partial(path)

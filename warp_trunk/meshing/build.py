@@ -16,7 +16,7 @@ from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_
 
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
-from .quality import polish
+from .quality import improve_quality
 from .space_order import morton_order
 from .tetrahedra import Tetrahedra, tetrahedralize
 
@@ -165,7 +165,7 @@ def _mended(filled: Tetrahedra, skin_count: int, bones: Surface, bone_reach: flo
     on_bone = slice(skin_count, skin_count + len(bones.vertices))
     reach[on_bone] = bone_reach
     while True:
-        nodes = polish(filled.nodes, filled.tets, reach)
+        nodes = improve_quality(filled.nodes, filled.tets, reach)
         # nothing but this keeps the two sides of a thin bone apart: there are no tetrahedra in it
         crossed = crossings(Surface(nodes[on_bone], bones.faces))
         held = bones.faces[crossed] + skin_count

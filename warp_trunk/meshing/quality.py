@@ -12,7 +12,7 @@ _STEPS = (0.3, 0.1, 0.03)
 """Lengths of the moves tried, in mean edge lengths around the node."""
 
 
-def polish(nodes: np.ndarray, tets: np.ndarray, reach: np.ndarray) -> np.ndarray:
+def improve_quality(nodes: np.ndarray, tets: np.ndarray, reach: np.ndarray) -> np.ndarray:
     """Move nodes so that the worst tetrahedra get better, none below the worst of its neighbourhood.
 
     TetGen keeps the surfaces it is given, and where their triangles meet at a small angle, or sheets come

@@ -51,8 +51,8 @@ def painters(
     def distance(displacement: np.ndarray, load_factor: float) -> np.ndarray:
         from warp_trunk.measures.skin_distance import skin_distance
 
-        assert case.skin_after is not None
-        found = skin_distance(moved(displacement), case.skin_after, case.landmarks_at(load_factor))
+        assert case.actual_skin is not None
+        found = skin_distance(moved(displacement), case.actual_skin, case.landmarks_at(load_factor))
         return np.where(found.counted, found.signed, np.nan)
 
     chosen: dict[ColourName, Values] = {"displacement": displaced}
@@ -72,7 +72,7 @@ def check_colours(case: Case, further: Sequence[str]) -> None:
     for name in further:
         if name not in known:
             raise InputError(f"record_colours: must be some of {', '.join(known)}, not '{name}'")
-    if "distance" in further and (case.skin_after is None or case.skin_after_is_placeholder):
+    if "distance" in further and case.actual_skin is None:
         raise InputError(
             "record_colours: 'distance' needs the actual skin after surgery and this case has none; leave it out"
         )

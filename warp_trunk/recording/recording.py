@@ -88,9 +88,8 @@ class Recording:
             name: max(float(np.nanpercentile(np.abs(values), 99.5)) for values in (start[name], end[name]))
             for name in self._values
         }
-        actual = case.skin_after is not None and not case.skin_after_is_placeholder
-        target_skin = case.skin_after if actual else self._carried(planned)
-        assert target_skin is not None
+        actual = case.actual_skin is not None
+        target_skin = case.actual_skin or self._carried(planned)
         target = measure(target_skin, case.landmarks_after)
         name = "actual" if actual else "target"
         unit = "its own unit" if model is None else model.elements.unit

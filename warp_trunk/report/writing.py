@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.results import read_result
 
@@ -45,8 +45,8 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
     folder = _prepare(out)
     poses = poses_of(read)
     comparison = None
-    if read.skin_actual is not None:
-        comparison = compare_skins(read.skin_after, read.skin_actual, read.landmarks_after)
+    if read.actual_skin is not None:
+        comparison = compare_skins(read.predicted_skin, read.actual_skin, read.landmarks_after)
     seen = window([(pose.skin, pose.landmarks) for pose in poses])
     reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
 
@@ -73,7 +73,7 @@ def poses_of(result: Result) -> list[Pose]:
     Raises:
         InputError: a skin or landmarks that cannot be measured.
     """
-    before, after, actual = result.skin_before, result.skin_after, result.skin_actual
+    before, after, actual = result.skin_before, result.predicted_skin, result.actual_skin
     planned, reached = result.landmarks_before, result.landmarks_after
     poses = [
         Pose(BEFORE, before, planned, measure(before, planned)),
@@ -101,5 +101,5 @@ def _prepare(out: Path) -> Path:
 
 
 def _write(path: Path, content: bytes) -> None:
-    with whole(path) as unfinished:
+    with atomic_write(path) as unfinished:
         unfinished.write_bytes(content)

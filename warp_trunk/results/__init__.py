@@ -5,7 +5,7 @@ from warp_trunk.io.lock import locked
 
 from .checkpoint import Checkpoint, unfinished
 from .fingerprint import fingerprint_of
-from .folder import RECORDING, prepare_folder, skin_after, write_result
+from .folder import RECORDING, predicted_skin, prepare_folder, write_result
 from .reading import Result, read_result, read_summary
 
 __all__ = [
@@ -15,10 +15,10 @@ __all__ = [
     "fingerprint_of",
     "locked",
     "partial",
+    "predicted_skin",
     "prepare_folder",
     "read_result",
     "read_summary",
-    "skin_after",
     "unfinished",
     "write_result",
 ]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
 
 RECORDING = "recording.rrd"
-SKIN_BEFORE, SKIN_AFTER, SKIN_ACTUAL = "skin_before.ply", "skin_after.ply", "skin_actual.ply"
+SKIN_BEFORE, PREDICTED_SKIN, ACTUAL_SKIN = "skin_before.ply", "predicted_skin.ply", "actual_skin.ply"
 LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
 TRUNK = "trunk.vtu"
 SUMMARY = "summary.json"
@@ -58,7 +58,7 @@ def prepare_folder(folder: str | Path) -> Path:
     return folder
 
 
-def skin_after(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> Surface:
+def predicted_skin(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> Surface:
     """The skin of a case, same vertices and faces, carried by the nodes' displacement (nodes, 3) [mm]."""
     return Surface(case.skin.vertices + displacement[trunk.skin_nodes], case.skin.faces)
 
@@ -76,8 +76,8 @@ def write_result(
 ) -> dict[str, Any]:
     """Write the result of a simulation, with all of the case that its report needs.
 
-    That is `skin_before.ply` and `skin_after.ply` (the same vertices and faces), `skin_actual.ply` where the
-    case has an actual skin after surgery (a placeholder is none), `landmarks_before.csv`,
+    That is `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where the
+    case has an actual skin after surgery, `landmarks_before.csv`,
     `landmarks_after.csv`, `trunk.vtu`, `summary.json` and the recording.
 
     Every file is written under another name and moved when all are complete, summary.json last; a folder that
@@ -103,8 +103,8 @@ def write_result(
         raise InputError("write_result: 'increments' is empty; give all that simulate() yielded")
     folder = prepare_folder(folder)
     displacement = increments[-1].displacement
-    skin = skin_after(case, trunk, displacement)
-    actual = None if case.skin_after_is_placeholder else case.skin_after
+    skin = predicted_skin(case, trunk, displacement)
+    actual = case.actual_skin
     summary = summarize(
         case,
         trunk,
@@ -116,9 +116,9 @@ def write_result(
         parameters=parameters,
         seconds=seconds,
     )
-    surfaces = {SKIN_BEFORE: case.skin, SKIN_AFTER: skin}
+    surfaces = {SKIN_BEFORE: case.skin, PREDICTED_SKIN: skin}
     if actual is not None:
-        surfaces[SKIN_ACTUAL] = actual
+        surfaces[ACTUAL_SKIN] = actual
     landmarks = {LANDMARKS_BEFORE: case.landmarks_before, LANDMARKS_AFTER: case.landmarks_after}
     for name, surface in surfaces.items():
         write_surface(partial(folder / name), surface)
@@ -128,7 +128,7 @@ def write_result(
     text = json.dumps(summary, indent=2, allow_nan=False)
     partial(folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
-    for name in (SUMMARY, RECORDING, SKIN_ACTUAL):  # without a summary, what lies there is no whole result
+    for name in (SUMMARY, RECORDING, ACTUAL_SKIN):  # without a summary, what lies there is no whole result
         (folder / name).unlink(missing_ok=True)
     if recording is not None:
         os.replace(recording, folder / RECORDING)

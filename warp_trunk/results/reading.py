@@ -16,7 +16,7 @@ from warp_trunk.geometry.surface import Surface, read_surface
 from warp_trunk.io.file_access import read_text
 
 from .checkpoint import unfinished
-from .folder import LANDMARKS_AFTER, LANDMARKS_BEFORE, SKIN_ACTUAL, SKIN_AFTER, SKIN_BEFORE, SUMMARY
+from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PREDICTED_SKIN, SKIN_BEFORE, SUMMARY
 from .summary_shape import fault
 
 AGAIN = "simulate the case again"
@@ -35,9 +35,9 @@ class Result:
 
     skin_before: Surface
     """The skin before surgery."""
-    skin_after: Surface
+    predicted_skin: Surface
     """The predicted skin, same vertices and faces."""
-    skin_actual: Surface | None
+    actual_skin: Surface | None
     """The actual skin after surgery, with triangles of its own, where it is known."""
     landmarks_before: Landmarks
     """Points on the bones before surgery."""
@@ -67,10 +67,10 @@ def read_result(folder: str | Path) -> Result:
             f"{folder / SUMMARY}: has status {summary['status']!r} and {len(summary['increments'])} increments; "
             f"a result has a known status and at least one increment; {AGAIN}"
         )
-    before, after = (_surface(folder / name) for name in (SKIN_BEFORE, SKIN_AFTER))
+    before, after = (_surface(folder / name) for name in (SKIN_BEFORE, PREDICTED_SKIN))
     if not np.array_equal(before.faces, after.faces) or before.vertices.shape != after.vertices.shape:
         raise InputError(
-            f"{folder / SKIN_AFTER}: {len(after.vertices)} vertices and {len(after.faces)} triangles are not "
+            f"{folder / PREDICTED_SKIN}: {len(after.vertices)} vertices and {len(after.faces)} triangles are not "
             f"those of {SKIN_BEFORE} ({len(before.vertices)} and {len(before.faces)}); {AGAIN}"
         )
     planned, reached = (_landmarks(folder / name) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
@@ -82,8 +82,8 @@ def read_result(folder: str | Path) -> Result:
     known = summary["bsr_deg"].get("actual") is not None
     return Result(
         skin_before=before,
-        skin_after=after,
-        skin_actual=_surface(folder / SKIN_ACTUAL) if known else None,
+        predicted_skin=after,
+        actual_skin=_surface(folder / ACTUAL_SKIN) if known else None,
         landmarks_before=planned,
         landmarks_after=reached,
         summary=summary,

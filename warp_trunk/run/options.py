@@ -27,9 +27,9 @@ class RunOptions:
     simulation: SimulationOptions = field(default_factory=SimulationOptions)
     """How the correction is applied."""
     energy: EnergyName = "itmsm"
-    """Energy of the tissue: itmsm (the seeds' springs on edges, faces, volumes) or neo-hookean (a continuum)."""
+    """Energy of the tissue: itmsm (springs on edges, faces, volumes; the papers') or neo-hookean (continuum)."""
     weights: WeightsName = "count"
-    """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the seeds) or volume (what it
+    """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the papers') or volume (what it
     stands for, so that tissue is not stiffer where tetrahedra are small)."""
     device: str = "auto"
     """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
@@ -41,7 +41,7 @@ class RunOptions:
     """Gravity [m/s^2], pulling down; 0 is off."""
     rest: Literal["sag-free", "scan"] = "sag-free"
     """The rest state under gravity: what gravity pulls into the scan, so that no surgery changes nothing, or the
-    scan itself, which then sags (the seeds)."""
+    scan itself, which then sags (the papers)."""
     layers: LayersFrom | None = None
     """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
     case.toml has in [layers] when left out."""

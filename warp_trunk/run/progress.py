@@ -66,7 +66,7 @@ class Progress:
         """Adds to the time of a stage."""
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
-    def say(self, text: str) -> None:
+    def message(self, text: str) -> None:
         """Shows a line that stays."""
         if self._bars is None:
             self._line(text)

@@ -28,8 +28,8 @@ from warp_trunk.results import (
     fingerprint_of,
     locked,
     partial,
+    predicted_skin,
     prepare_folder,
-    skin_after,
     write_result,
 )
 from warp_trunk.results.summary_text import markdown
@@ -164,15 +164,15 @@ def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> N
     """Says from where the simulation goes on, and removes what it does not go on from."""
     done = checkpoint.count() if options.resume else 0
     if done:
-        progress.say(f"going on after increment {done} of {options.simulation.increments}")
+        progress.message(f"going on after increment {done} of {options.simulation.increments}")
     elif checkpoint.remove():
-        progress.say(
+        progress.message(
             f"{checkpoint.folder}: no increment of it can be read; starting from the beginning"
             if options.resume
             else f"{checkpoint.folder}: removed, an interrupted simulation; --resume would have gone on from it"
         )
     elif options.resume:
-        progress.say("nothing to resume; starting from the beginning")
+        progress.message("nothing to resume; starting from the beginning")
 
 
 def _mesh(case: Case, options: RunOptions, progress: Progress) -> TrunkMesh:
@@ -211,17 +211,17 @@ def _simulate(
     increments: list[Increment] = []
     measures: list[TrunkMeasures] = []
 
-    def tell(increment: Increment) -> None:
+    def observe(increment: Increment) -> None:
         start = time.perf_counter()
         increments.append(increment)
-        skin = skin_after(case, trunk, increment.displacement)
+        skin = predicted_skin(case, trunk, increment.displacement)
         measures.append(measure(skin, case.landmarks_at(increment.load_factor), case.skin))
         if recording is not None:
             recording.increment(increment, measures[-1])
         progress.add("record", time.perf_counter() - start)
 
     for increment in done:
-        tell(increment)
+        observe(increment)
     began = time.perf_counter()
     watch = None if recording is None else recording.watch
     for increment in simulate(model, bone_path, options.simulation, watch, done):
@@ -233,5 +233,5 @@ def _simulate(
             start = time.perf_counter()
             checkpoint.save(increment)
             progress.add("record", time.perf_counter() - start)
-        tell(increment)
+        observe(increment)
     return increments, measures[-1]

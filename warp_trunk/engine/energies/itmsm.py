@@ -1,4 +1,4 @@
-"""The seeds' energy, eq. 4.6 of [2], of one trunk: what its kernels read of every tetrahedron."""
+"""The energy itmsm, eq. 4.6 of [2], of one trunk: what its kernels read of every tetrahedron."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Itmsm:
 def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itmsm:
     """Measures the rest state and uploads it.
 
-    Every edge, face and tetrahedron weighs 1 (`count`, as the seeds have it), or by the volume that it stands for
+    Every edge, face and tetrahedron weighs 1 (`count`, as the papers have it), or by the volume that it stands for
     with the same total (`volume`): `count` makes tissue stiffer where its tetrahedra are small. Each tetrahedron
     adds its own tissue's share of an edge or face; a tissue is stiffer than the first by their Young's moduli.
     """

@@ -1,4 +1,4 @@
-"""Nonlinear conjugate gradients of Polak and Ribiere, the seeds' family of methods."""
+"""Nonlinear conjugate gradients of Polak and Ribiere, the papers' family of methods."""
 
 from __future__ import annotations
 

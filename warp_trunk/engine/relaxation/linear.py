@@ -111,8 +111,8 @@ class LinearSystem:
         self._turn = record(
             kernels.turn, free, [ranges, self._iteration, self._r_dot_z, self._preconditioned], [self._search]
         )
-        self._count = model.parallel.record_whole(kernels.count, 1, [], [self._iteration])
-        self._decide = model.parallel.record_whole(
+        self._count = model.parallel.record_atomic_write(kernels.count, 1, [], [self._iteration])
+        self._decide = model.parallel.record_atomic_write(
             kernels.decide,
             1,
             [ranges, self.most_iterations, self._limits, self._r_dot_z, self._iteration],

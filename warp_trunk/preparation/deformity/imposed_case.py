@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case import Case
 from warp_trunk.geometry.surface import Surface
 
@@ -18,20 +17,17 @@ def make_case(
     bones: Mapping[str, Surface],
     curve: SpineCurve,
     correction: float,
-    placeholder: bool = False,
     name: str | None = None,
 ) -> Case:
     """Impose a curve on straight anatomy and plan the correction of a fraction of it.
 
-    There is no trunk after surgery to compare with. `placeholder` asks for the spline's own image of the skin
-    in its place, marked as such: T of eq. 1 of [1], without relaxation.
+    There is no trunk after surgery to compare with.
 
     Args:
         skin: the straight trunk, closed, in patient axes (LPS) [mm].
         bones: T1 to L5, hip_left and hip_right, and as many others as there are, by name.
         curve: the deformity before surgery.
         correction: fraction of Cobb angle and axial rotation that surgery takes away, 0 to 1.
-        placeholder: whether the case holds a `skin_after`.
         name: what to call the case; made from the curve when left out.
 
     Raises:
@@ -41,16 +37,10 @@ def make_case(
     straight = find_landmarks(bones)
     after = correct(straight, curve, correction)
     deformed, moved, before = impose(skin, bones, straight, curve)
-    skin_after = None
-    if placeholder:
-        path = spline_path(deformed.vertices, before, after)
-        skin_after = Surface(deformed.vertices + path.displacement, deformed.faces)
     return Case(
         name=name or f"{curve.kind} {curve.cobb:g} degrees, {100 * correction:g} % corrected",
         skin=deformed,
         bones=moved,
         landmarks_before=before,
         landmarks_after=after,
-        skin_after=skin_after,
-        skin_after_is_placeholder=placeholder,
     )

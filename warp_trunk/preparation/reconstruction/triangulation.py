@@ -11,7 +11,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import whole
+from warp_trunk.io.atomic_write import atomic_write
 
 from .films import Film, project
 from .mismatches import check_miss, check_order, check_side, common_names
@@ -80,7 +80,7 @@ def triangulate(first: Film, second: Film, limit: float = 5.0, noise: float | No
 
 def write_triangulation(path: str | Path, found: Triangulation) -> None:
     """Write a CSV file that `read_landmarks` reads, with columns for the error on the films and in space."""
-    with whole(Path(path)) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(Path(path)) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["name", "x", "y", "z", "reprojection_error", "sd_x", "sd_y", "sd_z"])
         rows = np.column_stack([found.landmarks.points, found.miss.max(axis=1), found.uncertainty])

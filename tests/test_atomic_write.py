@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from warp_trunk.io.atomic_write import partial, whole
+from warp_trunk.io.atomic_write import atomic_write, partial
 
 
-def test_a_file_gets_its_name_when_it_is_whole(tmp_path: Path) -> None:
+def test_a_file_gets_its_name_when_it_is_atomic_write(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("old")
-    with whole(path) as name:
+    with atomic_write(path) as name:
         assert name == partial(path) == tmp_path / "a.partial.csv"
         name.write_text("new")
         assert path.read_text() == "old"
@@ -26,7 +26,7 @@ def test_one_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path, err
     path.write_text("old")
 
     def fail() -> None:
-        with whole(path) as name:
+        with atomic_write(path) as name:
             name.write_text("half")
             raise error
 

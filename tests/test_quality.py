@@ -2,7 +2,7 @@ import numpy as np
 from meshes import grid
 
 from warp_trunk.engine.trunk_mesh import tet_volumes
-from warp_trunk.meshing.quality import mean_ratio, polish
+from warp_trunk.meshing.quality import improve_quality, mean_ratio
 
 
 def flattened():
@@ -29,7 +29,7 @@ def test_flat_tetrahedra_get_height_and_the_rest_stays():
     reach = np.zeros(len(nodes))
     reach[node] = np.inf
     before = mean_ratio(nodes[tets]).min()
-    moved = polish(nodes, tets, reach)
+    moved = improve_quality(nodes, tets, reach)
     assert before < 0.1
     assert mean_ratio(moved[tets]).min() > 0.3
     others = np.delete(np.arange(len(nodes)), node)
@@ -40,7 +40,7 @@ def test_flat_tetrahedra_get_height_and_the_rest_stays():
 def test_reach_is_kept():
     nodes, tets, _ = flattened()
     reach = np.full(len(nodes), 0.4)
-    moved = polish(nodes, tets, reach)
+    moved = improve_quality(nodes, tets, reach)
     shift = np.linalg.norm(moved - nodes, axis=1)
     assert 0.0 < shift.max() <= 0.4
     assert mean_ratio(moved[tets]).min() > mean_ratio(nodes[tets]).min()
@@ -48,4 +48,4 @@ def test_reach_is_kept():
 
 def test_good_mesh_is_left_alone():
     nodes, tets, _ = grid((3, 3, 3), 10.0)
-    np.testing.assert_array_equal(polish(nodes, tets, np.full(len(nodes), np.inf)), nodes)
+    np.testing.assert_array_equal(improve_quality(nodes, tets, np.full(len(nodes), np.inf)), nodes)
