@@ -20,11 +20,12 @@ def area_term(a0: Any, b0: Any, da: Any, db: Any, rest_area: Any, weight: Any):
 
 
 @wp.func
-def area_curvature(a0: Any, b0: Any, da: Any, db: Any, rest_area: Any, weight: Any):
-    """Second derivatives (aa, ab, bb) of the area term, positive semidefinite.
+def area_curvature(a0: Any, b0: Any, da: Any, db: Any, rest_area: Any, weight: Any, positive: bool):
+    """Second derivatives (aa, ab, bb) of the area term; where asked for, made positive semidefinite.
 
-    The square of the gradient (Gauss-Newton), and for a face that has grown the part of the
-    area's own second derivative that acts along the normal; the in-plane part is indefinite.
+    The square of the gradient (Gauss-Newton), and the change of area times the area's own second derivative:
+    a part along the normal, which has the sign of the change, and one in the plane, which is indefinite
+    (in ab alone, -1/2 skew(normal)). `positive` keeps of these two the first, for a face that has grown.
     """
     half = type(rest_area)(0.5)
     a = a0 + da
@@ -34,12 +35,16 @@ def area_curvature(a0: Any, b0: Any, da: Any, db: Any, rest_area: Any, weight: A
     gb = half * wp.cross(normal, a)
     stiffness = (weight + weight) / (rest_area * rest_area)
     area = half * wp.length(wp.cross(a, b))
-    tension = type(area)(0.0)
-    if area > rest_area:
+    zero = type(area)(0.0)
+    tension = zero
+    if area > rest_area or (area > zero and not positive):
         tension = (area - rest_area) / (type(area)(4.0) * area)
+    in_plane = half * (area - rest_area)
+    if positive:
+        in_plane = zero
     out = wp.outer(normal, normal)
     return (
         stiffness * (wp.outer(ga, ga) + (tension * wp.dot(b, b)) * out),
-        stiffness * (wp.outer(ga, gb) - (tension * wp.dot(a, b)) * out),
+        stiffness * (wp.outer(ga, gb) - (tension * wp.dot(a, b)) * out - in_plane * wp.skew(normal)),
         stiffness * (wp.outer(gb, gb) + (tension * wp.dot(a, a)) * out),
     )

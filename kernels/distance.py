@@ -16,17 +16,17 @@ def distance_term(rest: Any, change: Any, rest_length: Any, weight: Any):
 
 
 @wp.func
-def distance_curvature(rest: Any, change: Any, rest_length: Any, weight: Any):
-    """Second derivative of the distance term, positive semidefinite.
+def distance_curvature(rest: Any, change: Any, rest_length: Any, weight: Any, positive: bool):
+    """Second derivative of the distance term; where asked for, made positive semidefinite.
 
-    A compressed edge is concave across its axis (l < l0); that part is left out.
+    A compressed edge is concave across its axis (l < l0): the part that `positive` leaves out.
     """
     edge = rest + change
     length = wp.length(edge)
     along = direction_of(edge)
     zero = type(length)(0.0)
     across = zero
-    if length > rest_length:
+    if length > rest_length or (length > zero and not positive):
         across = type(length)(1.0) - rest_length / length
     stiffness = (weight + weight) / (rest_length * rest_length)
     identity = wp.identity(n=3, dtype=type(length))

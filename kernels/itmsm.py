@@ -31,9 +31,10 @@ from .volume import volume_gradients, volume_term
 def itmsm_kernels(
     scalar: type, cuda: bool, layered: bool, gravity: bool, area: bool, volume: bool
 ) -> SimpleNamespace:
-    """The kernels `gradient` and `curvature` of the energy with the given terms, in one precision.
+    """The kernels `gradient`, `curvature` (made positive) and `true_curvature` of the given terms.
 
-    `layered` tissue has a theta and a gravity weight for each tetrahedron, uniform tissue one for all.
+    `scalar` is their precision. `layered` tissue has a theta and a gravity weight for each tetrahedron, uniform
+    tissue one for all.
     """
     add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
@@ -136,75 +137,90 @@ def itmsm_kernels(
         add(sums, slab, INVERTED, wp.float64(is_inverted))
         add(sums, slab, NEWLY_INVERTED, wp.float64(is_new))
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def curvature_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
-        rest_edge: wp.array(dtype=vec3, ndim=2),
-        rest_length: wp.array(dtype=vec6),
-        rest_area: wp.array(dtype=vec4),
-        rest_volume: wp.array(dtype=scalar),
-        edge_weight: wp.array(dtype=vec6),
-        face_weight: wp.array(dtype=vec4),
-        theta: wp.array(dtype=scalar),
-        gravity_weight: wp.array(dtype=scalar),
-        block_of: wp.array(dtype=vec16i),
-        displacement: wp.array(dtype=vec3),
-        blocks: wp.array(dtype=mat33, ndim=2),
-    ):
-        t = first + wp.tid()
-        if t < end:
-            n = tets[t]
-            k = 0
-            if wp.static(layered):
-                k = t
-            a0 = rest_edge[t, 0]
-            b0 = rest_edge[t, 1]
-            c0 = rest_edge[t, 2]
-            u0 = displacement[n[0]]
-            da = displacement[n[1]] - u0
-            db = displacement[n[2]] - u0
-            dc = displacement[n[3]] - u0
-            length = rest_length[t]
-            w = edge_weight[t]
-            k01 = distance_curvature(a0, da, length[0], w[0])
-            k02 = distance_curvature(b0, db, length[1], w[1])
-            k03 = distance_curvature(c0, dc, length[2], w[2])
-            k12 = distance_curvature(b0 - a0, db - da, length[3], w[3])
-            k13 = distance_curvature(c0 - a0, dc - da, length[4], w[4])
-            k23 = distance_curvature(c0 - b0, dc - db, length[5], w[5])
-            aa = k01 + k12 + k13
-            bb = k02 + k12 + k23
-            cc = k03 + k13 + k23
-            ab = -k12
-            ac = -k13
-            bc = -k23
-            if wp.static(theta_term):
-                ga, gb, gc = volume_gradients(a0 + da, b0 + db, c0 + dc)
-                v0 = rest_volume[t]
-                stiffness = (theta[k] + theta[k]) / (v0 * v0)
-                aa += stiffness * wp.outer(ga, ga)
-                bb += stiffness * wp.outer(gb, gb)
-                cc += stiffness * wp.outer(gc, gc)
-                ab += stiffness * wp.outer(ga, gb)
-                ac += stiffness * wp.outer(ga, gc)
-                bc += stiffness * wp.outer(gb, gc)
-            if wp.static(epsilon_term):
-                s = rest_area[t]
-                v = face_weight[t]
-                p_aa, p_ab, p_bb = area_curvature(a0, b0, da, db, s[3], v[3])
-                q_aa, q_ac, q_cc = area_curvature(a0, c0, da, dc, s[2], v[2])
-                r_bb, r_bc, r_cc = area_curvature(b0, c0, db, dc, s[1], v[1])
-                s_bb, s_bc, s_cc = area_curvature(b0 - a0, c0 - a0, db - da, dc - da, s[0], v[0])
-                s_cb = wp.transpose(s_bc)
-                aa += p_aa + q_aa + s_bb + s_bc + s_cb + s_cc
-                bb += p_bb + r_bb + s_bb
-                cc += q_cc + r_cc + s_cc
-                ab += p_ab - s_bb - s_cb
-                ac += q_ac - s_bc - s_cc
-                bc += r_bc + s_bc
-            add_curvature(blocks, slab, block_of[t], aa, ab, ac, bb, bc, cc)
+    def make_curvature(positive: bool) -> wp.Kernel:
+        clip = wp.constant(positive)
 
-    return SimpleNamespace(gradient=gradient_kernel, curvature=curvature_kernel)
+        @wp.kernel(module="unique", enable_backward=False)
+        def curvature_kernel(
+            first: int,
+            end: int,
+            slab: int,
+            tets: wp.array(dtype=wp.vec4i),
+            rest_edge: wp.array(dtype=vec3, ndim=2),
+            rest_length: wp.array(dtype=vec6),
+            rest_area: wp.array(dtype=vec4),
+            rest_volume: wp.array(dtype=scalar),
+            edge_weight: wp.array(dtype=vec6),
+            face_weight: wp.array(dtype=vec4),
+            theta: wp.array(dtype=scalar),
+            gravity_weight: wp.array(dtype=scalar),
+            block_of: wp.array(dtype=vec16i),
+            displacement: wp.array(dtype=vec3),
+            blocks: wp.array(dtype=mat33, ndim=2),
+        ):
+            t = first + wp.tid()
+            if t < end:
+                n = tets[t]
+                k = 0
+                if wp.static(layered):
+                    k = t
+                a0 = rest_edge[t, 0]
+                b0 = rest_edge[t, 1]
+                c0 = rest_edge[t, 2]
+                u0 = displacement[n[0]]
+                da = displacement[n[1]] - u0
+                db = displacement[n[2]] - u0
+                dc = displacement[n[3]] - u0
+                length = rest_length[t]
+                w = edge_weight[t]
+                k01 = distance_curvature(a0, da, length[0], w[0], clip)
+                k02 = distance_curvature(b0, db, length[1], w[1], clip)
+                k03 = distance_curvature(c0, dc, length[2], w[2], clip)
+                k12 = distance_curvature(b0 - a0, db - da, length[3], w[3], clip)
+                k13 = distance_curvature(c0 - a0, dc - da, length[4], w[4], clip)
+                k23 = distance_curvature(c0 - b0, dc - db, length[5], w[5], clip)
+                aa = k01 + k12 + k13
+                bb = k02 + k12 + k23
+                cc = k03 + k13 + k23
+                ab = -k12
+                ac = -k13
+                bc = -k23
+                if wp.static(theta_term):
+                    ga, gb, gc = volume_gradients(a0 + da, b0 + db, c0 + dc)
+                    v0 = rest_volume[t]
+                    stiffness = (theta[k] + theta[k]) / (v0 * v0)
+                    aa += stiffness * wp.outer(ga, ga)
+                    bb += stiffness * wp.outer(gb, gb)
+                    cc += stiffness * wp.outer(gc, gc)
+                    ab += stiffness * wp.outer(ga, gb)
+                    ac += stiffness * wp.outer(ga, gc)
+                    bc += stiffness * wp.outer(gb, gc)
+                    if not wp.static(positive):
+                        growth = relative_volume_change(a0, b0, c0, da, db, dc, v0)
+                        turn = stiffness * growth * v0 / scalar(6.0)
+                        ab -= turn * wp.skew(c0 + dc)
+                        ac += turn * wp.skew(b0 + db)
+                        bc -= turn * wp.skew(a0 + da)
+                if wp.static(epsilon_term):
+                    s = rest_area[t]
+                    v = face_weight[t]
+                    p_aa, p_ab, p_bb = area_curvature(a0, b0, da, db, s[3], v[3], clip)
+                    q_aa, q_ac, q_cc = area_curvature(a0, c0, da, dc, s[2], v[2], clip)
+                    r_bb, r_bc, r_cc = area_curvature(b0, c0, db, dc, s[1], v[1], clip)
+                    s_bb, s_bc, s_cc = area_curvature(b0 - a0, c0 - a0, db - da, dc - da, s[0], v[0], clip)
+                    s_cb = wp.transpose(s_bc)
+                    aa += p_aa + q_aa + s_bb + s_bc + s_cb + s_cc
+                    bb += p_bb + r_bb + s_bb
+                    cc += q_cc + r_cc + s_cc
+                    ab += p_ab - s_bb - s_cb
+                    ac += q_ac - s_bc - s_cc
+                    bc += r_bc + s_bc
+                add_curvature(blocks, slab, block_of[t], aa, ab, ac, bb, bc, cc)
+
+        return curvature_kernel
+
+    return SimpleNamespace(
+        gradient=gradient_kernel,
+        curvature=make_curvature(positive=True),
+        true_curvature=make_curvature(positive=False),
+    )

@@ -33,7 +33,7 @@ def curvature_block(c: Any, f_weight: Any, bulk: Any, f: Any, g: Any, a: Any, b:
 
 @cache
 def neo_hookean_kernels(scalar: type, cuda: bool, layered: bool, gravity: bool) -> SimpleNamespace:
-    """The kernels `gradient` and `curvature` in one precision.
+    """The kernels `gradient`, `curvature` (made positive) and `true_curvature` in one precision.
 
     `layered` tissue has constants for each tetrahedron, uniform tissue one set for all.
     """
@@ -102,55 +102,64 @@ def neo_hookean_kernels(scalar: type, cuda: bool, layered: bool, gravity: bool) 
         add(sums, slab, INVERTED, wp.float64(is_inverted))
         add(sums, slab, NEWLY_INVERTED, wp.float64(is_new))
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def curvature_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        tets: wp.array(dtype=wp.vec4i),
-        shape_gradient: wp.array(dtype=vec3, ndim=2),
-        rest_volume: wp.array(dtype=scalar),
-        moduli: wp.array(dtype=vec2),
-        gravity_weight: wp.array(dtype=scalar),
-        block_of: wp.array(dtype=vec16i),
-        displacement: wp.array(dtype=vec3),
-        blocks: wp.array(dtype=mat33, ndim=2),
-    ):
-        t = first + wp.tid()
-        if t < end:
-            n = tets[t]
-            k = 0
-            if wp.static(layered):
-                k = t
-            a = shape_gradient[t, 0]
-            b = shape_gradient[t, 1]
-            c = shape_gradient[t, 2]
-            u0 = displacement[n[0]]
-            h = (
-                wp.outer(displacement[n[1]] - u0, a)
-                + wp.outer(displacement[n[2]] - u0, b)
-                + wp.outer(displacement[n[3]] - u0, c)
-            )
-            mu = moduli[k][0]
-            bulk = moduli[k][1]
-            v0 = rest_volume[t]
-            cof_h = cofactor(h)
-            f = wp.identity(n=3, dtype=scalar) + h
-            g = cofactor_of_sum(h, cof_h)
-            x = stretch(h)
-            j = dilation(h, cof_h)
-            across = mu * (scalar(3.0) + x) / (scalar(4.0) + x)
-            turn = bounded_turn(across, bulk, bulk * j - scalar(0.75) * mu, h, x, j)
-            along = (mu + mu) / ((scalar(4.0) + x) * (scalar(4.0) + x))
-            ab_turn = -turn * wp.skew(f * wp.cross(a, b))
-            bc_turn = -turn * wp.skew(f * wp.cross(b, c))
-            ca_turn = -turn * wp.skew(f * wp.cross(c, a))
-            aa = curvature_block(across, along, bulk, f, g, a, a)
-            bb = curvature_block(across, along, bulk, f, g, b, b)
-            cc = curvature_block(across, along, bulk, f, g, c, c)
-            ab = curvature_block(across, along, bulk, f, g, a, b) + ab_turn
-            bc = curvature_block(across, along, bulk, f, g, b, c) + bc_turn
-            ac = curvature_block(across, along, bulk, f, g, a, c) - ca_turn
-            add_curvature(blocks, slab, block_of[t], v0 * aa, v0 * ab, v0 * ac, v0 * bb, v0 * bc, v0 * cc)
+    def make_curvature(positive: bool) -> wp.Kernel:
+        @wp.kernel(module="unique", enable_backward=False)
+        def curvature_kernel(
+            first: int,
+            end: int,
+            slab: int,
+            tets: wp.array(dtype=wp.vec4i),
+            shape_gradient: wp.array(dtype=vec3, ndim=2),
+            rest_volume: wp.array(dtype=scalar),
+            moduli: wp.array(dtype=vec2),
+            gravity_weight: wp.array(dtype=scalar),
+            block_of: wp.array(dtype=vec16i),
+            displacement: wp.array(dtype=vec3),
+            blocks: wp.array(dtype=mat33, ndim=2),
+        ):
+            t = first + wp.tid()
+            if t < end:
+                n = tets[t]
+                k = 0
+                if wp.static(layered):
+                    k = t
+                a = shape_gradient[t, 0]
+                b = shape_gradient[t, 1]
+                c = shape_gradient[t, 2]
+                u0 = displacement[n[0]]
+                h = (
+                    wp.outer(displacement[n[1]] - u0, a)
+                    + wp.outer(displacement[n[2]] - u0, b)
+                    + wp.outer(displacement[n[3]] - u0, c)
+                )
+                mu = moduli[k][0]
+                bulk = moduli[k][1]
+                v0 = rest_volume[t]
+                cof_h = cofactor(h)
+                f = wp.identity(n=3, dtype=scalar) + h
+                g = cofactor_of_sum(h, cof_h)
+                x = stretch(h)
+                j = dilation(h, cof_h)
+                across = mu * (scalar(3.0) + x) / (scalar(4.0) + x)
+                turn = bulk * j - scalar(0.75) * mu
+                if wp.static(positive):
+                    turn = bounded_turn(across, bulk, turn, h, x, j)
+                along = (mu + mu) / ((scalar(4.0) + x) * (scalar(4.0) + x))
+                ab_turn = -turn * wp.skew(f * wp.cross(a, b))
+                bc_turn = -turn * wp.skew(f * wp.cross(b, c))
+                ca_turn = -turn * wp.skew(f * wp.cross(c, a))
+                aa = curvature_block(across, along, bulk, f, g, a, a)
+                bb = curvature_block(across, along, bulk, f, g, b, b)
+                cc = curvature_block(across, along, bulk, f, g, c, c)
+                ab = curvature_block(across, along, bulk, f, g, a, b) + ab_turn
+                bc = curvature_block(across, along, bulk, f, g, b, c) + bc_turn
+                ac = curvature_block(across, along, bulk, f, g, a, c) - ca_turn
+                add_curvature(blocks, slab, block_of[t], v0 * aa, v0 * ab, v0 * ac, v0 * bb, v0 * bc, v0 * cc)
 
-    return SimpleNamespace(gradient=gradient_kernel, curvature=curvature_kernel)
+        return curvature_kernel
+
+    return SimpleNamespace(
+        gradient=gradient_kernel,
+        curvature=make_curvature(positive=True),
+        true_curvature=make_curvature(positive=False),
+    )

@@ -29,7 +29,7 @@ def distance_kernel(
     e, g = distance_term(rest[t, 0], change[t, 0], measure[t], weight)
     energy[t] = e
     gradient[t, 0] = g
-    curvature[t, 0, 0] = distance_curvature(rest[t, 0], change[t, 0], measure[t], weight)
+    curvature[t, 0, 0] = distance_curvature(rest[t, 0], change[t, 0], measure[t], weight, True)
 
 
 @wp.kernel(enable_backward=False)
@@ -47,7 +47,7 @@ def area_kernel(
     energy[t] = e
     gradient[t, 0] = ga
     gradient[t, 1] = gb
-    aa, ab, bb = area_curvature(rest[t, 0], rest[t, 1], change[t, 0], change[t, 1], measure[t], weight)
+    aa, ab, bb = area_curvature(rest[t, 0], rest[t, 1], change[t, 0], change[t, 1], measure[t], weight, True)
     curvature[t, 0, 0] = aa
     curvature[t, 0, 1] = ab
     curvature[t, 1, 0] = wp.transpose(ab)

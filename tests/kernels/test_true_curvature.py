@@ -1,0 +1,122 @@
+"""The curvature that nothing was left out of: against differences, and against an energy written apart."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import warp as wp
+from continuum import Continuum
+from meshes import block, block_with_bone
+from reference import Reference
+
+from warp_trunk.engine.model import EnergyName, Model, build_model
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+
+REFERENCES: dict[EnergyName, type[Reference]] = {"itmsm": Reference, "neo-hookean": Continuum}
+TISSUES = {
+    "usual": Tissue(),
+    "edges only": Tissue(epsilon=0.0, theta=0.0, poisson_ratio=0.0),
+    "stiff faces": Tissue(epsilon=10.0, theta=1.0, poisson_ratio=0.3),
+    "stiff volume": Tissue(theta=1000.0, poisson_ratio=0.49),
+}
+
+
+def starts(trunk: TrunkMesh) -> dict[str, np.ndarray]:
+    """Displacements of all nodes [mm]."""
+    noise = np.random.default_rng(3).normal(size=trunk.nodes.shape)
+    return {
+        "small": 0.01 * noise,
+        "random, some inverted": 3.0 * noise,
+        "compressed": -0.5 * trunk.nodes + 0.2 * noise,
+        "stretched": 0.7 * trunk.nodes + 0.2 * noise,
+        "mirrored": trunk.nodes * [0.0, 0.0, -2.0] + 0.2 * noise,
+    }
+
+
+class Kernels:
+    """Gradient and curvatures of a model at a displacement of its mesh's nodes, dense."""
+
+    def __init__(self, trunk: TrunkMesh, tissue: Tissue, energy: EnergyName) -> None:
+        self.model = build_model(trunk, tissue, energy=energy, precision="float64", device="cpu", threads=1)
+
+    def place(self, displacement: np.ndarray) -> wp.array:
+        return wp.array(displacement[self.model.order], dtype=wp.vec3d, device="cpu")
+
+    def gradient(self, displacement: np.ndarray) -> np.ndarray:
+        m = self.model
+        gradient = wp.zeros((1, len(m.order)), dtype=wp.vec3d, device="cpu")
+        flags = [wp.zeros(len(m.corners), dtype=wp.int8, device="cpu") for _ in range(2)]
+        sums = wp.zeros((1, 8), dtype=wp.float64, device="cpu")
+        inputs = [m.tets, *m.elements.arguments, flags[0], self.place(displacement)]
+        run(m, m.elements.kernels.gradient, inputs, [gradient, flags[1], sums])
+        out = np.empty_like(displacement)
+        out[m.order] = gradient.numpy()[0]
+        return out
+
+    def curvature(self, displacement: np.ndarray, name: str) -> np.ndarray:
+        """Over all nodes, shape (3 nodes, 3 nodes)."""
+        m, tets, nodes = self.model, len(self.model.corners), len(self.model.order)
+        blocks = wp.zeros((1, 16 * tets), dtype=wp.mat33d, device="cpu")
+        places = wp.array(
+            np.arange(16 * tets, dtype=np.int32).reshape(-1, 16), dtype=wp.types.vector(16, wp.int32), device="cpu"
+        )
+        inputs = [m.tets, *m.elements.arguments, places, self.place(displacement)]
+        run(m, getattr(m.elements.kernels, name), inputs, [blocks])
+        out = np.zeros((nodes, nodes, 3, 3))
+        corners = m.order[m.corners]
+        rows, columns = np.repeat(corners, 4, axis=1).ravel(), np.tile(corners, (1, 4)).ravel()
+        np.add.at(out, (rows, columns), blocks.numpy()[0])
+        return out.transpose(0, 2, 1, 3).reshape(3 * nodes, 3 * nodes)
+
+
+def run(model: Model, kernel: wp.Kernel, inputs: list, outputs: list) -> None:
+    tets = len(model.corners)
+    wp.launch(kernel, dim=tets, inputs=[0, tets, 0, *inputs], outputs=outputs, device="cpu")
+
+
+def differences(gradient: Callable[[np.ndarray], np.ndarray], at: np.ndarray, step: float = 1e-5) -> np.ndarray:
+    """Central differences of the gradient in every coordinate."""
+    columns = []
+    for n in range(at.size):
+        move = np.zeros(at.size)
+        move[n] = step
+        move = move.reshape(at.shape)
+        columns.append((gradient(at + move) - gradient(at - move)).ravel() / (2.0 * step))
+    return np.array(columns)
+
+
+@pytest.mark.parametrize("tissue", TISSUES)
+@pytest.mark.parametrize("energy", REFERENCES)
+def test_is_the_derivative_of_the_gradient(energy: EnergyName, tissue: str) -> None:
+    trunk = block((1, 2, 1))
+    kernels = Kernels(trunk, TISSUES[tissue], energy)
+    for name, start in starts(trunk).items():
+        numeric = differences(kernels.gradient, start)
+        found = kernels.curvature(start, "true_curvature")
+        np.testing.assert_allclose(found, found.T, rtol=0.0, atol=1e-13 * np.abs(found).max(), err_msg=name)
+        np.testing.assert_allclose(found, numeric, rtol=0.0, atol=1e-7 * np.abs(found).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("tissue", TISSUES)
+@pytest.mark.parametrize("energy", REFERENCES)
+def test_is_that_of_the_energy_written_apart(energy: EnergyName, tissue: str) -> None:
+    trunk = block_with_bone((3, 3, 3), holes=((1, 1, 1),))
+    reference = REFERENCES[energy](trunk, TISSUES[tissue])
+    kernels = Kernels(trunk, TISSUES[tissue], energy)
+    free = (3 * reference.free[:, None] + np.arange(3)).ravel()
+    for name, start in starts(trunk).items():
+        wanted = reference.hessian(start)
+        found = kernels.curvature(start, "true_curvature")[np.ix_(free, free)]
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-9 * np.abs(wanted).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("energy", REFERENCES)
+def test_at_rest_nothing_is_left_out(energy: EnergyName) -> None:
+    trunk = block((1, 2, 1))
+    kernels = Kernels(trunk, Tissue(), energy)
+    rest = np.zeros_like(trunk.nodes)
+    found = kernels.curvature(rest, "true_curvature")
+    np.testing.assert_allclose(
+        kernels.curvature(rest, "curvature"), found, rtol=0.0, atol=1e-12 * np.abs(found).max()
+    )
