@@ -8,7 +8,7 @@ from blocks import VERTEBRA, blocks, moved, skeleton
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, bone_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.surface import read_surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE, find_landmarks
 
 

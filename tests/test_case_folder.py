@@ -9,7 +9,8 @@ from small_case import small_case
 from warp_trunk.case import Axes, Case, CheckOptions, read_case, write_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.deformity import find_landmarks
 
 

@@ -16,7 +16,7 @@ from warp_trunk.cli.view import find_recording
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import write_surface
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.meshing import TrunkBuild
 from warp_trunk.meshing.layers import depth as layer_depth
 from warp_trunk.recording import stream, viewer

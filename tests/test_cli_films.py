@@ -6,7 +6,7 @@ from biplanar import biplanar
 
 from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
 from warp_trunk.cli import main
-from warp_trunk.geometry.surface import read_surface, write_surface
+from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.phantom import straight_trunk
 
 

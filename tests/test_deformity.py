@@ -8,8 +8,9 @@ import pytest
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
 from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE, find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk

@@ -15,7 +15,7 @@ from warp_trunk.cli import main
 from warp_trunk.cli import simulate as simulate_command
 from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, OK
 from warp_trunk.engine.trunk_mesh import read_trunk
-from warp_trunk.geometry.surface import read_surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.results import checkpoint
 from warp_trunk.run import run_case as run
 

@@ -8,8 +8,8 @@ from blocks import spine_and_hips
 
 from warp_trunk.case import Case
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import read_surface
 from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, find_landmarks, make_case
 from warp_trunk.preparation.phantom import straight_trunk
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import compare_skins, measure, mirror_asymmetry
 from warp_trunk.preparation.deformity.bone_landmarks import find_landmarks
 

@@ -7,8 +7,9 @@ from synthetic import box, shell_trunk, sphere
 
 from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings, manifold_fault
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.meshing import MeshOptions, build_trunk, make_trunk
 from warp_trunk.meshing.quality import mean_ratio
 

@@ -12,7 +12,8 @@ from small_trunk import made_up_increments, small_case
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.results import folder as result_folder
 from warp_trunk.results import predicted_skin, prepare_folder, read_summary, write_result
 from warp_trunk.results.reading import SUMMARY_KEYS

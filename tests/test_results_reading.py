@@ -9,7 +9,8 @@ from small_trunk import made_up_increments, small_case
 
 from warp_trunk.engine.model import build_model
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.results import predicted_skin, read_result, write_result
 
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, write_surface
 
 TETRAHEDRON = Surface(
     np.array([[0.1, 0.2, 1300.3], [10.0, 0.0, 1300.0], [0.0, 10.0, 1300.0], [0.0, 0.0, 1310.0]]),

@@ -11,7 +11,8 @@ from audited import audited
 from trimesh.visual import TextureVisuals
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, write_surface
 
 VTK_FILES = sorted((Path(__file__).parent / "vtk_files").iterdir())
 PYRAMID = Surface(

@@ -8,7 +8,7 @@ from biplanar import biplanar
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import read_surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.preparation.reconstruction import Film, read_film, triangulate

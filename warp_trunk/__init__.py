@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from .engine.tissue import Tissue
     from .engine.trunk_mesh import TrunkMesh, read_trunk, write_trunk
     from .errors import InputError
-    from .geometry.surface import Surface, read_surface, write_surface
+    from .geometry.surface import Surface
+    from .io.surface_files import read_surface, write_surface
     from .measures import (
         BsrError,
         CobbAngle,
@@ -115,8 +116,8 @@ _MODULE = {
     "SimulationOptions": "engine.simulation",
     "simulate": "engine.simulation",
     "Surface": "geometry.surface",
-    "read_surface": "geometry.surface",
-    "write_surface": "geometry.surface",
+    "read_surface": "io.surface_files",
+    "write_surface": "io.surface_files",
     "Tissue": "engine.tissue",
     "TrunkMesh": "engine.trunk_mesh",
     "read_trunk": "engine.trunk_mesh",

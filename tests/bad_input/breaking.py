@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, write_surface
 
 Break = Callable[[Path], object]
 """Spoils a case folder."""

@@ -14,7 +14,8 @@ from small_case import small_case
 
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
-from warp_trunk.geometry.surface import Surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import write_surface
 
 ARGUMENTS = [
     ("no increment", ["--increments", "0"], "increments: must be from 1 to 10000, not 0"),

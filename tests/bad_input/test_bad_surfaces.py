@@ -7,7 +7,8 @@ import pytest
 from breaking import content, instead, ply, shape
 from small_case import small_case
 
-from warp_trunk.geometry.surface import Surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.meshing.tetrahedra import cavity_points
 
 SKIN, T7 = small_case().skin, small_case().bones["T7"]

@@ -7,7 +7,8 @@ from synthetic import sphere
 
 from warp_trunk.cli.crossing_file import crossings_written
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.meshing import CrossingError
 from warp_trunk.meshing.tetrahedra import tetrahedralize
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import check_within
-from warp_trunk.io.surface_files import surface_files
+from warp_trunk.io.surface_files import read_surface, surface_files, write_surface
 
 from .axes import MILLIMETRES, Axes
 from .checks import CaseSource, CheckOptions, check_case, check_names

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface
-from warp_trunk.io.surface_files import surface_files
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, surface_files
 
 
 def read_bones(folder: Path) -> dict[str, Surface]:

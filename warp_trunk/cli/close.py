@@ -12,7 +12,8 @@ import tyro
 from tyro.conf import Positional
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, check_written, read_surface, write_surface
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import check_written, read_surface, write_surface
 from warp_trunk.preparation.scanning import (
     ClosedSkin,
     CloseOptions,

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import write_surface
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.meshing import CrossingError
 
 CROSSINGS = "crossings.ply"

@@ -12,8 +12,8 @@ import numpy as np
 
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import write_surface
 from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.preparation.reconstruction import fit_atlas
 
 from .bone_folder import read_bones

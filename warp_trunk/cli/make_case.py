@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from warp_trunk.case import write_case
-from warp_trunk.geometry.surface import read_surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.run.progress import Progress
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.case.landmarks import read_landmarks
-from warp_trunk.geometry.surface import check_written, read_surface, write_surface
+from warp_trunk.io.surface_files import check_written, read_surface, write_surface
 from warp_trunk.preparation.reconstruction import register_skin
 
 from .exit_status import OK

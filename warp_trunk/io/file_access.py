@@ -13,8 +13,6 @@ from warp_trunk.errors import InputError
 
 MOST_SURFACE = 2_000_000_000
 """No surface or mesh is larger than this [bytes]."""
-FARTHEST = 1e7
-"""No coordinate is farther from zero than this, in any unit; sums of cubes of such numbers stay exact enough."""
 MOST_TEXT = 100_000_000
 """No table of landmarks or numbers is larger than this [bytes]."""
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import FARTHEST
 
-from .file_access import FARTHEST, MOST_SURFACE, limited_memory, read_bytes, reason
+from .file_access import MOST_SURFACE, limited_memory, read_bytes, reason
 
 ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp")
 """Endings of the files that are read."""

@@ -14,8 +14,9 @@ import numpy as np
 from warp_trunk.case.landmarks import write_landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh, write_trunk
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, write_surface
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
 
 from .summary import summarize

@@ -12,8 +12,9 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface, read_surface
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.file_access import read_text
+from warp_trunk.io.surface_files import read_surface
 
 from .checkpoint import unfinished
 from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PREDICTED_SKIN, SKIN_BEFORE, SUMMARY

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.io.file_access import FARTHEST, is_plain, number, read_text
+from warp_trunk.geometry.surface import FARTHEST
+from warp_trunk.io.file_access import is_plain, number, read_text
 
 from ..axes import MILLIMETRES, Axes
 from .record import Landmarks

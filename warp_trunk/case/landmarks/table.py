@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.io.file_access import FARTHEST, is_plain, number, read_text
+from warp_trunk.geometry.surface import FARTHEST
+from warp_trunk.io.file_access import is_plain, number, read_text
 
 from .record import Landmarks
 

@@ -1,11 +1,16 @@
-"""From the bytes of a file to vertices and triangles, by the file's ending."""
+"""From a file to a surface, by the file's ending."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface, check_surface
+
+from ..file_access import MOST_SURFACE, limited_memory, read_bytes, reason
 from .by_trimesh import read_glb, read_off, read_stl
 from .legacy_vtk import read_vtk
 from .ply import read_ply
@@ -23,6 +28,32 @@ _READERS: dict[str, Callable[[bytes], tuple[np.ndarray, np.ndarray]]] = {
 }
 ENDINGS = frozenset(_READERS)
 """Endings of the files that are read."""
+
+
+def read_surface(path: str | Path) -> Surface:
+    """Read a surface from a .ply, .stl, .obj, .off, .glb, .vtp or .vtk file; the numbers are taken as mm.
+
+    The order and the count of the vertices stay as they are in the file. Only where the file repeats the
+    corners of every triangle (STL, and GLB at the seams of a texture) are identical points made one vertex, in
+    the order they first appear. The nodes of a GLB move its meshes. No other file is opened, whatever it names.
+
+    Raises InputError when the file is missing, too large or cannot be read, has no triangles, or has a vertex
+    that is not finite or out of reach.
+    """
+    path = Path(path)
+    kinds = ", ".join(sorted(ENDINGS))
+    content = read_bytes(path, f"a surface file ({kinds}) was expected", MOST_SURFACE)
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputError(f"{path}: cannot be read as a surface ('{ending}' is not known); use {kinds}")
+    try:
+        with limited_memory(len(content)):
+            vertices, faces = parse(ending, content)
+    except Exception as error:  # each format fails with errors of its own
+        raise InputError(f"{path}: cannot be read as a surface ({reason(error)}); write it again") from error
+    surface = Surface(vertices, faces)
+    check_surface(surface, str(path))
+    return surface
 
 
 def parse(ending: str, content: bytes) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.file_access import FARTHEST, number, read_text
+from warp_trunk.geometry.surface import FARTHEST, Surface
+from warp_trunk.io.file_access import number, read_text
 
 _OFF = 1e-3
 """A rotation may be this far from an exact one in any element: files with four decimals are."""

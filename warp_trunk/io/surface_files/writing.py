@@ -1,0 +1,65 @@
+"""From a surface to a file, by the file's ending."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+
+from ..file_access import check_place
+
+WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
+"""Endings of the files that are written."""
+
+
+def write_surface(path: str | Path, surface: Surface) -> None:
+    """Write a surface in the format of the name's ending, vertices in their order; whole or not at all.
+
+    PLY keeps float64, so that positions come back to the last bit; trimesh writes the other formats.
+
+    Raises InputError for an ending that is not in `WRITTEN`, and OSError when the file cannot be written.
+    """
+    path = Path(path)
+    check_written(path)
+    unfinished = path.with_name(f".{path.name}.partial")  # hidden, so that it is never read as a bone
+    content = _ply_bytes(surface) if path.suffix.lower() == ".ply" else _exported(path, surface)
+    try:
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+    except OSError:
+        unfinished.unlink(missing_ok=True)
+        raise
+
+
+def check_written(path: Path) -> None:
+    """InputError where a name's ending is none that is written, or it cannot be written there."""
+    if path.suffix.lower() not in WRITTEN:
+        known = ", ".join(WRITTEN)
+        raise InputError(f"{path}: a surface cannot be written as '{path.suffix}'; end the name in one of {known}")
+    check_place(path)
+
+
+def _exported(path: Path, surface: Surface) -> bytes:
+    import trimesh  # heavy
+
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    content: Any = mesh.export(file_type=path.suffix.lower()[1:])
+    return content.encode() if isinstance(content, str) else content
+
+
+def _ply_bytes(surface: Surface) -> bytes:
+    """Binary PLY with float64 positions; trimesh would round them to float32, 6e-5 mm at 1 m."""
+    header = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {len(surface.vertices)}\n"
+        "property double x\nproperty double y\nproperty double z\n"
+        f"element face {len(surface.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    triangles = np.empty(len(surface.faces), dtype=[("count", "<u1"), ("corners", "<i4", 3)])
+    triangles["count"] = 3
+    triangles["corners"] = surface.faces
+    return header.encode() + surface.vertices.astype("<f8").tobytes() + triangles.tobytes()
