@@ -38,7 +38,10 @@ def test_missing_is_none_with_a_reason(turned):
     assert set(record["levels"]["T3"].values()) == {None}
     assert record["trunk_shift_mm"] is None
     assert record["skin_change_max_mm"] is None
-    assert record["missing"].keys() == {"T3", "trunk_shift"}
+    assert record["shoulder_difference_mm"] is record["spine_height_mm"] is None
+    assert record["kyphosis_deg"] == {"T1-T12": None, "T5-T12": None}
+    spine = {"kyphosis T1-T12", "kyphosis T5-T12", "lordosis L1-L5", "lordosis L1-S1", "spine_height"}
+    assert record["missing"].keys() == {"T3", "trunk_shift", "shoulders", *spine}
 
 
 def test_rows_name_every_number_once(turned):

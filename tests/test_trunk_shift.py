@@ -28,7 +28,7 @@ def shift_of(landmarks):
 def test_shear_of_the_spine_is_its_shift_positive_to_the_right(aside, expected):
     """The lower endplate of L5 is at 70 mm, where the shear begins."""
     shift = shift_of(sheared_spine(aside))
-    assert shift == TrunkShift(pytest.approx(expected, abs=1e-9), "T1", "L5")
+    assert shift == TrunkShift(pytest.approx(expected, abs=1e-9), 0.0, "T1", "L5")
 
 
 def test_is_measured_along_the_pelvis():
@@ -43,15 +43,15 @@ def test_best_landmarks_at_hand_are_used():
     sacrum = {"sacrum_left": (7.0, 50.0, 40.0), "sacrum_right": (-3.0, 50.0, 40.0)}
     s1 = {"S1_superior_endplate": (4.0, 40.0, 60.0), "S1_left": (90.0, 40.0, 60.0)}
     c7 = {"C7_spinous_process": (-6.0, 60.0, 400.0)}
-    assert shift_of(with_points(landmarks, sacrum)) == TrunkShift(pytest.approx(2.0), "T1", "sacrum")
-    assert shift_of(with_points(landmarks, sacrum | s1)) == TrunkShift(pytest.approx(4.0), "T1", "S1")
-    assert shift_of(with_points(landmarks, s1 | c7)) == TrunkShift(pytest.approx(10.0), "C7", "S1")
+    assert shift_of(with_points(landmarks, sacrum)) == TrunkShift(pytest.approx(2.0), 10.0, "T1", "sacrum")
+    assert shift_of(with_points(landmarks, sacrum | s1)) == TrunkShift(pytest.approx(4.0), 0.0, "T1", "S1")
+    assert shift_of(with_points(landmarks, s1 | c7)) == TrunkShift(pytest.approx(10.0), -20.0, "C7", "S1")
 
 
 def test_without_a_sacrum_the_middle_of_the_pelvis_serves():
     asis = [(x + 9.0, y) for x, y in ASIS]
     landmarks = spine({"T1": 380.0, "L4": 120.0}, (0.0, 40.0), asis)
-    assert shift_of(landmarks) == TrunkShift(pytest.approx(9.0), "T1", "pelvis")
+    assert shift_of(landmarks) == TrunkShift(pytest.approx(9.0), None, "T1", "pelvis")
 
 
 def test_without_the_top_of_the_spine_it_is_missing():

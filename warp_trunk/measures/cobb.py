@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
@@ -67,6 +68,42 @@ def curves_of(spine: Spine) -> tuple[CobbAngle, ...]:
             )
         )
     return tuple(curves)
+
+
+def curves_after(curves: Sequence[CobbAngle], after: Landmarks) -> tuple[float | None, ...]:
+    """Cobb angle of each curve once the spine has moved, between the end vertebrae that it had before.
+
+    A surgeon follows a curve between the same two vertebrae, though after a correction others may tilt more.
+
+    Args:
+        curves: those before.
+        after: the landmarks after.
+
+    Returns:
+        Degrees, negative where the spine bends to the other side now; None where an endplate has no landmark.
+    """
+    spine = spine_of(after)
+    angles = (coronal_angle(spine, curve.upper, curve.lower) for curve in curves)
+    return tuple(
+        None if angle is None else angle if curve.convex == "right" else -angle
+        for curve, angle in zip(curves, angles, strict=True)
+    )
+
+
+def coronal_angle(spine: Spine, upper: str, lower: str) -> float | None:
+    """Angle between the axes of two vertebrae, seen from the front.
+
+    Args:
+        spine: vertebrae with their endplates [mm].
+        upper: name of a vertebra.
+        lower: name of one below it.
+
+    Returns:
+        Degrees, positive where the spine between them is convex to the right; None where an endplate is missing.
+    """
+    tilt = vertebral_tilt(np.array([spine.endplates_of(level) for level in (upper, lower)]))
+    angle = float(tilt[0] - tilt[1])
+    return angle if np.isfinite(angle) else None
 
 
 def vertebral_tilt(endplates: np.ndarray) -> np.ndarray:

@@ -12,13 +12,17 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
+from .apical import ApicalVertebra, apical_vertebrae
 from .axial_rotation import axial_rotation
 from .back_rotation import DualTangent, tangents_of
 from .cobb import CobbAngle, curves_of
 from .flanks import FlankAsymmetry, flank_asymmetry
 from .hump import hump_height
 from .outlines import outlines_of
-from .spine import spine_of
+from .sagittal import kyphosis, lordosis
+from .shoulders import Shoulders, shoulder_heights
+from .spine import Spine, spine_of
+from .spine_height import SpineHeight, spine_height
 from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift
 
 if TYPE_CHECKING:
@@ -40,6 +44,16 @@ class TrunkMeasures:
     """Dual tangent of the back by level; None where the section is missing or no line touches both sides."""
     cobb: tuple[CobbAngle, ...]
     """Curves of the spine, top to bottom."""
+    apices: tuple[ApicalVertebra, ...]
+    """The apical vertebra of each of them."""
+    kyphosis: dict[str, float | None]
+    """Kyphosis [degrees] of T1-T12 and T5-T12, see `kyphosis`; None where missing."""
+    lordosis: dict[str, float | None]
+    """Lordosis [degrees] of L1-L5 and L1-S1, see `lordosis`; None where missing."""
+    spine_height: SpineHeight | None
+    """Height of the spine; None where its ends have no landmarks."""
+    shoulders: Shoulders | None
+    """Heights of the shoulders; None without T1, or where the skin ends below it."""
     skin_change_max: float | None
     """Largest displacement of a skin vertex from the skin compared with [mm]; None if there was none."""
     skin_change_mean: float | None
@@ -47,7 +61,7 @@ class TrunkMeasures:
     axial_rotation: dict[str, float | None]
     """Rotation of each vertebra against the pelvis [degrees], see `axial_rotation`."""
     trunk_shift: TrunkShift | None
-    """Coronal balance; None without landmarks of C7 or T1."""
+    """Coronal and sagittal balance; None without landmarks of C7 or T1."""
     sacral_line: SacralLine
     """The line that trunk shift and flanks are measured from."""
     missing: dict[str, str] = field(default_factory=dict)
@@ -98,7 +112,7 @@ class TrunkMeasures:
 
 
 def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) -> TrunkMeasures:
-    """Measure a skin: back surface rotation at each level, its change, the Cobb angles and rotations of its spine.
+    """Measure a skin and its spine: the back and the shoulders, and the vertebrae in all planes.
 
     Cheap enough for every increment of a simulation; hump heights and flanks are worked out when they are asked
     for.
@@ -127,20 +141,43 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
     for level, tangent in tangents.items():
         if tangent is None:
             missing.setdefault(level, "no line within 60 degrees of the pelvis touches the back on both sides")
-    shift = trunk_shift(spine, line)
-    if shift is None:
-        missing["trunk_shift"] = "no landmarks of C7 or T1"
-    return TrunkMeasures(
+    rotation, curves = axial_rotation(spine, line.across), curves_of(spine)
+    shoulders = None if outlines.get("T1") is None else shoulder_heights(skin, spine, line.across)
+    found = TrunkMeasures(
         outlines=outlines,
         tangents=tangents,
-        cobb=curves_of(spine),
+        cobb=curves,
+        apices=apical_vertebrae(spine, curves, rotation, line),
+        kyphosis=kyphosis(spine),
+        lordosis=lordosis(spine),
+        spine_height=spine_height(spine),
+        shoulders=shoulders,
         skin_change_max=None if change is None else float(change.max()),
         skin_change_mean=None if change is None else float(change.mean()),
-        axial_rotation=axial_rotation(spine, line.across),
-        trunk_shift=shift,
+        axial_rotation=rotation,
+        trunk_shift=trunk_shift(spine, line),
         sacral_line=line,
         missing=missing,
     )
+    missing |= _missing_of_spine(found, spine)
+    return found
+
+
+def _missing_of_spine(found: TrunkMeasures, spine: Spine) -> dict[str, str]:
+    """Why a measure of the whole spine, or of the shoulders, could not be taken."""
+    reasons = {}
+    if found.trunk_shift is None:
+        reasons["trunk_shift"] = "no landmarks of C7 or T1"
+    for name, angles in (("kyphosis", found.kyphosis), ("lordosis", found.lordosis)):
+        for ends, angle in angles.items():
+            if angle is None:
+                without = [e for e in ends.split("-") if not np.isfinite(spine.endplates_of(e)).all()]
+                reasons[f"{name} {ends}"] = f"no landmarks on both endplates of {' or '.join(without)}"
+    if found.spine_height is None:
+        reasons["spine_height"] = "no landmarks on the upper endplate of T1, or below on S1 or L5"
+    if found.shoulders is None:
+        reasons["shoulders"] = "no skin on both sides of T1" if "T1" in spine.levels else "no landmarks of T1"
+    return reasons
 
 
 def _largest_at(values: Mapping[str, float | None]) -> str | None:

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .apical import ApicalVertebra
+    from .cobb import CobbAngle
     from .comparison import SkinComparison
     from .measures import TrunkMeasures
     from .skin_distance import DistanceStatistics
@@ -23,15 +25,17 @@ def measures_record(measures: TrunkMeasures) -> dict[str, Any]:
         "max_hump_mm": measures.max_hump,
         "max_hump_level": measures.hump_level,
         "trunk_shift_mm": None if measures.trunk_shift is None else measures.trunk_shift.lateral,
+        "trunk_shift_forward_mm": None if measures.trunk_shift is None else measures.trunk_shift.forward,
         "trunk_shift_of": None if measures.trunk_shift is None else measures.trunk_shift.upper,
         "trunk_shift_over": measures.sacral_line.landmark,
+        "shoulder_difference_mm": None if measures.shoulders is None else measures.shoulders.difference,
+        "kyphosis_deg": dict(measures.kyphosis),
+        "lordosis_deg": dict(measures.lordosis),
+        "spine_height_mm": None if measures.spine_height is None else measures.spine_height.height,
+        "spine_height_over": None if measures.spine_height is None else measures.spine_height.lower,
         "skin_change_max_mm": measures.skin_change_max,
         "skin_change_mean_mm": measures.skin_change_mean,
-        "curves": [
-            {"cobb_deg": curve.angle, "upper": curve.upper, "lower": curve.lower, "apex": curve.apex,
-             "convex": curve.convex}
-            for curve in measures.cobb
-        ],
+        "curves": [_curve(curve, apex) for curve, apex in zip(measures.cobb, measures.apices, strict=True)],
         "levels": {level: _level(measures, level) for level in measures.tangents},
         "missing": dict(measures.missing),
     }  # fmt: skip
@@ -67,6 +71,21 @@ def rows(record: Mapping[str, Any], where: str = "") -> Iterator[tuple[str, str,
                 yield from rows(entry, f"{where} {name} {number}".strip())
         else:
             yield where, name, " ".join(map(str, value)) if isinstance(value, list) else value
+
+
+def _curve(curve: CobbAngle, apex: ApicalVertebra) -> dict[str, Any]:
+    return {
+        "cobb_deg": curve.angle,
+        "upper": curve.upper,
+        "lower": curve.lower,
+        "apex": curve.apex,
+        "convex": curve.convex,
+        "apical_rotation_deg": apex.rotation,
+        "apical_translation_mm": apex.translation,
+        "apical_translation_from": apex.line,
+        "neutral_above": apex.neutral_above,
+        "neutral_below": apex.neutral_below,
+    }
 
 
 def _level(measures: TrunkMeasures, level: str) -> dict[str, float | None]:

@@ -12,6 +12,8 @@ from warp_trunk.errors import InputError
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
 
+ENDPLATES = ("superior_endplate", "inferior_endplate")
+
 
 @dataclass(frozen=True, eq=False)
 class Spine:
@@ -25,6 +27,14 @@ class Spine:
     """Superior and inferior endplate centres [mm], shape (levels, 2, 3)."""
     pedicles: np.ndarray
     """Left and right pedicles, each the mean of its upper and lower point [mm], shape (levels, 2, 3)."""
+    sacrum: np.ndarray
+    """Superior and inferior endplate centre of S1 [mm], shape (2, 3)."""
+
+    def endplates_of(self, level: str) -> np.ndarray:
+        """Superior and inferior endplate centre of a vertebra, or of S1 [mm], shape (2, 3); NaN where missing."""
+        if level == "S1":
+            return self.sacrum
+        return self.endplates[self.levels.index(level)] if level in self.levels else np.full((2, 3), np.nan)
 
 
 def spine_of(landmarks: Landmarks) -> Spine:
@@ -36,19 +46,23 @@ def spine_of(landmarks: Landmarks) -> Spine:
     levels = landmarks.vertebrae()
     points = np.vstack([landmarks.points, np.full(3, np.nan)])  # the last row is what is missing
 
-    def gather(*names: str) -> np.ndarray:
-        return points[[[rows[level].get(name, -1) for name in names] for level in levels]]
+    def gather(bones: tuple[str, ...], *names: str) -> np.ndarray:
+        return points[[[rows[bone].get(name, -1) for name in names] for bone in bones]]
 
+    sacrum = next((bone for bone in ("S1", "sacrum") if "superior_endplate" in rows.get(bone, {})), None)
+    s1 = np.full((2, 3), np.nan) if sacrum is None else gather((sacrum,), *ENDPLATES)[0]
     if not levels:
-        return Spine((), np.empty((0, 3)), np.empty((0, 2, 3)), np.empty((0, 2, 3)))
+        return Spine((), np.empty((0, 3)), np.empty((0, 2, 3)), np.empty((0, 2, 3)), s1)
     sides = [
-        gather(f"{side}_pedicle_superior", f"{side}_pedicle_inferior").mean(axis=1) for side in ("left", "right")
+        gather(levels, f"{side}_pedicle_superior", f"{side}_pedicle_inferior").mean(axis=1)
+        for side in ("left", "right")
     ]
     return Spine(
         levels=levels,
         centroids=np.array([landmarks.points[list(rows[level].values())].mean(axis=0) for level in levels]),
-        endplates=gather("superior_endplate", "inferior_endplate"),
+        endplates=gather(levels, *ENDPLATES),
         pedicles=np.stack(sides, axis=1),
+        sacrum=s1,
     )
 
 

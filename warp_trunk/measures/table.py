@@ -10,7 +10,10 @@ if TYPE_CHECKING:
     from .comparison import SkinComparison
     from .measures import TrunkMeasures
 
-SIGNS = "Positive: the right side of the back or of a vertebra stands further back; wider or shifted to the right."
+SIGNS = (
+    "Positive: the right side of the back or of a vertebra stands further back; wider or shifted to the right; "
+    "the right shoulder higher."
+)
 
 
 def measures_text(measures: TrunkMeasures) -> str:
@@ -23,12 +26,13 @@ def measures_text(measures: TrunkMeasures) -> str:
         f"largest hump               {_number(measures.max_hump, ' mm')}"
         + (f" at {measures.hump_level}" if measures.hump_level else ""),
         f"trunk shift                {_number(shift and shift.lateral, ' mm')}"
-        + (f", {shift.upper} over {over.get(shift.lower, shift.lower)}" if shift else ""),
-        *(
-            f"Cobb angle                 {curve.angle:.1f}° {curve.upper} to {curve.lower}, apex {curve.apex}, "
-            f"convex to the {curve.convex}"
-            for curve in measures.cobb
+        + (
+            f", {_number(shift.forward, ' mm')} forward, {shift.upper} over {over.get(shift.lower, shift.lower)}"
+            if shift
+            else ""
         ),
+        f"shoulders                  {_number(measures.shoulders and measures.shoulders.difference, ' mm')}",
+        *_spine_lines(measures),
     ]
     if measures.skin_change_max is not None:
         lines.append(
@@ -50,6 +54,25 @@ def measures_text(measures: TrunkMeasures) -> str:
     lines.append(SIGNS)
     lines += [f"missing: {what}: {why}" for what, why in measures.missing.items()]
     return "\n".join(lines)
+
+
+def _spine_lines(measures: TrunkMeasures) -> list[str]:
+    """The curves of the spine, from the front and from the side, and its height."""
+    lines = []
+    for curve, apex in zip(measures.cobb, measures.apices, strict=True):
+        neutral = " and ".join(level for level in (apex.neutral_above, apex.neutral_below) if level)
+        lines += [
+            f"Cobb angle                 {curve.angle:.1f}° {curve.upper} to {curve.lower}, "
+            f"convex to the {curve.convex}",
+            f"  its apex {apex.level:<16} turned {_number(apex.rotation, '°')}, "
+            f"{_number(apex.translation, ' mm')} beside {apex.line}" + (f", neutral {neutral}" if neutral else ""),
+        ]
+    for name, angles in (("kyphosis", measures.kyphosis), ("lordosis", measures.lordosis)):
+        known = [f"{angle:.1f}° {ends}" for ends, angle in angles.items() if angle is not None]
+        lines.append(f"{name:<27}{', '.join(known) or 'missing'}")
+    height = measures.spine_height
+    tall = f"{height.height:.0f} mm, {height.upper} to {height.lower}" if height else "missing"
+    return [*lines, f"height of the spine        {tall}"]
 
 
 def comparison_text(comparison: SkinComparison) -> str:

@@ -1,4 +1,4 @@
-"""Trunk shift: how far the top of the spine stands beside the sacrum."""
+"""Trunk shift: how far the top of the spine stands beside and in front of the sacrum."""
 
 from __future__ import annotations
 
@@ -29,10 +29,13 @@ class SacralLine:
 
 @dataclass(frozen=True)
 class TrunkShift:
-    """Coronal balance."""
+    """Coronal and sagittal balance."""
 
     lateral: float
     """Distance of the upper vertebra from the sacral line along the pelvis' axis [mm], positive to the right."""
+    forward: float | None
+    """Distance of the upper vertebra from the same line, across that axis [mm], positive to the front; None where
+    nothing better than the middle of the pelvis is known, which lies far in front of the sacrum."""
     upper: str
     """The vertebra at the top, C7 or T1."""
     lower: str
@@ -49,7 +52,8 @@ def sacral_line(landmarks: Landmarks) -> SacralLine:
         InputError: no ASIS among the landmarks.
     """
     across = asis_axis(landmarks)
-    for name, start in (("S1", "S1_superior_endplate"), ("S1", "S1_"), ("sacrum", "sacrum_")):
+    best = (("S1", "S1_superior_endplate"), ("S1", "S1_"))
+    for name, start in (*best, ("S1", "sacrum_superior_endplate"), ("sacrum", "sacrum_")):
         rows = [row for row, full in enumerate(landmarks.names) if full.startswith(start)]
         if rows:
             return SacralLine(landmarks.points[rows, :2].mean(axis=0), across, name)
@@ -59,17 +63,30 @@ def sacral_line(landmarks: Landmarks) -> SacralLine:
 
 
 def trunk_shift(spine: Spine, line: SacralLine) -> TrunkShift | None:
-    """Distance of the plumb line of C7 from the central sacral vertical line in the coronal plane.
+    """Distance of the plumb line of C7 from the central sacral vertical line, in both planes.
 
-    Coronal balance of the Scoliosis Research Society, positive to the patient's right. Without landmarks of C7
-    the centroid of T1 stands in for it; without those the measure is missing.
+    Coronal balance of the Scoliosis Research Society, positive to the patient's right, and sagittal balance, the
+    sagittal vertical axis, positive to the front; the latter to the middle of the sacrum's endplate, not to its
+    posterior corner as on a film. Without landmarks of C7 the centroid of T1 stands in for it; without those the
+    measure is missing.
 
     Args:
         spine: vertebrae [mm].
         line: see `sacral_line`.
     """
-    upper = next((level for level in ("C7", "T1") if level in spine.levels), None)
+    upper = top_of_spine(spine)
     if upper is None:
         return None
     aside = spine.centroids[spine.levels.index(upper), :2] - line.point
-    return TrunkShift(lateral=-float(aside @ line.across), upper=upper, lower=line.landmark)
+    backward = float(aside @ np.array([-line.across[1], line.across[0]]))
+    return TrunkShift(
+        lateral=-float(aside @ line.across),
+        forward=None if line.landmark == "pelvis" else -backward,
+        upper=upper,
+        lower=line.landmark,
+    )
+
+
+def top_of_spine(spine: Spine) -> str | None:
+    """The vertebra whose plumb line tells balance: C7, or T1 where C7 has no landmarks; None without both."""
+    return next((level for level in ("C7", "T1") if level in spine.levels), None)

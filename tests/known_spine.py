@@ -1,0 +1,54 @@
+"""Spines built from the angles of their vertebrae, for tests that know what must be measured."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from warp_trunk.case.landmarks import Landmarks
+
+LEVELS = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
+BODY, DISC = 20.0, 6.0
+"""Heights of a vertebra and of the disc below it, along the vertebra's axis [mm]."""
+
+
+def known_spine(
+    to_left: Mapping[str, float] | None = None,
+    back: Mapping[str, float] | None = None,
+    turned: Mapping[str, float] | None = None,
+    *,
+    levels: Sequence[str] = LEVELS,
+    top: tuple[float, float, float] = (0.0, 40.0, 400.0),
+) -> Landmarks:
+    """Vertebrae stacked from the top along their axes, with iliac spines 240 mm apart.
+
+    Args:
+        to_left: tilt of each axis seen from the front [degrees], at some levels, linear between them, else 0.
+        back: tilt seen from the side, positive backwards, likewise.
+        turned: axial rotation, positive where the right side stands further back, likewise.
+        levels: names from top to bottom.
+        top: centre of the first upper endplate [mm].
+    """
+    names, points, here = [], [], np.array(top)
+    a, b, c = (np.radians(_at(levels, angles)) for angles in (to_left, back, turned))
+    for i, level in enumerate(levels):
+        up = np.array([np.tan(a[i]), np.tan(b[i]), 1.0])  # seen from the front and the side it has these tilts
+        up /= np.linalg.norm(up)
+        middle = here - 0.5 * BODY * up
+        across = np.array([np.cos(c[i]), -np.sin(c[i]), 0.0])
+        backwards = np.array([np.sin(c[i]), np.cos(c[i]), 0.0])
+        names += [f"{level}_superior_endplate", f"{level}_inferior_endplate"]
+        points += [here, here - BODY * up]
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            for end, high in (("superior", 5.0), ("inferior", -5.0)):
+                names.append(f"{level}_{side}_pedicle_{end}")
+                points.append(middle + 12.0 * sign * across + 15.0 * backwards + [0.0, 0.0, high])
+        here = here - (BODY + DISC) * up
+    names += ["asis_left", "asis_right"]
+    points += [np.array([120.0, -60.0, -60.0]), np.array([-120.0, -60.0, -60.0])]
+    return Landmarks(tuple(names), np.array(points))
+
+
+def _at(levels: Sequence[str], angles: Mapping[str, float] | None) -> np.ndarray:
+    if not angles:
+        return np.zeros(len(levels))
+    return np.interp(np.arange(len(levels)), [levels.index(level) for level in angles], list(angles.values()))

@@ -1,0 +1,115 @@
+"""Balance in the sagittal plane, height of the spine and of the shoulders, each against lengths that are known."""
+
+import numpy as np
+import pytest
+from known_spine import BODY, DISC, known_spine
+from trunk_shapes import rotation, with_points
+
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkShift, measure
+from warp_trunk.measures.shoulders import INNER, OUTER, shoulder_heights
+from warp_trunk.measures.spine import spine_of
+from warp_trunk.measures.spine_height import SpineHeight, spine_height
+from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
+
+LEFT = np.array([1.0, 0.0])
+
+
+def shift_of(landmarks):
+    return trunk_shift(spine_of(landmarks), sacral_line(landmarks))
+
+
+def test_spine_that_leans_forward_stands_in_front_of_the_sacrum():
+    """17 vertebrae and 16 discs at 10 degrees; T1's centroid is 10 mm below its top, its pedicles 15 behind."""
+    leaning = known_spine(back={"T1": -10.0, "L5": -10.0})
+    length = (17 * BODY + 16 * DISC) - 0.5 * BODY
+    expected = length * np.sin(np.radians(10.0)) - 4.0 / 6.0 * 15.0
+    assert shift_of(leaning) == TrunkShift(pytest.approx(0.0), pytest.approx(expected, abs=1e-9), "T1", "L5")
+
+
+def test_sagittal_balance_does_not_depend_on_where_the_patient_looks():
+    leaning, turn = known_spine(back={"T1": -10.0, "L5": -10.0}), np.eye(3)
+    turn[:2, :2] = rotation(40.0)
+    turned = shift_of(Landmarks(leaning.names, leaning.points @ turn.T))
+    assert turned is not None
+    assert turned.forward == pytest.approx(shift_of(leaning).forward, abs=1e-9)
+
+
+def test_the_middle_of_the_pelvis_is_no_sacrum_to_lean_over():
+    names = [name for name in known_spine().names if not name.startswith("L5")]
+    landmarks = known_spine()
+    points = np.array([landmarks.point(name) for name in names])
+    shift = shift_of(Landmarks(tuple(names), points))
+    assert (shift.lower, shift.forward) == ("pelvis", None)
+
+
+def test_height_is_that_of_the_stack_and_shrinks_with_the_cosine_of_a_tilt():
+    length = 17 * BODY + 16 * DISC
+    assert spine_height(spine_of(known_spine())) == SpineHeight(pytest.approx(length), "T1", "L5")
+    tilted = spine_height(spine_of(known_spine(to_left={"T1": 20.0, "L5": 20.0})))
+    assert tilted is not None
+    assert tilted.height == pytest.approx(length * np.cos(np.radians(20.0)), abs=1e-9)
+
+
+def test_height_reaches_s1_where_it_is_known_and_needs_t1():
+    landmarks = with_points(known_spine(), {"S1_superior_endplate": (0.0, 40.0, -50.0)})
+    assert spine_height(spine_of(landmarks)) == SpineHeight(pytest.approx(450.0), "T1", "S1")
+    assert spine_height(spine_of(known_spine(levels=("T2", "T3", "L5")))) is None
+
+
+def roof(slope, higher=0.0, aside=0.0, neck=55.0):
+    """A closed trunk 300 mm wide whose top falls from the neck to both sides; the right half is higher [mm]."""
+    x = np.unique(np.concatenate([np.linspace(-150.0, 150.0, 61), [-neck, neck]]))
+    top = 420.0 - slope * np.maximum(np.abs(x) - neck, 0.0) + higher * (x < -neck)
+    ring = np.concatenate([np.column_stack([x, top]), np.column_stack([x[::-1], np.zeros(len(x))])])
+    n = len(ring)
+    vertices = np.concatenate(
+        [np.column_stack([ring[:, 0] + aside, np.full(n, y), ring[:, 1]]) for y in (-80, 80)]
+    )
+    i = np.arange(n)
+    j = np.roll(i, -1)
+    side = np.concatenate([np.column_stack([i, j, j + n]), np.column_stack([i, j + n, i + n])])
+    k = np.arange(len(x) - 1)
+    cap = np.concatenate([np.column_stack([k, n - 2 - k, k + 1]), np.column_stack([k, n - 1 - k, n - 2 - k])])
+    return Surface(vertices, np.concatenate([side, cap, cap[:, ::-1] + n]).astype(np.int32))
+
+
+@pytest.mark.parametrize("higher", [18.0, -7.0, 0.0])
+def test_shoulder_that_is_raised_by_a_length_stands_higher_by_it(higher):
+    found = shoulder_heights(roof(0.4, higher), spine_of(known_spine()), LEFT)
+    assert found is not None
+    assert found.difference == pytest.approx(higher, abs=1e-9)
+    assert (found.inner, found.outer) == pytest.approx((INNER * 150.0, OUTER * 150.0))
+    middle = 420.0 - 0.4 * (0.5 * (INNER + OUTER) * 150.0 - 55.0) - 390.0  # T1's centroid is at 390
+    assert found.left == pytest.approx(middle, abs=1e-9)
+
+
+def test_trunk_that_stands_aside_as_a_whole_has_level_shoulders():
+    landmarks = known_spine(top=(25.0, 40.0, 400.0))
+    found = shoulder_heights(roof(0.4, 0.0, aside=25.0), spine_of(landmarks), LEFT)
+    assert found is not None
+    assert found.difference == pytest.approx(0.0, abs=1e-9)
+
+
+def test_shoulders_are_taken_along_the_pelvis():
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(30.0)
+    skin, landmarks = roof(0.4, 12.0), known_spine()
+    turned = Landmarks(landmarks.names, landmarks.points @ turn.T)
+    shoulders = measure(Surface(skin.vertices @ turn.T, skin.faces), turned).shoulders
+    assert shoulders is not None
+    assert shoulders.difference == pytest.approx(12.0, abs=1e-9)
+
+
+def test_missing_shoulders_and_spines_say_why():
+    landmarks = known_spine(levels=("T4", "T8", "L5"))
+    measures = measure(roof(0.4), landmarks)
+    assert measures.shoulders is None
+    assert measures.missing["shoulders"] == "no landmarks of T1"
+    assert measures.missing["spine_height"].startswith("no landmarks on the upper endplate of T1")
+    assert measures.missing["kyphosis T5-T12"] == "no landmarks on both endplates of T5 or T12"
+    low = roof(0.4)
+    cut = measure(Surface(low.vertices - [0.0, 0.0, 60.0], low.faces), known_spine())
+    assert cut.shoulders is None
+    assert cut.missing["shoulders"] == "no skin on both sides of T1"

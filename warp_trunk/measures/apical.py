@@ -1,0 +1,87 @@
+"""The apical vertebra of each curve: how far it is turned and stands aside, and where the turning ends."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from .trunk_shift import top_of_spine
+
+if TYPE_CHECKING:
+    from .cobb import CobbAngle
+    from .spine import Spine
+    from .trunk_shift import SacralLine
+
+TURNED = 5.0
+"""An apex turned by less than this has no neutral vertebra beside it [degrees]: films cannot tell it from none."""
+
+
+@dataclass(frozen=True)
+class ApicalVertebra:
+    """The vertebra that stands furthest aside in a curve."""
+
+    level: str
+    """Its name."""
+    rotation: float | None
+    """Its axial rotation against the pelvis [degrees], see `axial_rotation`; None where a pedicle is missing."""
+    translation: float | None
+    """Distance of its centroid from the line [mm], positive to the right; None where that line is missing."""
+    line: str
+    """What the line goes through: C7 or T1 for a thoracic apex, what `SacralLine` names for any other."""
+    neutral_above: str | None
+    """Upper neutral vertebra; None where rotations are missing or the apex is turned by less than `TURNED`."""
+    neutral_below: str | None
+    """Lower neutral vertebra; None likewise."""
+
+
+def apical_vertebrae(
+    spine: Spine, curves: Sequence[CobbAngle], rotation: Mapping[str, float | None], line: SacralLine
+) -> tuple[ApicalVertebra, ...]:
+    """The apical vertebra of every curve.
+
+    Its translation is that of the Radiographic Measurement Manual (O'Brien, Kuklo, Blanke and Lenke 2008): of a
+    thoracic apex, T2 to T11, from the plumb line of C7 (T1 where C7 has no landmarks); of a thoracolumbar or
+    lumbar one from the central sacral vertical line; along the pelvis' axis.
+
+    A neutral vertebra is the one on either side of the apex that is not turned: nearest to where the rotation
+    passes through zero, before the apex of the next curve; the one turned least where it does not pass.
+
+    Args:
+        spine: vertebrae [mm].
+        curves: as `cobb_angles` gives them, top to bottom.
+        rotation: axial rotation by level [degrees], as `axial_rotation` gives it.
+        line: see `sacral_line`.
+    """
+    found = []
+    apices = [-1, *(spine.levels.index(curve.apex) for curve in curves), len(spine.levels)]
+    for (above, apex), below in zip(pairwise(apices), apices[2:], strict=False):
+        level = spine.levels[apex]
+        point, through = line.point, line.landmark
+        if re.fullmatch(r"T([2-9]|1[01])", level):
+            top = top_of_spine(spine)
+            point, through = (None, "T1") if top is None else (spine.centroids[spine.levels.index(top), :2], top)
+        to_left = None if point is None else float((spine.centroids[apex, :2] - point) @ line.across)
+        found.append(
+            ApicalVertebra(
+                level=level,
+                rotation=rotation[level],
+                translation=None if to_left is None else -to_left,
+                line=through,
+                neutral_above=_neutral(spine.levels[above + 1 : apex + 1][::-1], rotation),
+                neutral_below=_neutral(spine.levels[apex:below], rotation),
+            )
+        )
+    return tuple(found)
+
+
+def _neutral(outward: Sequence[str], rotation: Mapping[str, float | None]) -> str | None:
+    """The neutral vertebra among levels in order, from the apex outwards."""
+    apex = rotation[outward[0]]
+    known = {level: turned for level in outward[1:] if (turned := rotation[level]) is not None}
+    if apex is None or abs(apex) < TURNED or not known:
+        return None
+    crossing = (pair for pair in pairwise(known) if known[pair[0]] * known[pair[1]] <= 0.0)
+    return min(next(crossing, known), key=lambda level: abs(known[level]))
