@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from warp_trunk.measures import CobbAngle, SkinComparison, cobb_angles
-from warp_trunk.measures.cobb import vertebral_tilt
-from warp_trunk.measures.spine import spine_of
+from warp_trunk.measures import CobbAngle, SkinComparison, cobb_angles, curves_after
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -80,9 +78,9 @@ def error_rows(comparison: SkinComparison) -> list[Row]:
 
 def planned_curves(before: Landmarks, after: Landmarks) -> list[tuple[CobbAngle, float]]:
     """Every curve of the spine before surgery, and its angle between the same two vertebrae after [degrees]."""
-    spine = spine_of(after)
-    tilt = dict(zip(spine.levels, vertebral_tilt(spine.endplates), strict=True))
-    return [(curve, float(abs(tilt[curve.upper] - tilt[curve.lower]))) for curve in cobb_angles(before)]
+    curves = cobb_angles(before)
+    angles = curves_after(curves, after)
+    return [(curve, angle) for curve, angle in zip(curves, angles, strict=True) if angle is not None]
 
 
 def signed(value: float | None, digits: int = 1) -> str:
