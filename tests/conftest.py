@@ -1,10 +1,10 @@
-"""What tests share. This folder is on the import path, for the helpers beside this file."""
+"""Fixtures that tests of several rooms share. This folder is on the import path, for the package support in it."""
 
 from pathlib import Path
 
 import pytest
-from report_results import write_small_result
 
+from support.report_results import write_small_result
 from warp_trunk.engine.parallel import Parallel
 from warp_trunk.report import write_report
 

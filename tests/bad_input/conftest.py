@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from small_case import small_case
 
+from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cli.exit_status import BAD_INPUT

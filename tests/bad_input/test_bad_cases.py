@@ -4,7 +4,8 @@ import os
 from pathlib import Path
 
 import pytest
-from breaking import content, header, instead, layers, ply, set_point, text
+
+from support.breaking import content, header, instead, layers, ply, set_point, text
 
 CASES = [
     ("no folder", lambda folder: os.rename(folder, folder.with_name("gone")), "there is no such folder"),

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from biplanar import biplanar
-from breaking import ply
-from report_results import write_small_result
-from small_case import small_case
 
+from support.biplanar import biplanar
+from support.breaking import ply
+from support.report_results import write_small_result
+from support.small_case import small_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
 from warp_trunk.geometry.surface import Surface

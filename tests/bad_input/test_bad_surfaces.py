@@ -4,9 +4,9 @@ import struct
 
 import numpy as np
 import pytest
-from breaking import content, instead, ply, shape
-from small_case import small_case
 
+from support.breaking import content, instead, ply, shape
+from support.small_case import small_case
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.meshing.tetrahedra import cavity_points

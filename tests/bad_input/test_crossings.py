@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from breaking import shape
-from synthetic import sphere
 
+from support.breaking import shape
+from support.synthetic import sphere
 from warp_trunk.cli.crossing_file import crossings_written
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface

@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from biplanar import biplanar
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mutations import damaged
-from report_results import _model, write_small_result
-from small_case import small_case
-from small_trunk import boned_case, made_up_increments
-from small_trunk import small_case as small_trunk_case
 
+from support.biplanar import biplanar
+from support.mutations import damaged
+from support.report_results import _model, write_small_result
+from support.small_case import small_case
+from support.small_trunk import boned_case, made_up_increments
+from support.small_trunk import small_case as small_trunk_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import read_landmarks, write_landmarks
 from warp_trunk.case.layer_table import read_numbers
@@ -41,7 +41,7 @@ from warp_trunk.results import read_result
 from warp_trunk.results.checkpoint import Checkpoint
 
 EXAMPLES = int(os.environ.get("WARP_TRUNK_FUZZ", "0"))
-VTK = Path(__file__).parents[1] / "vtk_files"
+VTK = Path(__file__).parents[1] / "support" / "vtk_files"
 PYRAMID = read_surface(VTK / "ascii.vtp")
 
 

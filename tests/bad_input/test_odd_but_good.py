@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from audited import audited
-from breaking import content, header, text
-from small_trunk import boned_case
 
 import warp_trunk
+from support.audited import audited
+from support.breaking import content, header, text
+from support.small_trunk import boned_case
 from warp_trunk import kernels
 from warp_trunk.case import read_case
 from warp_trunk.case.landmarks import read_landmarks

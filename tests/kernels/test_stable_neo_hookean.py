@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-from continuum import lame, parts, stress
-from meshes import rotation
 from warp_trunk.kernels.neo_hookean import neo_hookean_kernels
 from warp_trunk.kernels.stable_neo_hookean import neo_hookean
 
+from support.continuum import lame, parts, stress
+from support.meshes import rotation
 from warp_trunk.engine.energies.neo_hookean import stable_moduli
 from warp_trunk.engine.tissue import Tissue
 

@@ -5,11 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import warp as wp
-from meshes import rotation
 from warp_trunk.kernels.area import area_curvature, area_term
 from warp_trunk.kernels.distance import distance_curvature, distance_term
 from warp_trunk.kernels.gravity import gravity_term
 from warp_trunk.kernels.volume import volume_gradients, volume_term
+
+from support.meshes import rotation
 
 WEIGHT = 1.7
 SIZES = [1e-3, 1.0, 1e3]

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import warp as wp
-from continuum import Continuum
-from meshes import block, block_with_bone
-from reference import Reference
 
+from support.continuum import Continuum
+from support.meshes import block, block_with_bone
+from support.reference import Reference
 from warp_trunk.engine.model import EnergyName, Model, build_model
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh

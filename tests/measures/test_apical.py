@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from known_spine import BODY, DISC, LEVELS, known_spine
-from trunk_shapes import ellipse, rotation, tube, with_points
 
+from support.known_spine import BODY, DISC, LEVELS, known_spine
+from support.trunk_shapes import ellipse, rotation, tube, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import curves_after, measure
 from warp_trunk.measures.cobb import coronal_angle

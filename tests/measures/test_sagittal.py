@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from known_spine import known_spine
-from trunk_shapes import rotation, with_points
 
+from support.known_spine import known_spine
+from support.trunk_shapes import rotation, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures.sagittal import kyphosis, lordosis
 from warp_trunk.measures.spine import spine_of

@@ -5,8 +5,8 @@ import subprocess
 
 import numpy as np
 import pytest
-from small_trunk import small_case
 
+from support.small_trunk import small_case
 from warp_trunk.bone_motion.bone_path import BonePath, spline_path
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.relaxation import RelaxOptions

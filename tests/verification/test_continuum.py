@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from continuum import Continuum, parts
-from meshes import block, block_with_bone, rotate, rotation, trunk
 from scipy.optimize import brentq
 
+from support.continuum import Continuum, parts
+from support.meshes import block, block_with_bone, rotate, rotation, trunk
 from warp_trunk.engine.energies.neo_hookean import stable_moduli
 from warp_trunk.engine.model import Model, build_model
 from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus

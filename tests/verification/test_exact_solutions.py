@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from equilibria import SOLVERS, Found
-from exact_solutions import Exact, affine, all_around, brick, hanging, pulled, sheared, swollen, the_ends
 from finite_elements.solid import tet_mesh
-from meshes import rotation
 from skfem import Basis, ElementTetP1
+
+from support.equilibria import SOLVERS, Found
+from support.exact_solutions import Exact, affine, all_around, brick, hanging, pulled, sheared, swollen, the_ends
+from support.meshes import rotation
 
 pytestmark = pytest.mark.parametrize("solver", SOLVERS)
 RATIOS = (0.3, 0.45, 0.49)

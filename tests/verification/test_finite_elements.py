@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from equilibria import SOLVERS
 from finite_elements.neo_hookean import NeoHookean
-from meshes import block, block_with_bone, rotate, rotation
 
+from support.equilibria import SOLVERS
+from support.meshes import block, block_with_bone, rotate, rotation
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from meshes import block, block_with_bone, rotate
-from reference import Reference
 
+from support.meshes import block, block_with_bone, rotate
+from support.reference import Reference
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue

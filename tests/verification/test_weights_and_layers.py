@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from meshes import block, grid, rotation, trunk
-from reference import Reference, volumes
 
+from support.meshes import block, grid, rotation, trunk
+from support.reference import Reference, volumes
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.state import Energy, State
 from warp_trunk.engine.tissue import Tissue

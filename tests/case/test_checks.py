@@ -1,0 +1,218 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.small_case import small_case
+from warp_trunk.case import Case
+from warp_trunk.case.checks import CaseSource, CheckOptions, check_case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+
+
+def refused(case: Case, rule: str, source: CaseSource | None = None) -> None:
+    with pytest.raises(InputError, match=rule) as error:
+        check_case(case, source=source)
+    assert "\n" not in str(error.value)
+
+
+def with_landmarks(change) -> Case:
+    """Both sets of landmarks changed alike: `change` takes and gives a dict of points by name."""
+    sets = []
+    for landmarks in (small_case().landmarks_before, small_case().landmarks_after):
+        points = change(dict(zip(landmarks.names, landmarks.points.copy(), strict=True)))
+        sets.append(Landmarks(tuple(points), np.array(list(points.values())).reshape(-1, 3)))
+    return replace(small_case(), landmarks_before=sets[0], landmarks_after=sets[1])
+
+
+def without(prefix: str):
+    return lambda points: {name: p for name, p in points.items() if not name.startswith(prefix)}
+
+
+def moved(name: str, by) -> Case:
+    return with_landmarks(lambda points: points | {name: points[name] + by})
+
+
+def test_the_case_that_tests_spoil_passes():
+    check_case(small_case())
+
+
+@pytest.mark.parametrize(("key", "counts"), [("after", "20 before, 19 after"), ("before", "19 before, 20 after")])
+def test_names_must_agree(key, counts):
+    landmarks = small_case().landmarks_before
+    fewer = Landmarks(landmarks.names[1:], landmarks.points[1:])
+    refused(
+        replace(small_case(), **{f"landmarks_{key}": fewer}),
+        f"^landmarks_{key}: '{landmarks.names[0]}' is missing; both landmark files need the same names "
+        rf"\({counts}\)$",
+    )
+
+
+def test_several_missing_names_are_counted():
+    landmarks = small_case().landmarks_before
+    fewer = Landmarks(landmarks.names[3:], landmarks.points[3:])
+    refused(replace(small_case(), landmarks_after=fewer), f"'{landmarks.names[0]}' and 2 more are missing")
+
+
+def test_landmarks_must_span_space():
+    few = ("T7_superior_endplate", "asis_left", "asis_right")
+    refused(with_landmarks(lambda p: {n: p[n] for n in few}), "at least 4 landmarks are needed, there are 3")
+    refused(
+        with_landmarks(lambda p: {n: x * [1.0, 0.0, 1.0] for n, x in p.items()}),
+        "may not all lie in one plane, these are .* mm from one",
+    )
+
+
+def test_landmarks_must_be_apart():
+    refused(
+        with_landmarks(lambda p: p | {"L3_superior_endplate": p["L3_inferior_endplate"] + [0.0, 0.05, 0.0]}),
+        "'L3_superior_endplate' and 'L3_inferior_endplate' are 0.05 mm apart; landmarks must be",
+    )
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_landmarks_must_be_finite(value):
+    refused(moved("asis_left", [0.0, value, 0.0]), "coordinates must be finite, 'asis_left' has")
+
+
+def test_landmarks_need_their_bone():
+    bones = small_case().bones
+    refused(
+        replace(small_case(), bones={n: b for n, b in bones.items() if n != "hip_left"}),
+        "landmarks_before: 'asis_left' needs 'hip_left', which is not among the 6 bones",
+    )
+    refused(
+        replace(small_case(), bones={n: b for n, b in bones.items() if n != "T7"}),
+        "'T7_superior_endplate' needs a bone that its name begins with",
+    )
+
+
+def test_the_asis_and_whole_vertebrae_are_needed():
+    refused(with_landmarks(without("asis_right")), "'asis_right' is missing; rotations are measured against")
+    refused(
+        with_landmarks(lambda p: without("L3")(without("T12")(p))),
+        "at least 2 vertebrae need landmarks, there are 1",
+    )
+    refused(
+        with_landmarks(without("T12_left_pedicle_superior")),
+        r"'T12_left_pedicle_superior' is missing; a vertebra with landmarks needs all six \(T12 has 5\)",
+    )
+
+
+def test_landmarks_must_be_near_their_bone():
+    check_case(moved("T7_superior_endplate", [0.0, 0.0, 12.0]))
+    refused(
+        moved("T7_superior_endplate", [0.0, 0.0, 15.5]),
+        r"landmarks_before: 'T7_superior_endplate' is 15\.5 mm from T7, 15 mm is allowed",
+    )
+
+
+def test_surgery_moves_landmarks_a_little():
+    landmarks = small_case().landmarks_after
+    refused(
+        replace(small_case(), landmarks_after=Landmarks(landmarks.names, landmarks.points + 120.0)),
+        r"landmarks_after: '.*' moves 2\d\d\.\d mm, 150 mm is allowed",
+    )
+
+
+@pytest.mark.parametrize(("scale", "tall", "cure"), [(1e-3, "0.48", 'units = "m"'), (0.1, "48", 'units = "cm"')])
+def test_wrong_units_name_the_right_one(scale, tall, cure):
+    skin = small_case().skin
+    small = replace(small_case(), skin=Surface(skin.vertices * scale, skin.faces))
+    refused(small, f"skin: the trunk is {tall} mm tall, and must be 250 to 900 mm; set {cure}")
+
+
+def test_millimetres_declared_metres_name_the_right_unit():
+    skin = small_case().skin
+    large = replace(small_case(), skin=Surface(skin.vertices * 1e3, skin.faces))
+    refused(large, 'the trunk is 4.8e\\+05 mm tall, .*; set units = "mm"', CaseSource(units="m"))
+
+
+def test_wrong_units_of_the_trunk_after_surgery_are_found():
+    skin = small_case().skin
+    case = replace(small_case(), actual_skin=Surface(skin.vertices * 1e-3, skin.faces))
+    refused(case, "actual_skin: the trunk is 0.48 mm tall")
+
+
+def turned(case: Case, M: np.ndarray) -> Case:
+    """The whole case under a linear map that keeps outside outside."""
+    flip = slice(None, None, -1 if np.linalg.det(M) < 0 else 1)
+    return replace(
+        case,
+        skin=Surface(case.skin.vertices @ M.T, case.skin.faces[:, flip]),
+        bones={n: Surface(b.vertices @ M.T, b.faces[:, flip]) for n, b in case.bones.items()},
+        landmarks_before=Landmarks(case.landmarks_before.names, case.landmarks_before.points @ M.T),
+        landmarks_after=Landmarks(case.landmarks_after.names, case.landmarks_after.points @ M.T),
+    )
+
+
+@pytest.mark.parametrize(
+    ("diagonal", "wrong"),
+    [
+        ([-1, -1, 1], "asis_left left of asis_right nor the vertebrae behind the ASIS"),
+        ([-1, 1, 1], "asis_left left of asis_right"),
+        ([1, -1, -1], "the vertebrae behind the ASIS nor T7 above L3"),
+    ],
+)
+def test_axes_must_agree_with_the_names(diagonal, wrong):
+    refused(turned(small_case(), np.diag(diagonal)), f'case: axes = "LPS" does not put {wrong} in')
+
+
+def spoil_skin(faces=None, vertices=None) -> Case:
+    skin = small_case().skin
+    return replace(
+        small_case(),
+        skin=Surface(skin.vertices if vertices is None else vertices, skin.faces if faces is None else faces),
+    )
+
+
+def test_the_skin_must_bound_one_solid():
+    skin = small_case().skin
+    V, F = skin.vertices, skin.faces
+    refused(spoil_skin(F[:0]), "skin: the surface is empty")
+    refused(spoil_skin(vertices=np.vstack([V[:-1], [[0.0, np.nan, 0.0]]])), "skin: 1 vertices are not finite")
+    refused(spoil_skin(F[1:]), "skin: .*must be closed and 2-manifold, but it is open along .*3 edges")
+    refused(spoil_skin(np.vstack([F, F[:1]])), "skin: .*more than two, share an edge")
+    refused(spoil_skin(np.vstack([F[:1, ::-1], F[1:]])), "skin: .*opposite turning")
+    refused(spoil_skin(F[:, ::-1]), "skin: triangles must be counterclockwise seen from outside")
+    refused(spoil_skin(vertices=np.vstack([V, V[:1]])), "skin: .*1 vertices are in no triangle")
+    inner = np.array([[0, 0, 200.0], [9, 0, 200], [0, 9, 200], [0, 0, 209]])
+    tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]) + len(V)
+    refused(spoil_skin(np.vstack([F, tetrahedron]), np.vstack([V, inner])), "must be one piece, it has 2")
+    dent = V.copy()
+    dent[np.argmax(V[:, 1])] -= [0.0, 250.0, 0.0]  # a vertex of the back, pulled out of the front
+    refused(spoil_skin(vertices=dent), "skin: the surface must not cross itself")
+
+
+def replace_bone(name: str, surface: Surface) -> Case:
+    return replace(small_case(), bones=small_case().bones | {name: surface})
+
+
+def test_bones_must_be_inside_the_skin():
+    bone, skin = small_case().bones["sternum"], small_case().skin
+    depth = bone.vertices[:, 1].min() - skin.vertices[:, 1].min()
+    # pushed forward until it is about 3 and then 9 mm out
+    check_case(replace_bone("sternum", Surface(bone.vertices - [0.0, depth + 3.0, 0.0], bone.faces)))
+    refused(
+        replace_bone("sternum", Surface(bone.vertices - [0.0, depth + 9.0, 0.0], bone.faces)),
+        r"sternum: reaches (8|9|10)\.\d mm outside skin at \(.*\), 5 mm is allowed",
+    )
+
+
+def test_bones_must_be_surfaces_that_face_out():
+    bone = small_case().bones["T7"]
+    refused(replace_bone("T7", Surface(bone.vertices, bone.faces[:, ::-1])), "T7: triangles must be counterclock")
+    refused(replace_bone("T7", Surface(bone.vertices, bone.faces[:0])), "T7: the surface is empty")
+
+
+def test_errors_name_the_file_where_there_is_one():
+    bone = small_case().bones["T7"]
+    source = CaseSource({"T7": Path("cases/a/bones/T7.stl")})
+    refused(replace_bone("T7", Surface(bone.vertices, bone.faces[:0])), "^cases/a/bones/T7.stl: the surf", source)
+
+
+def test_limits_must_be_lengths():
+    with pytest.raises(InputError, match="'bone_outside_skin' must be a finite length of at least 0 mm, not nan"):
+        CheckOptions(bone_outside_skin=float("nan"))

@@ -1,0 +1,186 @@
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.small_case import small_case
+from warp_trunk.case import Axes, Case, CheckOptions, read_case, write_case
+from warp_trunk.case.landmarks import Landmarks, write_landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.preparation.deformity import find_landmarks
+
+
+def assert_equal(one: Case, other: Case) -> None:
+    assert (one.name, one.tissue, list(one.bones)) == (other.name, other.tissue, list(other.bones))
+    for a, b in [(one.skin, other.skin), *((one.bones[n], other.bones[n]) for n in one.bones)]:
+        np.testing.assert_array_equal(a.vertices, b.vertices)
+        np.testing.assert_array_equal(a.faces, b.faces)
+    for a, b in (
+        (one.landmarks_before, other.landmarks_before),
+        (one.landmarks_after, other.landmarks_after),
+    ):
+        assert a.names == b.names
+        np.testing.assert_array_equal(a.points, b.points)
+
+
+def test_round_trip_keeps_every_bit(tmp_path):
+    write_case(tmp_path / "made" / "here", small_case())
+    assert_equal(read_case(tmp_path / "made" / "here"), small_case())
+
+
+def test_a_case_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
+    """Killed over an earlier case: surfaces of both would be read as one."""
+    write_case(tmp_path, small_case())
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("warp_trunk.case.folder.write_landmarks", killed)
+    with pytest.raises(KeyboardInterrupt):
+        write_case(tmp_path, small_case())
+    with pytest.raises(InputError, match=r"case\.toml"):
+        read_case(tmp_path)
+
+
+def test_round_trip_of_an_actual_skin(tmp_path):
+    skin = small_case().skin
+    case = replace(
+        small_case(),
+        actual_skin=Surface(skin.vertices / 3.0 * 3.1, skin.faces),
+    )
+    write_case(tmp_path, case)
+    back = read_case(tmp_path)
+    assert_equal(back, case)
+    assert back.actual_skin is not None
+    np.testing.assert_array_equal(back.actual_skin.vertices, skin.vertices / 3.0 * 3.1)
+    write_case(tmp_path, case)  # over itself
+
+
+@pytest.mark.parametrize("code", ["RAS", "LAS", "SPL"])
+def test_axes_and_units_are_converted_at_the_border(tmp_path, code):
+    """Files written in other axes, in metres, come back as the same case."""
+    case = small_case()
+    write_case(tmp_path, case)
+    to_file = Axes(code).matrix.T / 1000.0
+    mirrored = Axes(code).left_handed
+
+    def rewrite(surface: Surface, path: Path) -> None:
+        faces = surface.faces[:, ::-1] if mirrored else surface.faces
+        write_surface(path, Surface(surface.vertices @ to_file.T, faces))
+
+    rewrite(case.skin, tmp_path / "skin.ply")
+    for name, bone in case.bones.items():
+        rewrite(bone, tmp_path / "bones" / f"{name}.ply")
+    for key in ("landmarks_before", "landmarks_after"):
+        landmarks = getattr(case, key)
+        write_landmarks(tmp_path / f"{key}.csv", Landmarks(landmarks.names, landmarks.points @ to_file.T))
+    (tmp_path / "case.toml").write_text(f'axes = "{code}"\nunits = "m"\n')
+    back = read_case(tmp_path)
+    np.testing.assert_allclose(back.skin.vertices, case.skin.vertices, atol=1e-9)
+    np.testing.assert_allclose(back.bones["T7"].vertices, case.bones["T7"].vertices, atol=1e-9)
+    np.testing.assert_allclose(back.landmarks_after.points, case.landmarks_after.points, atol=1e-9)
+
+
+def test_other_surface_formats_and_files_that_are_none(tmp_path):
+    write_case(tmp_path, small_case())
+    for name in ("skin", "bones/T7"):
+        write_surface(tmp_path / f"{name}.stl", small_case().skin if name == "skin" else small_case().bones["T7"])
+        (tmp_path / f"{name}.ply").unlink()
+    (tmp_path / "bones" / "notes.txt").write_text("not a bone")
+    (tmp_path / "bones" / "._T7.ply").write_text("what some file systems leave behind")
+    back = read_case(tmp_path)
+    assert len(back.skin.vertices) == len(small_case().skin.vertices)
+    assert set(back.bones) == set(small_case().bones)
+
+
+def test_rows_of_the_second_landmark_file_are_matched_by_name(tmp_path):
+    case = small_case()
+    write_case(tmp_path, case)
+    after = case.landmarks_after
+    write_landmarks(tmp_path / "landmarks_after.csv", Landmarks(after.names[::-1], after.points[::-1]))
+    assert_equal(read_case(tmp_path), case)
+
+
+@pytest.mark.parametrize(
+    ("path", "rule"),
+    [
+        ("skin.ply", r"skin\.ply: there is no such file, nor one of another surface format"),
+        ("landmarks_after.csv", r"landmarks_after\.csv: there is no such file"),
+        ("case.toml", r"case\.toml: there is no such file"),
+    ],
+)
+def test_missing_files_are_named(tmp_path, path, rule):
+    write_case(tmp_path, small_case())
+    (tmp_path / path).unlink()
+    with pytest.raises(InputError, match=rule):
+        read_case(tmp_path)
+
+
+def test_missing_folders_are_named(tmp_path):
+    with pytest.raises(InputError, match="nowhere: there is no such folder"):
+        read_case(tmp_path / "nowhere")
+    write_case(tmp_path, small_case())
+    for path in (tmp_path / "bones").iterdir():
+        path.unlink()
+    with pytest.raises(InputError, match="bones: there is no surface in it"):
+        read_case(tmp_path)
+
+
+def test_an_unreadable_surface_is_named(tmp_path):
+    write_case(tmp_path, small_case())
+    (tmp_path / "bones" / "T7.ply").write_bytes(b"ply, or so it says")
+    with pytest.raises(InputError, match=r"bones/T7\.ply: cannot be read as a surface"):
+        read_case(tmp_path)
+
+
+def test_two_candidates_are_refused(tmp_path):
+    write_case(tmp_path, small_case())
+    write_surface(tmp_path / "skin.stl", small_case().skin)
+    with pytest.raises(InputError, match=r"skin\.stl: there is skin\.ply beside it"):
+        read_case(tmp_path)
+
+
+def test_a_skin_under_its_former_name_is_not_passed_over(tmp_path):
+    write_case(tmp_path, small_case())
+    write_surface(tmp_path / "skin_after.ply", small_case().skin)
+    with pytest.raises(InputError, match=r"skin_after\.ply: .*rename it to actual_skin\.ply"):
+        read_case(tmp_path)
+
+
+def test_metres_taken_for_millimetres_name_the_unit(tmp_path):
+    write_case(tmp_path, small_case())
+    write_surface(tmp_path / "skin.ply", Surface(small_case().skin.vertices / 1000.0, small_case().skin.faces))
+    with pytest.raises(InputError, match=r'skin\.ply: the trunk is 0\.48 mm tall.*set units = "m"'):
+        read_case(tmp_path)
+
+
+def test_limits_can_be_set(tmp_path):
+    write_case(tmp_path, small_case())
+    with pytest.raises(InputError, match=r"moves 7\.4 mm, 5 mm is allowed"):
+        read_case(tmp_path, CheckOptions(landmark_motion=5.0))
+
+
+def test_writing_does_not_mix_two_cases(tmp_path):
+    write_case(tmp_path, small_case())
+    fewer = {name: bone for name, bone in small_case().bones.items() if name != "T7"}
+    with pytest.raises(InputError, match=r"bones/T7\.ply: stands where case .* goes"):
+        write_case(tmp_path, replace(small_case(), bones=fewer))
+    with pytest.raises(InputError, match=r"'\.\./T7' names a bone and must serve as a file name"):
+        write_case(tmp_path / "other", replace(small_case(), bones={"../T7": small_case().skin}))
+    assert not (tmp_path / "other").exists()
+
+
+def test_the_anatomy_passes_and_its_xiphoid_pokes_out(tmp_path):
+    folder = os.environ.get("WARP_TRUNK_ANATOMY")
+    if not folder or not Path(folder, "skin.ply").is_file():
+        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply")
+    bones = {path.stem: read_surface(path) for path in sorted(Path(folder, "bones").glob("*.ply"))}
+    landmarks = find_landmarks(bones)
+    write_case(tmp_path, Case("anatomy", read_surface(Path(folder, "skin.ply")), bones, landmarks, landmarks))
+    assert len(read_case(tmp_path).bones) == len(bones)
+    with pytest.raises(InputError, match=r"sternum\.ply: reaches 0\.7 mm outside .*skin\.ply"):
+        read_case(tmp_path, CheckOptions(bone_outside_skin=0.5))

@@ -1,0 +1,111 @@
+"""[layers] in case.toml and the files it names."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.small_case import small_case
+from warp_trunk.case import read_case, write_case
+from warp_trunk.case.header import read_header
+from warp_trunk.case.layer_table import LayerTable, layer_text, read_layers
+from warp_trunk.case.layers import Layers
+from warp_trunk.errors import InputError
+
+
+def read(folder: Path, text: str) -> LayerTable | None:
+    path = folder / "case.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_header(path).layers
+
+
+def test_a_case_without_the_table_has_no_layers(tmp_path: Path) -> None:
+    assert read(tmp_path, "") is None
+    assert read(tmp_path, "[layers]") == LayerTable()
+
+
+def test_the_text_reads_back(tmp_path: Path) -> None:
+    table = LayerTable(2.1, 'fat "1".txt', "labels.vtu", {"fat": {"density": 0.1 + 0.2}, "muscle": {"theta": 3.0}})
+    assert read(tmp_path, layer_text(table)) == table
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("fat_thicknes = 1", "unknown key 'layers.fat_thicknes'; did you mean 'layers.fat_thickness'?"),
+        ("fat_thickness = true", "'layers.fat_thickness' must be a number or the name of a file, not True"),
+        ("skin_thickness = [1]", "'layers.skin_thickness' must be a number or the name of a file, not [1]"),
+        ("mesh = 3", "'layers.mesh' must be the name of a file, not 3"),
+        ("fat = 3", "'layers.fat' must be a table, [layers.fat], not 3"),
+        ("[layers.fat]\nyoungs = 3", "unknown key 'layers.fat.youngs'"),
+        ('[layers.fat]\ndensity = "3"', "'layers.fat.density' must be a number, not '3' (str)"),
+        (
+            "[layers.fat]\nyoungs_modulus = -3",
+            "'youngs_modulus' must be a finite number of at least 1e-09, not -3.0",
+        ),
+        ("[layers.bone]\ndensity = 3", "unknown key 'layers.bone'"),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path: Path, text: str, rule: str) -> None:
+    with pytest.raises(InputError) as error:
+        read(tmp_path, "[layers]\n" + text)
+    assert str(error.value).startswith(f"{tmp_path / 'case.toml'}: ")
+    assert rule in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_thickness_is_in_the_unit_of_the_case_and_the_default_in_mm(tmp_path: Path) -> None:
+    (tmp_path / "fat.txt").write_text("# over the back\n0.5\n0.6 # here\n0.7\n", encoding="utf-8")
+    layers = read_layers(tmp_path, LayerTable(fat_thickness="fat.txt"), 10.0, 3)
+    np.testing.assert_allclose(layers.fat_thickness, [5.0, 6.0, 7.0])
+    assert layers.skin_thickness == Layers().skin_thickness
+    assert read_layers(tmp_path, LayerTable(skin_thickness=0.25), 10.0, 3).skin_thickness == 2.5
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        (None, "there is no such file; case.toml names it"),
+        ("1\n2\n", "has 2 numbers but the skin has 3 vertices; give one number a line"),
+        ("1 2\n1 2\n1 2\n", "cannot be read as one number a line"),
+        ("1\ntwo\n3\n", "cannot be read as one number a line"),
+        ("1\n-2\n3\n", "'fat_thickness' must be from 0 to 200 mm, not -2 (skin vertex 1)"),
+        ("1\nnan\n3\n", "not nan (skin vertex 1)"),
+    ],
+)
+def test_bad_thickness_files_are_refused(tmp_path: Path, text: str | None, rule: str) -> None:
+    path = tmp_path / "fat.txt"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        read_layers(tmp_path, LayerTable(fat_thickness="fat.txt"), 1.0, 3)
+    assert str(error.value).startswith((f"{path}: ", f"{tmp_path / 'case.toml'}: layers: "))
+    assert rule in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_mesh_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"labels\.vtu: there is no such file, but case\.toml names it"):
+        read_layers(tmp_path, LayerTable(mesh="labels.vtu"), 1.0, 3)
+
+
+def test_a_case_with_layers_comes_back(tmp_path: Path) -> None:
+    vertices = len(small_case().skin.vertices)
+    thickness = np.random.default_rng(1).uniform(2.0, 9.0, vertices)
+    (tmp_path / "labels.vtu").write_text("labels", encoding="utf-8")
+    layers = Layers(
+        skin_thickness=1.3,
+        fat_thickness=thickness,
+        constants={"skin": {"theta": 4.0}},
+        mesh=tmp_path / "labels.vtu",
+    )
+    folder = tmp_path / "case"
+    write_case(folder, replace(small_case(), layers=layers))
+    again = read_case(folder).layers
+    assert again is not None
+    assert again.skin_thickness == 1.3
+    np.testing.assert_array_equal(again.fat_thickness, thickness)
+    assert again.constants == layers.constants
+    assert again.mesh == folder / "labels.vtu"
+    assert again.mesh.read_text(encoding="utf-8") == "labels"

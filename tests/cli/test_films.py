@@ -1,0 +1,87 @@
+"""The commands that make a case of what a clinic measures, on the phantom."""
+
+import numpy as np
+import pytest
+
+from support.biplanar import biplanar
+from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
+from warp_trunk.cli import main
+from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.preparation.phantom import straight_trunk
+
+
+def write_films(folder, films) -> list[str]:
+    flags = []
+    for flag, film in zip(("pa", "lateral"), films, strict=True):
+        rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
+        (folder / f"{flag}.csv").write_text("\n".join(["name,u,v", *rows]))
+        np.savetxt(folder / f"{flag}.txt", film.projection, fmt="%.17g")
+        flags += [f"--{flag}", str(folder / f"{flag}.csv"), f"--{flag}-matrix", str(folder / f"{flag}.txt")]
+    return flags
+
+
+def test_triangulate_writes_landmarks_that_a_case_reads(tmp_path, capsys) -> None:
+    landmarks = straight_trunk()[2]
+    out = tmp_path / "landmarks.csv"
+    assert main(["triangulate", *write_films(tmp_path, biplanar(landmarks)), "--out", str(out)]) == 0
+    np.testing.assert_allclose(read_landmarks(out).points, landmarks.points, atol=1e-6)
+    said = capsys.readouterr().out
+    assert f"{len(landmarks.names)} landmarks" in said
+    assert "Reprojection error: mean 0.00" in said
+
+
+def test_triangulate_refuses_in_one_line(tmp_path, capsys) -> None:
+    pa, lateral = biplanar(straight_trunk()[2])
+    lateral.points[5] += [0.0, 60.0]
+    status = main(["triangulate", *write_films(tmp_path, (pa, lateral)), "--out", str(tmp_path / "x.csv")])
+    said = capsys.readouterr().err.splitlines()
+    assert status == 2
+    assert len(said) == 1
+    assert f"'{lateral.names[5]}'" in said[0]
+    assert not (tmp_path / "x.csv").exists()
+
+
+def test_fit_atlas_writes_bones(tmp_path, capsys) -> None:
+    _, bones, landmarks = straight_trunk()
+    (tmp_path / "atlas").mkdir()
+    for name in ("T8", "rib_left_08", "hip_left", "hip_right"):
+        write_surface(tmp_path / "atlas" / f"{name}.ply", bones[name])
+    rows = [i for i, name in enumerate(landmarks.names) if name.startswith(("T8_", "asis"))]
+    there = Landmarks(tuple(landmarks.names[i] for i in rows), 1.2 * landmarks.points[rows])
+    write_landmarks(tmp_path / "atlas.csv", Landmarks(there.names, landmarks.points[rows]))
+    write_landmarks(tmp_path / "patient.csv", there)
+    flags = ["--bones", "atlas", "--atlas", "atlas.csv", "--patient", "patient.csv", "--out", "bones"]
+    flags = [flag if flag.startswith("--") else str(tmp_path / flag) for flag in flags]
+    assert main(["fit-atlas", *flags]) == 0
+    carried = read_surface(tmp_path / "bones" / "T8.ply").vertices
+    np.testing.assert_allclose(carried, 1.2 * bones["T8"].vertices, atol=1e-7)
+    assert "4 bones written" in capsys.readouterr().out
+    table = (tmp_path / "bones" / "atlas_fit.csv").read_text().splitlines()
+    assert table[0] == "name,error,error_left_out"
+    assert len(table) == len(rows) + 1
+
+
+@pytest.mark.parametrize("folds", [False, True])
+def test_register_writes_the_skin_or_refuses_a_fold(tmp_path, capsys, folds: bool) -> None:
+    skin = straight_trunk()[0]
+    rows = np.arange(0, len(skin.vertices), len(skin.vertices) // 20)
+    names = tuple(f"marker_{i}" for i in range(len(rows)))
+    targets = skin.vertices[rows] + [5.0, -80.0, 2.0]
+    if folds:
+        near = np.argsort(np.linalg.norm(targets - targets[0], axis=1))[1]
+        targets[[0, near]] = targets[[near, 0]]
+    write_surface(tmp_path / "scan.ply", skin)
+    write_landmarks(tmp_path / "skin.csv", Landmarks(names, skin.vertices[rows]))
+    write_landmarks(tmp_path / "films.csv", Landmarks(names, targets))
+    flags = ["--skin", "scan.ply", "--on-skin", "skin.csv", "--on-films", "films.csv", "--out", "skin.ply"]
+    flags = [flag if flag.startswith("--") else str(tmp_path / flag) for flag in flags]
+    status = main(["register", *flags])
+    said = capsys.readouterr()
+    if folds:
+        assert status == 2
+        assert "fold the skin" in said.err
+        return
+    assert status == 0
+    assert "Rigid part: turns by 0.00 degrees" in said.out
+    moved = read_surface(tmp_path / "skin.ply").vertices
+    np.testing.assert_allclose(moved - skin.vertices, np.tile([5.0, -80.0, 2.0], (len(moved), 1)), atol=1e-7)

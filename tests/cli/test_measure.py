@@ -1,0 +1,165 @@
+"""warp-trunk measure: what it reads, refuses, prints and writes."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.small_case import small_case
+from warp_trunk.case import write_case
+from warp_trunk.cli import main
+from warp_trunk.cli.exit_status import BAD_INPUT, OK
+from warp_trunk.engine.trunk_mesh import TrunkMesh, write_trunk
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import write_surface
+from warp_trunk.measures import compare_skins, measure
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A case folder, and a skin after surgery: twisted by 20 degrees, the right side of its top to the back."""
+    folder = tmp_path_factory.mktemp("measure")
+    case = small_case()
+    write_case(folder / "case", case)
+    x, y, z = case.skin.vertices.T
+    angle = -np.radians(20.0) * (z - z.min()) / np.ptp(z)
+    twisted = np.column_stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y, z])
+    after = Surface(twisted, case.skin.faces)
+    write_surface(folder / "after.ply", after)
+    return folder, case, after
+
+
+def run(place, *arguments):
+    folder = place[0]
+    return main(["measure", *(str(a) for a in arguments), "--case", str(folder / "case")])
+
+
+def record_of(stem):
+    return json.loads(stem.with_name(stem.name + ".json").read_text())
+
+
+def test_measures_are_those_of_the_library(place, tmp_path, capsys):
+    folder, case, after = place
+    assert run(place, folder / "after.ply", "--out", tmp_path / "m") == OK
+    record = record_of(tmp_path / "m")
+    measures = measure(after, case.landmarks_after, case.skin)
+    assert record["landmarks"] == "after"
+    assert {level: values["bsr_deg"] for level, values in record["skin"]["levels"].items()} == measures.bsr
+    assert record["skin"]["skin_change_max_mm"] == pytest.approx(measures.skin_change_max)
+    assert measures.max_thoracic_bsr > 10.0
+    text = capsys.readouterr().out
+    assert f"{measures.max_thoracic_bsr:+.1f}°" in text
+    assert f"{tmp_path / 'm'}.json" in text
+    with (tmp_path / "m.csv").open() as file:
+        table = {(row["where"], row["measure"]): row["value"] for row in csv.DictReader(file)}
+    assert float(table["skin levels T7", "bsr_deg"]) == measures.bsr["T7"]
+    assert table["", "landmarks"] == "after"
+
+
+def test_the_cases_own_skin_goes_with_the_landmarks_before(place, tmp_path):
+    folder, case, _ = place
+    assert run(place, folder / "case" / "skin.ply", "--out", tmp_path / "own") == OK
+    own = record_of(tmp_path / "own")
+    assert own["landmarks"] == "before"
+    assert own["skin"]["skin_change_max_mm"] is None
+    assert run(place, folder / "case" / "skin.ply", "--when", "after", "--out", tmp_path / "asked") == OK
+    asked = record_of(tmp_path / "asked")
+    assert asked["landmarks"] == "after"
+    after = measure(case.skin, case.landmarks_after)
+    assert asked["skin"]["levels"]["T12"]["bsr_deg"] == after.bsr["T12"]
+
+
+def test_against_an_actual_skin(place, tmp_path, capsys):
+    folder, case, after = place
+    actual = folder / "case" / "skin.ply"
+    assert run(place, folder / "after.ply", "--against", actual, "--out", tmp_path) == OK
+    record = record_of(tmp_path / "measures")
+    comparison = compare_skins(after, case.skin, case.landmarks_after)
+    assert record["against"]["bsr_difference_deg"] == comparison.bsr_difference
+    assert record["against"]["distance"]["back"]["rms_mm"] == pytest.approx(comparison.distance["back"].rms)
+    assert record["actual"]["levels"].keys() == record["skin"]["levels"].keys()
+    assert "Error of the back surface rotation" in capsys.readouterr().out
+
+
+def test_result_folder_gives_the_change_of_its_tissue_too(place, tmp_path):
+    """One tetrahedron for a mesh, half as high after surgery; the skin goes with it."""
+    _, case, _ = place
+    trunk = TrunkMesh(
+        nodes=np.vstack([case.skin.vertices, [0.0, 0.0, 100.0]]),
+        tets=np.array([[0, 1, 2, len(case.skin.vertices)]], dtype=np.int32),
+        skin_nodes=np.arange(len(case.skin.vertices), dtype=np.int32),
+        skin_faces=case.skin.faces,
+        bone=np.full(len(case.skin.vertices) + 1, -1, dtype=np.int32),
+        bone_names=("T7",),
+        bone_faces=np.zeros((0, 3), dtype=np.int32),
+    )
+    corners = trunk.nodes[trunk.tets[0]]
+    if np.linalg.det(corners[1:] - corners[0]) < 0.0:
+        trunk.tets[:] = trunk.tets[:, [1, 0, 2, 3]]
+    displacement = np.zeros_like(trunk.nodes)
+    displacement[-1] = 0.5 * (corners[:3].mean(axis=0) - corners[3])
+    write_trunk(tmp_path / "trunk.vtu", trunk, displacement)
+    write_surface(tmp_path / "predicted_skin.ply", case.skin)
+    assert run(place, tmp_path) == OK
+    record = record_of(tmp_path / "predicted_skin_measures")
+    assert record["tissue_volume_change_percent"] == pytest.approx(-50.0)
+
+
+def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
+    """The same case in centimetres, with x to the right and y to the front; the skin beside it stays as it is."""
+    folder, case, after = place
+
+    def theirs(points):
+        return points * [-0.1, -0.1, 0.1]
+
+    def surface(one):
+        return Surface(theirs(one.vertices), one.faces)
+
+    write_case(
+        tmp_path / "case",
+        replace(
+            case,
+            skin=surface(case.skin),
+            actual_skin=surface(after),
+            bones={name: surface(bone) for name, bone in case.bones.items()},
+            landmarks_before=replace(case.landmarks_before, points=theirs(case.landmarks_before.points)),
+            landmarks_after=replace(case.landmarks_after, points=theirs(case.landmarks_after.points)),
+        ),
+    )
+    header = tmp_path / "case" / "case.toml"
+    header.write_text(header.read_text().replace('"mm"', '"cm"').replace('"LPS"', '"RAS"'))
+    theirs_too = (tmp_path, case, after)
+    assert run(theirs_too, tmp_path / "case" / "actual_skin.ply", "--out", tmp_path / "inside") == OK
+    assert run(theirs_too, folder / "after.ply", "--out", tmp_path / "beside") == OK
+    found = [record_of(tmp_path / name)["skin"]["levels"]["T7"] for name in ("inside", "beside")]
+    assert found[0] == pytest.approx(found[1], abs=1e-6)
+    assert found[0]["bsr_deg"] > 5.0
+
+
+@pytest.mark.parametrize(
+    ("spoil", "named"),
+    [
+        (lambda skin: Surface(skin.vertices, skin.faces[1:]), "closed"),
+        (lambda skin: Surface(skin.vertices, skin.faces[:, ::-1]), "counterclockwise"),
+        (lambda skin: Surface(skin.vertices / 10.0, skin.faces), "mm and LPS"),
+        (lambda skin: Surface(skin.vertices + np.array([900.0, 0.0, 0.0]), skin.faces), "mm and LPS"),
+    ],
+)
+def test_unfit_skin_is_refused_in_one_line(place, tmp_path, capsys, spoil, named):
+    folder, case, _ = place
+    write_surface(tmp_path / "bad.ply", spoil(case.skin))
+    for arguments in ([tmp_path / "bad.ply"], [folder / "after.ply", "--against", tmp_path / "bad.ply"]):
+        assert run(place, *arguments, "--out", tmp_path / "m") == BAD_INPUT
+        line = capsys.readouterr().err.splitlines()[-1]
+        assert line.startswith(f"warp-trunk: {tmp_path / 'bad.ply'}: ")
+        assert named in line
+    assert not (tmp_path / "m.json").exists()
+
+
+def test_place_that_cannot_be_written_is_refused_before_reading(place, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert run(place, "no/such/skin.ply", "--out", tmp_path / "file" / "m") == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--out" in line

@@ -1,0 +1,114 @@
+"""The same kernels on CUDA: run where there is a device, skipped elsewhere."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+from support.continuum import Continuum
+from support.meshes import block_with_bone, rotation
+from support.reference import Reference
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.state import State
+from warp_trunk.engine.tissue import Tissue
+
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+
+TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
+
+
+def turning_path() -> BonePath:
+    """One of two bones turns by 20 degrees about its middle."""
+    displacement = np.zeros_like(TRUNK.nodes)
+    on_bone = TRUNK.bone == 1
+    around = TRUNK.nodes[on_bone] - TRUNK.nodes[on_bone].mean(axis=0)
+    displacement[on_bone] = around @ rotation(20.0, (1.0, 2.0, 0.5)).T - around
+    return BonePath(displacement)
+
+
+@pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-5), ("float64", 1e-12)])
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_energies_are_those_of_numpy(precision: str, tolerance: float, gravity: float) -> None:
+    model = build_model(TRUNK, gravity=gravity, device="cuda:0", precision=precision)
+    displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
+    state, _ = State.pair(model)
+    state.place(displacement)
+    state.evaluate()
+    energy, inverted, _ = state.read()
+    expected = Reference(TRUNK, Tissue(), gravity).energies(displacement)
+    assert inverted == 0
+    for term in ("distance", "area", "volume", "gravity"):
+        assert getattr(energy, term) == pytest.approx(expected[term], rel=tolerance, abs=1e-12)
+
+
+@pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-5), ("float64", 1e-12)])
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_energies_of_a_layered_continuum_are_those_of_numpy(
+    precision: str, tolerance: float, gravity: float
+) -> None:
+    trunk = replace(TRUNK, tissue=(np.arange(len(TRUNK.tets)) % 2).astype(np.int8))
+    tissues = (Tissue(), Tissue(youngs_modulus=70.0, poisson_ratio=0.49))
+    model = build_model(
+        trunk, tissues, energy="neo-hookean", gravity=gravity, device="cuda:0", precision=precision
+    )
+    displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
+    state, _ = State.pair(model)
+    state.place(displacement)
+    state.evaluate()
+    energy, reference = state.energy(), Continuum(trunk, tissues, gravity)
+    for term, value in reference.energies(displacement).items():
+        assert getattr(energy, term) == pytest.approx(value, rel=tolerance, abs=1e-12)
+    found, wanted = np.empty_like(TRUNK.nodes), reference.gradient(displacement)
+    found[model.order] = state.gradient.numpy().sum(axis=0)
+    np.testing.assert_allclose(found, wanted, atol=tolerance * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("options", [{"energy": "neo-hookean"}, {"weights": "volume"}])
+@pytest.mark.skipif("cpu" not in map(str, wp.get_devices()), reason="Warp has no CPU device on this machine")
+def test_cpu_and_cuda_end_at_the_same_place(precision: str, options: dict[str, Any]) -> None:
+    tissue, relax = Tissue(poisson_ratio=0.49), RelaxOptions(tolerance=1e-3)
+    ends = []
+    for device in ("cpu", "cuda:0"):
+        model = build_model(TRUNK, tissue, device=device, precision=precision, **options)
+        *_, last = simulate(model, turning_path(), SimulationOptions(increments=2, relax=relax))
+        assert last.relaxation.status is RelaxStatus.CONVERGED
+        ends.append(last.displacement)
+    assert np.abs(ends[0] - ends[1]).max() < 2e-3
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("method", ["newton", "conjugate", "gradient"])
+def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, method: str) -> None:
+    path = turning_path()
+    model = build_model(TRUNK, device="cuda:0", precision=precision)
+    tolerance = 0.1 if method == "gradient" else 0.01
+    relax = RelaxOptions(method=method, tolerance=tolerance, max_steps=5000)
+    *_, last = simulate(model, path, SimulationOptions(increments=2, relax=relax))
+    equilibrium = Reference(TRUNK).downhill(last.displacement, 2000)
+    assert last.relaxation.status is RelaxStatus.CONVERGED
+    assert np.abs(equilibrium - last.displacement).max() < 2.0 * tolerance
+    held = path.at(1.0)[TRUNK.prescribed].astype(precision)
+    assert np.array_equal(last.displacement[TRUNK.prescribed], held)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_a_continuum_ends_at_an_equilibrium_that_numpy_confirms(precision: str) -> None:
+    tissue = Tissue(poisson_ratio=0.49)
+    model = build_model(TRUNK, tissue, energy="neo-hookean", device="cuda:0", precision=precision)
+    *_, last = simulate(model, turning_path(), SimulationOptions(increments=2))
+    equilibrium = Continuum(TRUNK, (tissue,), 0.0).downhill(last.displacement, 2000)
+    assert last.relaxation.status is RelaxStatus.CONVERGED
+    assert np.abs(equilibrium - last.displacement).max() < 0.02
+
+
+def test_says_stalled_where_float32_cannot_reach_the_tolerance() -> None:
+    relaxer = Relaxer(build_model(TRUNK, device="cuda:0"), RelaxOptions(tolerance=1e-9))
+    relaxer.state.place(turning_path().at(1.0))
+    assert relaxer.relax().status is RelaxStatus.STALLED

@@ -1,0 +1,132 @@
+"""The model: what it refuses, its rest measures and weights, its order."""
+
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+
+from support.meshes import block, block_with_bone, grid, single_tet, trunk
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.errors import InputError
+
+
+def with_nodes(mesh: TrunkMesh, node: int, position: list[float]) -> TrunkMesh:
+    nodes = mesh.nodes.copy()
+    nodes[node] = position
+    return replace(mesh, nodes=nodes)
+
+
+def two_blocks(bone_on_second: int) -> TrunkMesh:
+    """Two separate blocks, the first held by its lowest face, the second by so many nodes."""
+    first = block((2, 2, 2))
+    nodes = np.vstack([first.nodes, first.nodes + 100.0])
+    prescribed = np.concatenate([np.flatnonzero(first.prescribed), len(first.nodes) + np.arange(bone_on_second)])
+    return trunk(nodes, np.vstack([first.tets, first.tets + len(first.nodes)]), prescribed)
+
+
+BLOCK = block((2, 2, 2))
+BAD = {
+    "no tetrahedron": (replace(BLOCK, tets=BLOCK.tets[:0]), {}, "no tetrahedron"),
+    "NaN": (with_nodes(BLOCK, 7, [0.0, np.nan, 0.0]), {}, "node 7"),
+    "infinite": (with_nodes(BLOCK, 7, [np.inf, 0.0, 0.0]), {}, "node 7"),
+    "inverted at rest": (replace(BLOCK, tets=BLOCK.tets[:, [1, 0, 2, 3]]), {}, "volume"),
+    "flat at rest": (with_nodes(single_tet(), 3, [3.0, 3.0, 0.0]), {}, "volume"),
+    "no bone": (replace(BLOCK, bone=np.full_like(BLOCK.bone, -1)), {}, "no bone"),
+    "held by two nodes": (single_tet((0, 1)), {}, "no bone"),
+    "a loose piece": (two_blocks(0), {}, f"{len(BLOCK.nodes)} free nodes"),
+    "precision": (BLOCK, {"precision": "float16"}, "precision"),
+    "device": (BLOCK, {"device": "cuda:77"}, "device"),
+    "threads": (BLOCK, {"threads": -1}, "threads"),
+    "gravity": (BLOCK, {"gravity": np.nan}, "gravity"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_refuses(name: str) -> None:
+    mesh, options, text = BAD[name]
+    with pytest.raises(InputError, match=text) as caught:
+        build_model(mesh, **{"device": "cpu", **options})  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["epsilon", "theta", "density", "youngs_modulus"])
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
+def test_refuses_tissue(name: str, value: float) -> None:
+    with pytest.raises(InputError, match=name):
+        Tissue(**{name: value})
+
+
+def test_every_piece_with_three_bone_nodes_is_held() -> None:
+    assert build_model(two_blocks(3), device="cpu").free == 2 * len(BLOCK.nodes) - 9 - 3
+
+
+def test_a_corner_in_line_with_two_others_does_not_hold() -> None:
+    """Three nodes on a line leave a rotation about it free."""
+    nodes, tets, _ = grid((2, 1, 1))
+    in_line = (nodes[:, 1] == 0.0) & (nodes[:, 2] == 0.0)
+    assert in_line.sum() == 3
+    with pytest.raises(InputError):
+        build_model(trunk(nodes, tets, in_line), device="cpu")
+
+
+@pytest.mark.parametrize(
+    "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
+)
+def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
+    model = build_model(mesh, device="cpu", threads=1)
+    assert sorted(model.order) == list(range(len(mesh.nodes)))
+    assert not mesh.prescribed[model.order[: model.free]].any()
+    assert mesh.prescribed[model.order[model.free :]].all()
+    np.testing.assert_array_equal(model.rest, mesh.nodes[model.order])
+    ours = {tuple(tet) for tet in model.order[model.corners].tolist()}
+    assert ours == {tuple(tet) for tet in mesh.tets.tolist()}
+
+
+@pytest.mark.parametrize(
+    "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
+)
+def test_weights_count_every_edge_and_face_once(mesh: TrunkMesh) -> None:
+    """The sum of 1 / |K| over the edges of all tetrahedra is the number of different edges (eq. 4.8, 4.9)."""
+    model = build_model(mesh, Tissue(epsilon=0.25), device="cpu", precision="float64", threads=1)
+    tets = mesh.tets.tolist()
+    edges = {pair for tet in tets for pair in combinations(sorted(tet), 2)}
+    faces = {triple for tet in tets for triple in combinations(sorted(tet), 3)}
+    assert model.elements.edge_weight.numpy().sum() == pytest.approx(len(edges), rel=1e-12)
+    assert model.elements.face_weight.numpy().sum() == pytest.approx(0.25 * len(faces), rel=1e-12)
+
+
+def test_rest_measures_by_hand() -> None:
+    """The right-angled corner of 10 mm: three edges of 10, three of 10 sqrt 2; faces of 50 and of 50 sqrt 3."""
+    model = build_model(single_tet(), device="cpu", precision="float64", threads=1)
+    np.testing.assert_allclose(np.sort(model.elements.rest_length.numpy()[0]), [10.0] * 3 + [10.0 * 2**0.5] * 3)
+    np.testing.assert_allclose(np.sort(model.elements.rest_area.numpy()[0]), [50.0] * 3 + [50.0 * 3**0.5])
+    np.testing.assert_allclose(model.elements.rest_volume.numpy(), [1000.0 / 6.0])
+
+
+def test_alpha_by_hand() -> None:
+    """alpha = 2 g M_0 H_0 / k_D with k_D = 5 E V / N for one tetrahedron of six edges."""
+    tissue = Tissue(density=900.0, youngs_modulus=20.0)
+    model = build_model(single_tet(), tissue, gravity=9.81, device="cpu", threads=1)
+    cubic_metres = 0.01**3 / 6.0
+    k_d = 5.0 * 20e3 * cubic_metres / 6.0
+    assert model.elements.alpha == pytest.approx(2.0 * 9.81 * 900.0 * cubic_metres * 0.01 / k_d, rel=1e-12)
+    assert build_model(single_tet(), tissue, device="cpu", threads=1).elements.alpha == 0.0
+
+
+@pytest.mark.parametrize(
+    "tissue", [Tissue(), Tissue(epsilon=0.0), Tissue(theta=0.0), Tissue(epsilon=0.0, theta=0.0)]
+)
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_terms_follow_the_scene(tissue: Tissue, gravity: float) -> None:
+    model: Any = build_model(BLOCK, tissue, gravity=gravity, device="cpu")
+    used = {
+        "distance": True,
+        "area": tissue.epsilon > 0.0,
+        "volume": tissue.theta > 0.0,
+        "gravity": gravity != 0.0,
+    }
+    assert model.elements.terms == tuple(name for name in used if used[name])

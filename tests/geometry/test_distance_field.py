@@ -1,0 +1,67 @@
+import numpy as np
+
+from support.synthetic import sphere
+from warp_trunk.geometry.distance_field import Grid, SurfaceDistance, connected
+from warp_trunk.geometry.surface import Surface
+
+
+def grid_of(radius, spacing):
+    count = 2 * int(np.ceil(radius / spacing)) + 1
+    return Grid(np.full(3, -spacing * (count // 2)), spacing, (count, count, count))
+
+
+def atomic_write(grid):
+    return tuple(slice(0, n) for n in grid.shape)
+
+
+def test_distance_to_a_sphere_far_from_the_origin():
+    centre = np.array([100.0, -200.0, 1300.0])
+    points = centre + np.random.default_rng(0).normal(size=(200, 3)) * 20.0
+    distance = SurfaceDistance(sphere(30.0, tuple(centre), 5)).at(points)
+    np.testing.assert_allclose(distance, np.linalg.norm(points - centre, axis=1) - 30.0, atol=0.03)
+
+
+def test_beyond_the_reach_is_nan():
+    distance = SurfaceDistance(sphere(30.0, subdivisions=4)).at(np.array([[0.0, 0.0, 29.0], [0.0, 0.0, 0.0]]), 5.0)
+    assert -1.1 < distance[0] < -0.9
+    assert np.isnan(distance[1])
+
+
+def test_grid_is_signed_deep_inside_and_far_outside():
+    grid = grid_of(60.0, 4.0)
+    band = 8.0
+    box = atomic_write(grid)
+    field = SurfaceDistance(sphere(40.0, subdivisions=4)).on_grid(grid, box, np.ones(grid.shape, dtype=bool), band)
+    nodes = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape), indexing="ij"), axis=-1)
+    exact = np.linalg.norm(grid.positions(nodes), axis=-1) - 40.0
+    np.testing.assert_allclose(field, np.clip(exact, -band, band), atol=0.2)
+
+
+def test_hollow_of_a_bottle_is_outside():
+    # two spheres, the inner one turned inside out: what it holds is not solid, and no path leads out of it
+    outer, inner = sphere(40.0, subdivisions=4), sphere(28.0, subdivisions=4)
+    hollow = Surface(
+        np.concatenate([outer.vertices, inner.vertices]),
+        np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)]),
+    )
+    grid = grid_of(48.0, 4.0)
+    field = SurfaceDistance(hollow).on_grid(grid, atomic_write(grid), np.ones(grid.shape, dtype=bool), 8.0)
+    middle = grid.shape[0] // 2
+    assert field[middle, middle, middle] == 8.0
+    assert field[middle, middle, middle + 8] < 0.0
+
+
+def test_nodes_not_wanted_are_left_outside():
+    grid = grid_of(20.0, 4.0)
+    wanted = np.zeros(grid.shape, dtype=bool)
+    wanted[5, 5, 5] = True
+    field = SurfaceDistance(sphere(15.0)).on_grid(grid, atomic_write(grid), wanted, 8.0)
+    assert field[5, 5, 5] == -8.0
+    assert (field[~wanted] == 8.0).all()
+
+
+def test_diagonal_neighbours_connect_only_when_asked():
+    mask = np.zeros((3, 3, 3), dtype=bool)
+    mask[0, 0, 0] = mask[1, 1, 0] = True
+    assert connected(mask).max() == 2
+    assert connected(mask, diagonally=True).max() == 1

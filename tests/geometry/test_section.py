@@ -1,0 +1,124 @@
+import numpy as np
+import pytest
+
+from support.synthetic import box, sphere
+from support.trunk_shapes import joined
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.section import enclosed_area, encloses, outer_loop, section, sections, trunk_loop
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import enclosed_volume
+
+
+def test_circle_of_a_sphere_turns_counterclockwise():
+    (loop,) = section(sphere(50.0, (3.0, -4.0, 10.0), 5), 40.0)
+    radius = np.linalg.norm(loop - [3.0, -4.0], axis=1)
+    np.testing.assert_allclose(radius, 40.0, atol=0.1)
+    assert enclosed_area(loop) == pytest.approx(np.pi * 40.0**2, rel=0.005)
+
+
+@pytest.mark.parametrize("height", [-9.999, -5.0, 0.0, 5.0, 2.5, 9.999])
+def test_box_is_cut_in_its_rectangle_also_through_its_vertices(height):
+    (loop,) = section(box((30.0, 40.0, 20.0), splits=2), height)
+    assert enclosed_area(loop) == pytest.approx(1200.0, rel=1e-12)
+    assert (loop != np.roll(loop, 1, axis=0)).any(axis=1).all()  # each point once
+    np.testing.assert_allclose(loop.min(axis=0), [-15.0, -20.0])
+    np.testing.assert_allclose(loop.max(axis=0), [15.0, 20.0])
+
+
+def test_plane_in_a_face_gives_that_face_or_nothing():
+    # vertices in the plane count as above it: the bottom is then nowhere below, the top cuts the sides
+    assert section(box((30.0, 40.0, 20.0), splits=2), -10.0) == []
+    (loop,) = section(box((30.0, 40.0, 20.0), splits=2), 10.0)
+    assert enclosed_area(loop) == pytest.approx(1200.0)
+
+
+def test_plane_in_a_ledge_stays_closed():
+    # a step: two boxes on each other with a flat ledge at z = 0, every vertex of which is in the plane
+    profile = np.array([[-10, -10], [10, -10], [10, 0], [0, 0], [0, 10], [-10, 10]], dtype=float)
+    front = np.column_stack([profile[:, 0], np.full(6, -5.0), profile[:, 1]])
+    back = front + np.array([0.0, 10.0, 0.0])
+    caps = [(0, 1, 2), (0, 2, 3), (0, 3, 5), (3, 4, 5)]
+    faces = [*caps, *((c + 6, b + 6, a + 6) for a, b, c in caps)]
+    for i in range(6):
+        j = (i + 1) % 6
+        faces += [(j, i, i + 6), (j, i + 6, j + 6)]
+    step = Surface(np.concatenate([front, back]), np.array(faces, dtype=np.int32))
+    (loop,) = section(step, 0.0)
+    assert enclosed_area(loop) == pytest.approx(200.0)
+    (loop,) = section(step, 1e-9)
+    assert enclosed_area(loop) == pytest.approx(100.0)
+
+
+def test_two_bodies_and_the_hole_of_a_third():
+    hollow = sphere(15.0)
+    hole = Surface(hollow.vertices, hollow.faces[:, ::-1])
+    loops = section(joined(sphere(50.0), hole, sphere(5.0, (80.0, 0.0, 0.0))), 0.1)
+    areas = sorted(enclosed_area(loop) for loop in loops)
+    assert len(areas) == 3
+    assert areas[0] < 0.0 < areas[1] < areas[2]
+    assert enclosed_area(outer_loop(loops)) == areas[2]
+
+
+def test_every_height_of_a_rough_surface_gives_closed_loops():
+    rough = sphere(50.0, subdivisions=3)
+    rough = Surface(np.round(rough.vertices), rough.faces)  # many vertices share heights
+    for height in np.arange(-49.0, 50.0):
+        loops = section(rough, float(height))
+        assert sum(enclosed_area(loop) for loop in loops) > 0.0
+
+
+def test_miss_is_empty_and_has_no_outer_loop():
+    assert section(sphere(10.0), 11.0) == []
+    with pytest.raises(InputError, match="misses"):
+        outer_loop([])
+
+
+def test_open_surface_is_refused():
+    ball = sphere(10.0)
+    heights = ball.vertices[ball.faces][:, :, 2]
+    cut = np.flatnonzero((heights.min(axis=1) < 0.5) & (heights.max(axis=1) > 0.5))
+    with pytest.raises(InputError, match="closed"):
+        section(Surface(ball.vertices, np.delete(ball.faces, cut[0], axis=0)), 0.5)
+
+
+def test_areas_of_all_sections_add_up_to_the_volume():
+    """Cavalieri: the volume is the integral of the enclosed areas over the height, whatever the shape."""
+    bumpy = sphere(50.0, subdivisions=4)
+    bumpy = Surface(bumpy.vertices * (1.0 + 0.2 * np.sin(bumpy.vertices / 12.0)), bumpy.faces)
+    hollow = joined(bumpy, Surface(sphere(10.0).vertices, sphere(10.0).faces[:, ::-1]))
+    low, high = hollow.vertices[:, 2].min(), hollow.vertices[:, 2].max()
+    heights = low + (np.arange(400) + 0.5) * (high - low) / 400
+    areas = [sum(enclosed_area(loop) for loop in loops) for loops in sections(hollow, heights.tolist())]
+    assert np.sum(areas) * (high - low) / 400 == pytest.approx(enclosed_volume(hollow), rel=1e-4)
+
+
+def test_sections_come_in_the_order_asked_for_also_twice():
+    cone = Surface(np.array([[0, 0, 10], [30, 0, 0], [0, 30, 0], [-30, -30, 0]], dtype=float),
+                   np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]))  # fmt: skip
+    heights = [4.0, 20.0, 1.0, 4.0, 9.0]
+    areas = [sum(map(enclosed_area, loops)) for loops in sections(cone, heights)]
+    base = sum(map(enclosed_area, section(cone, 1e-12)))
+    assert areas == pytest.approx([base * max(0.0, 1.0 - z / 10.0) ** 2 for z in heights])
+    assert sections(cone, []) == []
+
+
+def test_of_several_loops_the_largest_around_the_spine_counts():
+    trunk = np.array([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]])
+    vessel, arm = trunk / 9.0, trunk * 3.0 + np.array([40.0, 0.0])
+    assert trunk_loop([vessel, arm, trunk], np.zeros(2)) is trunk
+    assert trunk_loop([vessel, trunk], np.array([50.0, 0.0])) is None
+    assert trunk_loop([], np.zeros(2)) is None
+    assert encloses(trunk, np.array([8.9, -8.9]))
+    assert not encloses(trunk, np.array([9.1, 0.0]))
+    hooked = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [8.0, 10.0], [8.0, 2.0], [0.0, 2.0]])
+    assert not encloses(hooked, np.array([4.0, 6.0]))
+    assert encloses(hooked, np.array([9.0, 6.0]))
+
+
+def test_bodies_that_touch_along_an_edge_are_refused():
+    """Four triangles at one edge: which way the section goes on there is anybody's guess."""
+    one, other = box((10.0, 10.0, 10.0)), box((10.0, 10.0, 10.0), (10.0, 10.0, 0.0))
+    both = joined(one, other)
+    vertices, number = np.unique(both.vertices, axis=0, return_inverse=True)
+    with pytest.raises(InputError, match="z = 2 mm"):
+        sections(Surface(vertices, number.reshape(-1)[both.faces]), [20.0, 2.0])

@@ -1,0 +1,151 @@
+"""Surfaces from other programs: each format comes back, and opens no other file."""
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from trimesh.visual import TextureVisuals
+
+from support.audited import audited
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface, write_surface
+
+VTK_FILES = sorted((Path(__file__).parents[2] / "support" / "vtk_files").iterdir())
+PYRAMID = Surface(
+    np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10.1], [10, 10, 0]]),
+    np.array([[0, 2, 4], [0, 4, 1], [0, 1, 3], [1, 4, 3], [4, 2, 3], [0, 3, 2]], dtype=np.int32),
+)
+"""What VTK was given for `vtk_files`; its base is a quadrilateral, 0 2 4 1."""
+
+
+def assert_same(surface: Surface, other: Surface, atol: float = 0.0) -> None:
+    np.testing.assert_allclose(surface.vertices, other.vertices, rtol=0, atol=atol)
+    np.testing.assert_array_equal(surface.faces, other.faces)
+
+
+@pytest.mark.parametrize("path", VTK_FILES, ids=lambda path: path.name)
+def test_what_vtk_wrote_is_read(path):
+    """Files of VTK 9.7's own writers: text, base 64, appended, raw, compressed in blocks, of both byte orders."""
+    assert_same(read_surface(path), PYRAMID)
+
+
+@pytest.mark.parametrize("ending", ["ply", "stl", "obj", "off", "glb"])
+def test_a_format_that_is_written_comes_back(tmp_path, ending):
+    write_surface(tmp_path / f"a.{ending}", PYRAMID)
+    back = read_surface(tmp_path / f"a.{ending}")
+    if ending == "stl":  # vertices come in the order of the triangles
+        corners = PYRAMID.vertices[PYRAMID.faces]
+        np.testing.assert_allclose(back.vertices[back.faces], corners, atol=1e-5)
+        assert len(back.vertices) == 5
+    else:
+        assert_same(back, PYRAMID, 1e-5)
+    assert [path.name for path in tmp_path.iterdir()] == [f"a.{ending}"]
+
+
+def test_the_nodes_of_a_glb_move_its_meshes(tmp_path):
+    scene = trimesh.Scene()
+    box = trimesh.Trimesh(PYRAMID.vertices, PYRAMID.faces, process=False)
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2.0, [0, 0, 1])
+    turn[0, 3] = 100.0
+    scene.add_geometry(box, node_name="whole", transform=trimesh.transformations.translation_matrix([5, 6, 7]))
+    scene.add_geometry(box, node_name="part", parent_node_name="whole", transform=turn)
+    scene.export(tmp_path / "a.glb")
+    x, y, z = PYRAMID.vertices.T
+    whole, part = PYRAMID.vertices + np.array([5, 6, 7]), np.column_stack([105.0 - y, x + 6.0, z + 7.0])
+    both = Surface(np.concatenate([whole, part]), np.concatenate([PYRAMID.faces, PYRAMID.faces + 5]))
+    assert_same(read_surface(tmp_path / "a.glb"), both, 1e-5)
+
+
+def test_a_texture_does_not_open_a_closed_surface(tmp_path):
+    """Each triangle has corners of its own in the texture; trimesh would split the vertices there."""
+    lines = [f"v {x} {y} {z}" for x, y, z in PYRAMID.vertices] + ["vt 0 0", "vt 1 0", "vt 0 1"]
+    lines += ["usemtl a"] + ["f " + " ".join(f"{c + 1}/{i + 1}" for i, c in enumerate(f)) for f in PYRAMID.faces]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    assert_same(read_surface(tmp_path / "a.obj"), PYRAMID)
+    soup = trimesh.Trimesh(
+        PYRAMID.vertices[PYRAMID.faces].reshape(-1, 3), np.arange(18).reshape(-1, 3), process=False
+    )
+    soup.visual = TextureVisuals(uv=np.tile([[0, 0], [1, 0], [0, 1]], (6, 1)))
+    soup.export(tmp_path / "a.glb")
+    assert len(read_surface(tmp_path / "a.glb").vertices) == 5
+
+
+def test_corners_of_an_obj_may_be_counted_backwards(tmp_path):
+    lines = [f"v {x} {y} {z}" for x, y, z in PYRAMID.vertices[:4]] + ["f -4 -3 -1"]
+    lines += [f"v {x} {y} {z}" for x, y, z in PYRAMID.vertices[4:]] + ["f -5 3 -1 \\", "2"]
+    (tmp_path / "a.obj").write_text("\r\n".join(lines))
+    assert read_surface(tmp_path / "a.obj").faces.tolist() == [[0, 1, 3], [0, 2, 4], [0, 4, 1]]
+
+
+QUADS = [(0, 2, 4, 1), (0, 1, 3), (1, 4, 3), (4, 2, 3), (0, 3, 2)]
+
+
+@pytest.mark.parametrize("order", ["<", ">", "text"])
+def test_a_ply_may_hold_polygons_of_several_sizes_and_more(tmp_path, order):
+    """As Blender and MeshLab write them: corners with colours, and edges beside the faces."""
+    name = {"<": "binary_little_endian", ">": "binary_big_endian", "text": "ascii"}[order]
+    head = (
+        f"ply\nformat {name} 1.0\ncomment made by hand\nelement vertex 5\nproperty double x\nproperty double y\n"
+        "property double z\nproperty uchar red\nelement face 5\nproperty list uchar uint vertex_index\n"
+        "property float quality\nelement edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n"
+    )
+    if order == "text":
+        rows = [f"{x} {y} {z} 7" for x, y, z in PYRAMID.vertices]
+        rows += [" ".join(map(str, (len(q), *q, 0.5))) for q in QUADS] + ["0 1"]
+        body = "\n".join(rows).encode()
+    else:
+        body = b"".join(struct.pack(f"{order}3dB", *p, 7) for p in PYRAMID.vertices)
+        body += b"".join(struct.pack(f"{order}B{len(q)}If", len(q), *q, 0.5) for q in QUADS)
+        body += struct.pack(f"{order}2i", 0, 1)
+    (tmp_path / "a.ply").write_bytes(head.encode() + body)
+    assert_same(read_surface(tmp_path / "a.ply"), PYRAMID)
+
+
+def glb(scene: dict) -> bytes:
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    return b"glTF" + struct.pack("<III", 2, 20 + len(text), len(text)) + b"JSON" + text
+
+
+FRIENDLY_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.obj", b"mtllib secret.txt\nusemtl a\n" + FRIENDLY_OBJ.encode()),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\ncomment TextureFile secret.txt\nelement vertex 3\nproperty float x\n"
+            b"property float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\n"
+            b"end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+        ),
+        ("a.glb", glb({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 9, "uri": "secret.txt"}]})),
+        (
+            "b.glb",
+            glb({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 9, "uri": "http://127.0.0.1:9/"}]}),
+        ),
+        ("c.glb", glb({"asset": {"version": "2.0"}, "images": [{"uri": "secret.txt"}]})),
+        (
+            "a.vtp",
+            b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b SYSTEM "secret.txt">]>'
+            b'<VTKFile type="PolyData"><PolyData>&b;</PolyData></VTKFile>',
+        ),
+    ],
+)
+def test_no_file_is_opened_but_the_surface(tmp_path, name, content):
+    (tmp_path / "secret.txt").write_text("newmtl a\nKd 1 1 1\n")
+    (tmp_path / name).write_bytes(content)
+    refused = None
+    with audited() as events:
+        try:
+            read_surface(tmp_path / name)
+        except InputError as error:
+            refused = str(error)
+    assert {event for event, _ in events} == {"open"}
+    assert {Path(path).name for _, path in events} == {name}
+    assert (refused is None) == (name in ("a.obj", "a.ply"))

@@ -1,0 +1,154 @@
+"""Back surface rotation of sections whose rotation is known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.trunk_shapes import LEFT, SPINE, ellipse, joined, rotation, spine, tube
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.measures import measure
+from warp_trunk.measures.back_rotation import back_surface_rotation, dual_tangent
+
+
+def grooved(count=720, width=25.0):
+    """A back with prominences at x = -55 and x = 70, each a cap of a circle, and a valley between them."""
+    outline = ellipse(count)
+    x, y = outline.T
+    y = np.where(y > 0.0, y - 25.0 * np.exp(-(((x - 5.0) / width) ** 2)), y)
+    return np.column_stack([x, y])
+
+
+def angle(touching):
+    dx, dy = touching[0] - touching[1]
+    return math.degrees(math.atan2(dy, dx))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 3.0, -8.0, 20.0, -35.0])
+def test_convex_section_with_the_spine_on_its_axis_gives_its_rotation(degrees):
+    turn = rotation(degrees)
+    touching = dual_tangent(ellipse() @ turn.T, turn @ SPINE, LEFT)
+    assert angle(touching) == pytest.approx(degrees, abs=1e-7)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 5.0, -14.0, 25.0])
+def test_grooved_section_turns_with_its_rotation(degrees):
+    """The reference tangent is found by brute force: no point of the outline lies behind the line."""
+    outline = grooved()
+    back = outline[outline[:, 1] > 0.0]
+    left, right = back[back[:, 0] > 10.0], back[back[:, 0] < 0.0]
+    supports = [
+        math.degrees(math.atan2(p[1] - q[1], p[0] - q[0]))
+        for p in left
+        for q in right
+        if np.all((p[0] - q[0]) * (back[:, 1] - q[1]) - (p[1] - q[1]) * (back[:, 0] - q[0]) <= 1e-9)
+    ]
+    assert len(supports) == 1
+    turn = rotation(degrees)
+    touching = dual_tangent(outline @ turn.T, turn @ SPINE, LEFT)
+    assert abs(supports[0]) > 0.5  # the section is not symmetric, so its own angle must be found too
+    assert angle(touching) == pytest.approx(supports[0] + degrees, abs=1e-9)
+
+
+def test_known_prominences_give_their_angle_to_the_last_bits():
+    """Two circles of one radius: the common tangent is parallel to the line of their centres."""
+    t = np.linspace(0.0, 2.0 * math.pi, 20001)[:-1]
+    circle = 30.0 * np.column_stack([np.cos(t), np.sin(t)])
+    a, b = np.array([60.0, 40.0]), np.array([-50.0, 55.0])
+    valley = np.array([[5.0, 20.0], [5.0, -100.0]])
+    outline = np.vstack([circle + a, circle + b, valley])
+    expected = math.degrees(math.atan2(a[1] - b[1], a[0] - b[0]))
+    assert angle(dual_tangent(outline, np.array([5.0, 0.0]), LEFT)) == pytest.approx(expected, abs=1e-3)
+
+
+def test_a_fine_facet_of_a_convex_back_is_no_bridge():
+    """Facets of a coarse section must not decide: its rotation is that of the smooth one."""
+    turn = rotation(10.0)
+    coarse = np.roll(ellipse(90), 3, axis=0) @ turn.T
+    assert angle(dual_tangent(coarse, turn @ SPINE, LEFT)) == pytest.approx(10.0, abs=0.15)
+
+
+def test_a_flat_back_gives_its_rotation_however_rounding_falls():
+    """All of the back's points lie on one line, but for the last bit."""
+    x = np.linspace(-150.0, 150.0, 9)
+    box = np.vstack([np.column_stack([-x, np.full(9, 90.0)]), np.column_stack([x, np.full(9, -90.0)])])
+    for degrees in np.linspace(-40.0, 40.0, 400):
+        turn = rotation(degrees)
+        assert angle(dual_tangent(box @ turn.T, turn @ SPINE, LEFT)) == pytest.approx(degrees, abs=1e-7)
+
+
+def test_spine_outside_the_section_has_no_tangent():
+    assert dual_tangent(ellipse(), np.array([400.0, 0.0]), LEFT) is None
+
+
+def test_right_side_further_back_is_positive():
+    """Turning clockwise seen from above carries the patient's right side (-x) to the back (+y)."""
+    turn = rotation(-12.0)
+    found = back_surface_rotation(tube(ellipse() @ turn.T), spine({"T8": 200.0}, turn @ SPINE))["T8"]
+    assert found is not None
+    assert found.angle == pytest.approx(12.0, abs=1e-6)
+    assert found.right[1] > found.left[1]
+    assert found.left[0] > found.right[0]
+    assert found.height == pytest.approx(200.0)
+
+
+def test_turning_the_whole_patient_changes_nothing():
+    turn, pelvis = rotation(17.0), rotation(-6.0)
+    asis = [tuple(turn @ pelvis @ [120.0, 0.0]), tuple(turn @ pelvis @ [-120.0, 0.0])]
+    found = back_surface_rotation(tube(ellipse() @ turn.T), spine({"T8": 200.0}, turn @ SPINE, asis))["T8"]
+    assert found is not None
+    assert found.angle == pytest.approx(-6.0, abs=1e-6)
+
+
+def test_level_that_misses_the_trunk_is_missing_and_not_zero():
+    found = back_surface_rotation(tube(ellipse()), spine({"T1": 450.0, "T8": 200.0}))
+    assert list(found) == ["T1", "T8"]
+    assert found["T1"] is None
+    assert found["T8"] is not None
+    assert found["T8"].angle == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("half_width", [40.0, 400.0])
+def test_arms_beside_the_trunk_do_not_count_however_large(half_width):
+    turn = rotation(8.0)
+    arm = tube(ellipse(60, half_width, 45.0) + np.array([200.0 + half_width, 70.0]))
+    both = joined(tube(ellipse() @ turn.T), arm)
+    found = back_surface_rotation(both, spine({"T8": 200.0}, turn @ SPINE))["T8"]
+    assert found is not None
+    assert found.angle == pytest.approx(-8.0, abs=1e-6)
+
+
+def test_what_is_missing_says_why():
+    trunk = tube(ellipse())
+    beside = joined(trunk, tube(ellipse(60, 40.0, 45.0) + np.array([230.0, 70.0])))
+    landmarks = spine({"T1": 450.0, "T8": 200.0}, (180.0, 0.0))  # between trunk and arm
+    assert measure(beside, landmarks).bsr == {"T1": None, "T8": None}
+    missing = measure(beside, landmarks).missing
+    assert "z = 450 mm misses the skin" in missing["T1"]
+    assert "goes round the vertebra" in missing["T8"]
+    sideways = spine({"T8": 200.0}, asis=((0.0, 120.0), (0.0, -120.0)))  # the pelvis turned by 90 degrees
+    narrow = tube(ellipse(half_width=150.0, half_depth=15.0))
+    assert "touches the back on both sides" in measure(narrow, sideways).missing["T8"]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_point_of_a_rough_back_lies_behind_its_tangent(seed):
+    """A random outline whose two prominences are further apart than the span: a line of support."""
+    random = np.random.default_rng(seed)
+    outline = grooved(300, width=35.0) * random.uniform(0.98, 1.02, (300, 1))
+    turn = rotation(random.uniform(-20.0, 20.0))
+    outline = outline @ turn.T
+    left, right = dual_tangent(outline, turn @ SPINE, LEFT)
+    assert max(np.linalg.norm(outline - point, axis=1).min() for point in (left, right)) < 1e-9
+    along = left - right
+    behind = along[0] * (outline[:, 1] - right[1]) - along[1] * (outline[:, 0] - right[0])
+    assert behind.max() <= 1e-9 * np.hypot(*along)
+
+
+def test_missing_or_coincident_asis_is_named():
+    landmarks = spine({"T8": 200.0})
+    with pytest.raises(InputError, match="asis_left"):
+        back_surface_rotation(tube(ellipse()), Landmarks(landmarks.names[:2], landmarks.points[:2]))
+    with pytest.raises(InputError, match="0 mm apart"):
+        back_surface_rotation(tube(ellipse()), spine({"T8": 200.0}, asis=((0.0, 0.0), (0.0, 0.0))))

@@ -1,0 +1,78 @@
+"""A predicted skin against an actual one, with errors that are known."""
+
+import numpy as np
+import pytest
+
+from support.trunk_shapes import LEVELS, SPINE, ellipse, joined, rotation, spine, tube, twisted
+from warp_trunk.measures import compare_skins
+from warp_trunk.measures.comparison import DETECTABLE, RANGES, bsr_error
+
+
+def test_error_of_a_twist_is_that_of_its_angles():
+    """Turned by 16 degrees over 400 mm where 8 would be right: half of each angle is wrong."""
+    comparison = compare_skins(twisted(16.0), twisted(8.0), spine(LEVELS, (0.0, 0.0)))
+    size = {level: 8.0 * z / 400.0 for level, z in LEVELS.items()}
+    for name, levels in RANGES.items():
+        sizes = np.array([size[level] for level in levels])
+        error = comparison.bsr_error[name]
+        assert error is not None
+        assert error.levels == levels
+        assert error.mean == pytest.approx(sizes.mean(), abs=0.01)
+        assert error.sd == pytest.approx(np.sqrt(((sizes - sizes.mean()) ** 2).sum() / (len(sizes) - 1)), abs=0.01)
+        assert error.of_maximum == pytest.approx(sizes.max(), abs=0.02)
+        assert error.undetectable == (sizes.mean() < DETECTABLE)
+    assert comparison.bsr_difference["T4"] == pytest.approx(size["T4"], abs=0.02)
+    judged = {name: error.undetectable for name, error in comparison.bsr_error.items() if error}
+    assert judged == {"T4-T12": False, "T3-L5": False, "T3-T12": False, "L1-L5": True}
+
+
+def test_a_skin_against_itself_has_no_error():
+    skin = twisted(9.0)
+    comparison = compare_skins(skin, skin, spine(LEVELS, (0.0, 0.0)))
+    assert set(comparison.bsr_difference.values()) == {0.0}
+    back = comparison.distance["back"]
+    assert back is not None
+    assert back.symmetric_maximum < 1e-3
+    assert comparison.signed_distance.shape == comparison.counted.shape == (len(skin.vertices),)
+
+
+def test_actual_skin_with_arms_and_other_triangles():
+    turn = rotation(-5.0)
+    actual = joined(
+        tube((ellipse(300) - SPINE) @ turn.T, rows=30), tube(ellipse(60, 30.0, 35.0) + np.array([-230.0, -50.0]))
+    )
+    comparison = compare_skins(twisted(5.0, 5.0), actual, spine(LEVELS, (0.0, 0.0)))
+    error = comparison.bsr_error["T4-T12"]
+    assert error is not None
+    assert error.mean < 0.02
+    back = comparison.distance["back"]
+    assert back is not None
+    assert back.maximum < 0.1
+
+
+def test_levels_that_one_of_the_skins_misses_do_not_count():
+    short = tube(ellipse(240) - SPINE, 0.0, 300.0, rows=30)
+    comparison = compare_skins(twisted(0.0), short, spine(LEVELS, (0.0, 0.0)))
+    assert comparison.bsr_difference["T3"] is None
+    error = comparison.bsr_error["T3-L5"]
+    assert error is not None
+    assert error.levels == RANGES["T3-L5"][1:]
+
+
+def test_largest_rotations_are_compared_by_their_size():
+    """Humps on opposite sides: each level is wrong by 7, the size of the hump only by 1."""
+    angles = {"T8": (3.0, -4.0), "T9": (2.0, 1.0), "T10": None}
+    error = bsr_error(angles, ("T7", "T8", "T9", "T10"))
+    assert error is not None
+    assert (error.levels, error.mean, error.of_maximum) == (("T8", "T9"), 4.0, -1.0)
+    assert error.sd == pytest.approx(np.sqrt(18.0))
+    alone = bsr_error(angles, ("T9",))
+    assert alone is not None
+    assert (alone.mean, alone.sd) == (1.0, None)
+    assert bsr_error(angles, ("L1",)) is None
+
+
+def test_ranges_are_those_of_the_papers():
+    assert {name: len(levels) for name, levels in RANGES.items()} == {
+        "T4-T12": 9, "T3-L5": 15, "T3-T12": 10, "L1-L5": 5,
+    }  # fmt: skip

@@ -1,0 +1,85 @@
+"""Hump heights of backs that are known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.trunk_shapes import LEFT, ellipse, rotation, spine, tube
+from warp_trunk.measures import measure
+from warp_trunk.measures.back_rotation import DualTangent
+from warp_trunk.measures.hump import hump_height
+
+
+def height_of(outline, spine_at=(0.0, 0.0), across=LEFT):
+    spine_at = np.array(spine_at)
+    return hump_height(DualTangent(0.0, spine_at, spine_at, 0.0, outline, spine_at, across))
+
+
+def flat_back(bump_at=None, bump=0.0):
+    """A rectangle whose back is at y = 60, with a peak of a height at a place of it."""
+    back = [[150.0, 60.0], [-150.0, 60.0]]
+    if bump_at is not None:
+        back[1:1] = [[bump_at + 25.0, 60.0], [bump_at, 60.0 + bump], [bump_at - 25.0, 60.0]]
+    return np.array([[-150.0, -100.0], [150.0, -100.0], *back])
+
+
+@pytest.mark.parametrize(("at", "expected"), [(-70.0, 18.0), (70.0, -18.0), (-45.0, 18.0)])
+def test_a_peak_on_one_side_is_its_own_height(at, expected):
+    assert height_of(flat_back(at, 18.0)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_symmetric_back_has_no_hump():
+    assert height_of(flat_back()) == pytest.approx(0.0, abs=1e-12)
+    assert height_of(ellipse()) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [4.0, 12.0, -9.0])
+def test_turned_plane_rises_with_the_distance(degrees):
+    """A turned rectangle is highest at its corner; the plane falls evenly from there to the other side."""
+    turn = rotation(-degrees)
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(abs(degrees)))
+    reach = 150.0 * c - 60.0 * s
+    expected = math.copysign(2.0 * reach * math.tan(math.radians(abs(degrees))), degrees)
+    assert height_of(flat_back() @ turn.T) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [14.0, 25.0, -14.0])
+def test_turned_ellipse_by_its_equation(degrees):
+    """Depth y(x) of the ellipse p x^2 + 2 q x y + r y^2 = 1, at its highest point and as far to the other side."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    p, q, r = c * c / 150**2 + s * s / 100**2, -s * c / 150**2 + s * c / 100**2, s * s / 150**2 + c * c / 100**2
+
+    def depth(x):
+        return (-q * x + math.sqrt(q * q * x * x - r * (p * x * x - 1.0))) / r
+
+    top = -q / math.sqrt(p * (p * r - q * q))  # where the gradient is vertical: p x + q y = 0
+    sign = math.copysign(1.0, degrees)
+    expected = sign * (depth(top) - depth(-top))
+    assert height_of(ellipse(3600) @ rotation(-degrees).T) == pytest.approx(
+        expected, abs=0.1
+    )  # corners are 0.3 mm apart
+    assert abs(expected) > 7.0
+
+
+def test_turning_the_whole_patient_changes_nothing():
+    turn = rotation(33.0)
+    peak = flat_back(-70.0, 18.0)
+    assert height_of(peak @ turn.T, across=turn @ LEFT) == pytest.approx(height_of(peak), abs=1e-9)
+
+
+def test_peak_further_out_than_the_other_side_reaches_does_not_count():
+    """The spine is 60 mm to the right, so the right side ends 90 mm from it; the peak is 190 mm to the left."""
+    assert height_of(flat_back(130.0, 18.0), (-60.0, 0.0)) == pytest.approx(0.0, abs=1e-12)
+    assert height_of(flat_back(0.0, 18.0), (-60.0, 0.0)) == pytest.approx(-18.0, abs=1e-12)
+
+
+def test_back_narrower_than_the_span_has_none():
+    assert height_of(ellipse(half_width=18.0, half_depth=12.0)) is None
+
+
+def test_largest_of_a_trunk_with_its_level():
+    measures = measure(tube(flat_back(70.0, 18.0)), spine({"T8": 300.0, "T9": 200.0, "T10": 450.0}, (0.0, 0.0)))
+    assert measures.hump_height == {"T8": pytest.approx(-18.0), "T9": pytest.approx(-18.0), "T10": None}
+    assert measures.max_hump == pytest.approx(-18.0)
+    assert measures.hump_level == "T8"

@@ -1,0 +1,81 @@
+"""Measures as JSON, as rows and as text: nothing lost, and nothing missing passed off as zero."""
+
+import json
+
+import pytest
+
+from support.trunk_shapes import ellipse, rotation, spine, tube
+from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
+from warp_trunk.measures.table import comparison_text, measures_text
+
+LEVELS = {"T3": 420.0, "T4": 350.0, "T12": 200.0, "L5": 50.0}
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """An elliptic trunk turned by 10 degrees, shorter than its spine, and one that is not turned."""
+    landmarks = spine(LEVELS, (0.0, 0.0))
+    trunk, straight = tube(ellipse() @ rotation(-10.0).T, rows=20), tube(ellipse(), rows=20)
+    return measure(trunk, landmarks), compare_skins(trunk, straight, landmarks)
+
+
+def test_record_is_plain_json_and_holds_the_measures(turned):
+    measures, _ = turned
+    record = json.loads(json.dumps(measures_record(measures), allow_nan=False))
+    assert record["levels"]["T4"]["bsr_deg"] == pytest.approx(10.0, abs=1e-6)
+    assert record["levels"]["T4"]["hump_mm"] == measures.hump_height["T4"]
+    assert record["levels"]["L5"]["flank_asymmetry_percent"] == pytest.approx(0.0, abs=1e-9)
+    assert record["max_thoracic_bsr_deg"] == measures.max_thoracic_bsr
+    assert record["max_hump_level"] == measures.hump_level
+    assert record["levels"]["T4"]["axial_rotation_deg"] is None  # no pedicles among these landmarks
+    assert record["trunk_shift_over"] == "L5"
+    assert record["curves"] == []
+
+
+def test_missing_is_none_with_a_reason(turned):
+    record = measures_record(turned[0])
+    assert set(record["levels"]["T3"].values()) == {None}
+    assert record["trunk_shift_mm"] is None
+    assert record["skin_change_max_mm"] is None
+    assert record["shoulder_difference_mm"] is record["spine_height_mm"] is None
+    assert record["kyphosis_deg"] == {"T1-T12": None, "T5-T12": None}
+    spine = {"kyphosis T1-T12", "kyphosis T5-T12", "lordosis L1-L5", "lordosis L1-S1", "spine_height"}
+    assert record["missing"].keys() == {"T3", "trunk_shift", "shoulders", *spine}
+
+
+def test_rows_name_every_number_once(turned):
+    record = {"skin": measures_record(turned[0]), "against": comparison_record(turned[1])}
+    found = list(rows(json.loads(json.dumps(record, allow_nan=False))))
+    places = [row[:2] for row in found]
+    assert len(set(places)) == len(places)
+    assert all(len(row) == len(COLUMNS) for row in found)
+    values = {row[:2]: row[2] for row in found}
+    assert values["skin levels T12", "bsr_deg"] == pytest.approx(10.0, abs=1e-6)
+    assert values["skin levels T3", "bsr_deg"] is None
+    assert values["against bsr_error T4-T12", "mean_deg"] == pytest.approx(10.0, abs=1e-6)
+    assert values["against bsr_error T4-T12", "levels"] == "T4 T12"
+    assert values["against bsr_error T4-T12", "undetectable"] is False
+    assert values["against distance back", "rms_mm"] > 1.0
+    assert values["against distance lumbar, back left", "area_cm2"] > 1.0
+
+
+def test_curves_are_numbered():
+    found = list(rows({"curves": [{"cobb_deg": 50.0}, {"cobb_deg": 30.0}], "none": []}))
+    assert found == [("curves 1", "cobb_deg", 50.0), ("curves 2", "cobb_deg", 30.0), ("", "none", "")]
+
+
+def test_text_says_what_is_missing_and_why(turned):
+    text = measures_text(turned[0])
+    (level,) = [line for line in text.splitlines() if line.startswith("T3 ")]
+    assert level.split() == ["T3"] + ["missing"] * 5
+    assert "missing: T3: the plane at z = 420 mm misses the skin" in text
+    assert "missing: trunk_shift: no landmarks of C7 or T1" in text
+    assert "largest thoracic rotation  +10.0°" in text
+    assert "-0.0" not in text
+
+
+def test_text_judges_by_the_detectable_difference(turned):
+    text = comparison_text(turned[1])
+    assert "T4-T12   10.00 ± 0.00° on average over 2 levels, not below the 2.5°" in text
+    assert "T3 missing, T4 +10.0" in text

@@ -1,0 +1,76 @@
+"""Regions of a cylinder, whose areas are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.trunk_shapes import ASIS, ellipse, rotation, spine, tube
+from warp_trunk.errors import InputError
+from warp_trunk.measures.regions import regions_of, vertex_normals
+
+RADIUS = 100.0
+LEVELS = {"T4": 350.0, "T5": 310.0, "T12": 230.0, "L1": 190.0, "L5": 70.0}
+BANDS = {"upper thoracic": (330.0, 370.0), "main thoracic": (210.0, 330.0), "lumbar": (10.0, 210.0)}
+
+
+@pytest.fixture(scope="module")
+def cylinder():
+    skin = tube(ellipse(360, RADIUS, RADIUS), rows=200)
+    return skin, regions_of(skin, spine(LEVELS, (0.0, 20.0)))
+
+
+@pytest.mark.parametrize("band", BANDS)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_areas_are_those_of_their_part_of_a_cylinder(cylinder, band, side):
+    """Back is 120 degrees of the circle and a flank 60; bands end half way between their vertebrae."""
+    skin, regions = cylinder
+    low, high = BANDS[band]
+    for part in ("back", "flank"):
+        mask = regions.masks[f"{band}, {part} {side}"]
+        assert skin.vertices[mask, 0].mean() * (1.0 if side == "left" else -1.0) > 30.0
+        area = regions.area[mask].sum()
+        assert area == pytest.approx(RADIUS * math.radians(60.0) * (high - low), rel=0.03)
+
+
+def test_front_and_back_are_a_third_each_and_caps_are_no_region(cylinder):
+    skin, regions = cylinder
+    third = RADIUS * math.radians(120.0) * 360.0
+    for region in ("back", "front", "flanks"):
+        assert regions.area[regions.masks[region]].sum() == pytest.approx(third, rel=0.02)
+        heights = skin.vertices[regions.masks[region], 2]
+        assert 9.0 < heights.min() < heights.max() < 371.0
+    assert skin.vertices[regions.masks["back"], 1].min() > 0.0
+
+
+def test_left_is_left_of_the_spine_as_it_runs():
+    """A spine that leans from 60 mm left at the bottom to 60 mm right at the top parts the back there."""
+    skin = tube(ellipse(360, RADIUS, RADIUS), rows=40)
+    leaning = spine({"T1": 390.0, "L5": 10.0}, (0.0, 20.0))
+    leaning.points[:2, 0], leaning.points[2:4, 0] = -60.0, 60.0
+    left = regions_of(skin, leaning).to_left
+    line = 60.0 - 120.0 * (np.clip(skin.vertices[:, 2], 10.0, 390.0) - 10.0) / 380.0
+    assert np.array_equal(left, skin.vertices[:, 0] > line)
+
+
+def test_turning_the_whole_patient_changes_nothing(cylinder):
+    _, regions = cylinder
+    turn = rotation(40.0)
+    skin = tube(ellipse(360, RADIUS, RADIUS) @ turn.T, rows=200)
+    turned = regions_of(skin, spine(LEVELS, turn @ [0.0, 20.0], [tuple(turn @ point) for point in ASIS]))
+    for region, mask in turned.masks.items():
+        assert (mask != regions.masks[region]).mean() < 0.006  # two columns of vertices, on a border
+
+
+def test_area_of_the_vertices_is_that_of_the_surface(cylinder):
+    skin, regions = cylinder
+    a, b, c = (skin.vertices[skin.faces[:, k]] for k in range(3))
+    assert regions.area.sum() == pytest.approx(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    normals = vertex_normals(skin)[0][360:-722]
+    outward = skin.vertices[360:-722] * [1.0, 1.0, 0.0] / RADIUS
+    np.testing.assert_allclose(normals, outward, atol=0.01)
+
+
+def test_without_vertebrae_there_are_no_regions(cylinder):
+    with pytest.raises(InputError, match="no vertebra"):
+        regions_of(cylinder[0], spine({}))

@@ -1,0 +1,131 @@
+"""Distances between skins that are known in closed form, and what must not count."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.synthetic import sphere
+from support.trunk_shapes import ellipse, joined, spine, tube
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.regions import Regions
+from warp_trunk.measures.skin_distance import SkinDistance, distance_statistics, skin_distance
+
+LEVELS = {"T4": 350.0, "T12": 200.0, "L5": 50.0}
+LANDMARKS = spine(LEVELS, (0.0, 20.0))
+BALL_LEVELS = spine({"T1": 60.0, "T6": 0.0, "L5": -60.0}, (0.0, 0.0))
+
+
+def compared(one, other, landmarks=LANDMARKS):
+    there, back = skin_distance(one, other, landmarks), skin_distance(other, one, landmarks)
+    return there, distance_statistics(there, back)
+
+
+@pytest.mark.parametrize(("radius", "expected"), [(104.0, -4.0), (97.0, 3.0)])
+def test_concentric_spheres_are_their_radii_apart(radius, expected):
+    distance, statistics = compared(sphere(100.0, subdivisions=4), sphere(radius, subdivisions=4), BALL_LEVELS)
+    np.testing.assert_allclose(distance.signed, expected, atol=0.12)  # flat triangles of a round surface
+    for region in ("back", "front", "flanks", "main thoracic, back left"):
+        found = statistics[region]
+        assert found is not None
+        assert found.signed_mean == pytest.approx(expected, abs=0.12)
+        sizes = (found.mean, found.rms, found.p95, found.maximum, found.symmetric_mean, found.symmetric_maximum)
+        assert sizes == pytest.approx([abs(expected)] * 6, abs=0.12)
+    assert distance.counted.sum() > 0.6 * len(distance.counted)
+
+
+def test_shifted_sphere_by_the_law_of_cosines():
+    """Moved 6 mm to the back: the skin lies inside it at the back and outside at the front."""
+    one, other = sphere(100.0, subdivisions=4), sphere(100.0, (0.0, 6.0, 0.0), 4)
+    distance, statistics = compared(one, other, BALL_LEVELS)
+    exact = np.linalg.norm(one.vertices - [0.0, 6.0, 0.0], axis=1) - 100.0
+    np.testing.assert_allclose(distance.signed, exact, atol=0.12)
+    back, front = statistics["back"], statistics["front"]
+    assert back is not None
+    assert front is not None
+    assert back.signed_mean < -4.0
+    assert front.signed_mean > 4.0
+    assert back.maximum == pytest.approx(6.0, abs=0.12)
+
+
+def test_other_triangles_of_one_surface_are_no_distance():
+    distance, statistics = compared(tube(ellipse(360), rows=40), tube(ellipse(360), rows=57))
+    assert np.abs(distance.signed[distance.counted]).max() < 1e-3
+    assert statistics["back"] is not None
+
+
+def test_necks_and_thighs_cut_elsewhere_do_not_count():
+    """The actual skin ends 20 mm below the top level and 15 mm above the lowest."""
+    _, statistics = compared(tube(ellipse(), rows=80), tube(ellipse(), 65.0, 330.0, rows=53))
+    for region in ("back", "front", "lumbar, back left", "upper thoracic, flank right"):
+        found = statistics[region]
+        assert found is not None
+        assert found.symmetric_maximum < 1.0
+        assert found.p95 < 0.01
+
+
+def test_arms_cut_off_spoil_the_flanks_only():
+    """The sides of an ellipse cut off flat at x = 142 mm, where it faces 27 degrees from sideways."""
+    whole = tube(ellipse(), rows=40)
+    cut = Surface(np.clip(whole.vertices, [-142.0, -1e3, -1e3], [142.0, 1e3, 1e3]), whole.faces)
+    _, statistics = compared(cut, whole)
+    back, front, flanks = (statistics[region] for region in ("back", "front", "flanks"))
+    assert back is not None
+    assert front is not None
+    assert flanks is not None
+    assert max(back.maximum, front.maximum) < 1e-3
+    assert flanks.signed_mean < -3.0
+    assert flanks.symmetric_maximum == pytest.approx(8.0, abs=0.1)
+
+
+def test_skin_that_faces_another_way_is_not_the_same_skin():
+    """A plate behind the back, whose front face is the nearest point of it, faces the back."""
+    trunk = tube(ellipse(), rows=40)
+    plate = tube(np.array([[-200.0, 105.0], [200.0, 105.0], [200.0, 125.0], [-200.0, 125.0]]))
+    away = Surface(trunk.vertices - [0.0, 40.0, 0.0], trunk.faces)
+    distance = skin_distance(trunk, joined(away, plate), LANDMARKS)
+    nearest_to_plate = (trunk.vertices[:, 1] > 95.0) & distance.regions.masks["back"]
+    assert nearest_to_plate.any()
+    assert not distance.counted[nearest_to_plate].any()
+
+
+def test_region_without_skin_is_missing():
+    levels = spine({"T8": 300.0, "T9": 250.0}, (0.0, 20.0))
+    _, statistics = compared(tube(ellipse(), rows=40), tube(ellipse(), rows=40), levels)
+    assert statistics["lumbar, back left"] is None
+    assert statistics["main thoracic, back left"] is not None
+
+
+def on_the_back(signed, area, counted=True):
+    """Distances of vertices that all lie on the back."""
+    count = len(signed)
+    regions = Regions(
+        band=np.zeros(count, dtype=int),
+        to_left=np.ones(count, dtype=bool),
+        facing=np.ones(count, dtype=np.int8),
+        normals=np.tile([0.0, 1.0, 0.0], (count, 1)),
+        area=np.array(area),
+    )
+    return SkinDistance(np.array(signed), np.full(count, counted), regions)
+
+
+def test_statistics_weigh_vertices_by_their_area():
+    """A tenth of the area 5 mm inside, the rest 3 mm outside; the other way 2 mm over as much again."""
+    found = distance_statistics(on_the_back([-5.0, 3.0], [100.0, 900.0]), on_the_back([2.0], [1000.0]))["back"]
+    assert found is not None
+    assert found.area == pytest.approx(10.0)
+    assert found.signed_mean == pytest.approx(2.2)
+    assert found.mean == pytest.approx(3.2)
+    assert found.rms == pytest.approx(math.sqrt(10.6))
+    assert (found.p95, found.maximum) == (5.0, 5.0)
+    assert found.symmetric_mean == pytest.approx(2.6)
+    assert found.symmetric_maximum == 5.0
+    rarer = distance_statistics(on_the_back([-5.0, 3.0], [40.0, 960.0]), on_the_back([-7.0], [1.0]))["back"]
+    assert rarer is not None
+    assert (rarer.p95, rarer.maximum, rarer.symmetric_maximum) == (3.0, 5.0, 7.0)
+
+
+def test_what_is_not_counted_is_in_no_statistic():
+    none = on_the_back([4.0], [100.0], counted=False)
+    assert distance_statistics(none, on_the_back([2.0], [100.0]))["back"] is None
+    assert distance_statistics(on_the_back([2.0], [100.0]), none)["back"] is None

@@ -1,0 +1,116 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.synthetic import box, shell_trunk, sphere
+from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import crossings, manifold_fault
+from warp_trunk.io.surface_files import read_surface
+from warp_trunk.meshing import MeshOptions, build_trunk, make_trunk
+from warp_trunk.meshing.quality import mean_ratio
+
+SKIN = sphere(100.0)
+BONES = {"upper": sphere(25.0, (0.0, 5.0, 22.0), 2), "lower": sphere(25.0, (0.0, 5.0, -22.0), 2)}
+
+
+@pytest.fixture(scope="module")
+def trunk():
+    return shell_trunk(tets=6000)
+
+
+def test_skin_keeps_its_vertices_order_and_faces(trunk):
+    np.testing.assert_array_equal(trunk.nodes[trunk.skin_nodes], SKIN.vertices)
+    np.testing.assert_array_equal(trunk.skin_faces, SKIN.faces)
+    assert abs(len(trunk.tets) - 6000) <= 900
+    check_trunk(trunk, "trunk")
+
+
+def test_bone_nodes_are_those_of_the_bone_surface(trunk):
+    np.testing.assert_array_equal(np.unique(trunk.bone_faces), np.flatnonzero(trunk.prescribed))
+    assert manifold_fault(Surface(trunk.nodes[trunk.prescribed], _renumbered(trunk))) is None
+    assert trunk.bone_names == ("upper", "lower")
+    clear = trunk.prescribed & (np.abs(trunk.nodes[:, 2]) > 3.0)
+    np.testing.assert_array_equal(trunk.bone[clear], np.where(trunk.nodes[clear, 2] > 0.0, 0, 1))
+    centres = np.array([[0.0, 5.0, 22.0], [0.0, 5.0, -22.0]])[trunk.bone[clear]]
+    np.testing.assert_allclose(np.linalg.norm(trunk.nodes[clear] - centres, axis=1), 25.0, atol=2.0)
+
+
+def test_neighbours_are_near_each_other_in_memory(trunk):
+    # with nodes in random order, the corners of a tetrahedron would be a third of all nodes apart
+    spread = np.ptp(trunk.tets, axis=1)
+    assert np.median(spread) < 0.1 * len(trunk.nodes)
+    lowest = trunk.tets.min(axis=1)
+    assert (np.diff(lowest) >= 0).all()
+
+
+def test_volume_is_skin_less_bones(trunk):
+    union = 2 * 4 / 3 * np.pi * 25.0**3  # less the lens of height 2 * 3
+    union -= 2 * np.pi / 3.0 * 3.0**2 * (3 * 25.0 - 3.0)
+    ball = 4 / 3 * np.pi * 100.0**3
+    assert tet_volumes(trunk.nodes, trunk.tets).sum() == pytest.approx(ball - union, rel=0.02)
+
+
+def test_second_build_comes_from_the_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
+    options = MeshOptions(tets=4000, bone_voxel=6.0)
+    told = []
+    first = make_trunk(SKIN, BONES, options, told.append)
+    again = make_trunk(SKIN, BONES, options, told.append)
+    assert (first.from_cache, again.from_cache) == (False, True)
+    assert len(told) == 4
+    np.testing.assert_array_equal(first.trunk.tets, again.trunk.tets)
+    np.testing.assert_array_equal(first.trunk.nodes, again.trunk.nodes)
+    assert not make_trunk(SKIN, BONES, MeshOptions(tets=4001, bone_voxel=6.0)).from_cache
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("tets", 0), ("bone_margin", -1.0), ("bone_voxel", float("nan")), ("radius_edge_ratio", 0.9)],
+)
+def test_options_are_checked(name, value):
+    with pytest.raises(InputError, match=name):
+        MeshOptions(**{name: value})
+
+
+def test_bad_skin_is_named_before_any_work():
+    torn = Surface(SKIN.vertices, SKIN.faces[1:])
+    with pytest.raises(InputError, match=r"skin: .*open"):
+        build_trunk(torn, BONES, MeshOptions(cache=False))
+    pushed = SKIN.vertices.copy()
+    pushed[pushed[:, 2].argmax(), 2] = -120.0
+    with pytest.raises(InputError, match=r"skin: .*cross itself"):
+        build_trunk(Surface(pushed, SKIN.faces), BONES, MeshOptions(cache=False))
+
+
+def test_bone_just_below_and_through_the_skin():
+    slab = box((200.0, 200.0, 100.0), splits=4)
+    bones = {"through": sphere(30.0, (0.0, 0.0, 30.0)), "below": sphere(20.0, (60.0, 0.0, 29.5))}
+    options = MeshOptions(tets=12000, bone_margin=3.0, bone_voxel=5.0, cache=False)
+    trunk = build_trunk(slab, bones, options)
+    assert trunk.nodes[trunk.prescribed, 2].max() < 50.0 - 3.0 + 1.0
+
+
+@pytest.mark.skipif(not os.environ.get("WARP_TRUNK_ANATOMY"), reason="WARP_TRUNK_ANATOMY is not set")
+def test_anatomy():
+    folder = Path(os.environ["WARP_TRUNK_ANATOMY"])
+    skin = read_surface(folder / "skin.ply")
+    bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
+    made = make_trunk(skin, bones, MeshOptions(cache=False))
+    trunk = made.trunk
+    assert abs(len(trunk.tets) - 225_000) <= 0.15 * 225_000
+    np.testing.assert_array_equal(trunk.nodes[trunk.skin_nodes], skin.vertices)
+    assert set(trunk.bone[trunk.prescribed]) == set(range(len(bones)))
+    assert made.voxel == 4.0
+    bone = Surface(trunk.nodes[trunk.prescribed], _renumbered(trunk))
+    assert manifold_fault(bone) is None
+    assert len(crossings(bone)) == 0
+    assert mean_ratio(trunk.nodes[trunk.tets]).min() > 0.05
+
+
+def _renumbered(trunk):
+    number = np.cumsum(trunk.prescribed) - 1
+    return number[trunk.bone_faces].astype(np.int32)

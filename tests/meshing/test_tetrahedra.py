@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.synthetic import sphere
+from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import enclosed_volume
+from warp_trunk.meshing.tetrahedra import cavity_points, oriented, tetrahedralize
+
+SKIN = sphere(100.0, (0.0, 0.0, 1300.0))
+BONES = [sphere(20.0, (x, 0.0, 1300.0), 2) for x in (-40.0, 40.0)]
+BONE = Surface(
+    np.concatenate([b.vertices for b in BONES]),
+    np.concatenate([BONES[0].faces, BONES[1].faces + len(BONES[0].vertices)]),
+)
+
+
+@pytest.mark.parametrize("asked", [5000, 8000, 20000, 60000])
+def test_asked_number_is_met_and_the_space_between_is_filled(asked):
+    made = tetrahedralize(SKIN, BONE, asked)
+    assert abs(len(made.tets) - asked) <= 0.15 * asked
+    volumes = tet_volumes(made.nodes, made.tets)
+    assert volumes.min() > 0.0
+    assert volumes.sum() == pytest.approx(enclosed_volume(SKIN) - enclosed_volume(BONE), rel=1e-9)
+    if np.isfinite(made.largest_volume):
+        assert np.mean(volumes > made.largest_volume) < 0.15  # improving shapes makes some larger
+
+
+def test_surface_nodes_come_first_and_the_boundary_is_the_input():
+    made = tetrahedralize(SKIN, BONE, 8000)
+    given = np.concatenate([SKIN.vertices, BONE.vertices])
+    np.testing.assert_array_equal(made.nodes[: len(given)], given)
+    sides = np.sort(made.tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
+    faces, count = np.unique(sides, axis=0, return_counts=True)
+    expected = np.concatenate([SKIN.faces, BONE.faces + len(SKIN.vertices)])
+    np.testing.assert_array_equal(faces[count == 1], np.unique(np.sort(expected, axis=1), axis=0))
+
+
+def test_better_quality_bound_gives_better_tetrahedra():
+    def ratios(bound):
+        made = tetrahedralize(SKIN, BONE, 20000, radius_edge_ratio=bound)
+        p = made.nodes[made.tets]
+        edges = p[:, 1:] - p[:, :1]
+        radius = np.linalg.norm(np.linalg.solve(2.0 * edges, (edges**2).sum(axis=2)[:, :, None])[:, :, 0], axis=1)
+        pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+        return radius / np.min([np.linalg.norm(p[:, i] - p[:, j], axis=1) for i, j in pairs], axis=0)
+
+    assert np.quantile(ratios(1.2), 0.99) < np.quantile(ratios(4.0), 0.99)
+
+
+def test_surfaces_that_need_more_than_asked_are_named():
+    with pytest.raises(InputError, match=r"tets: 1000 were asked for.*1280 triangles"):
+        tetrahedralize(SKIN, BONE, 1000)
+
+
+def test_crossing_surfaces_are_refused_and_nothing_is_left_behind(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="TetGen cannot fill"):
+        tetrahedralize(SKIN, sphere(30.0, (90.0, 0.0, 1300.0), 2), 8000)
+    assert list(Path(tmp_path).iterdir()) == []
+
+
+def test_cavity_points_are_inside_a_thin_bent_bone():
+    # a half ring whose middle, and the mean of whose vertices, lie outside it
+    u, v = np.meshgrid(np.linspace(0, np.pi, 40), np.arange(12) * 2 * np.pi / 12, indexing="ij")
+    ring = 40.0 + 1.5 * np.cos(v)
+    points = np.stack([ring * np.cos(u), ring * np.sin(u), 1.5 * np.sin(v)], axis=-1).reshape(-1, 3)
+    n = np.arange(480).reshape(40, 12)
+    a, b, c, d = n[:-1], n[1:], np.roll(n, -1, axis=1)[1:], np.roll(n, -1, axis=1)[:-1]
+    faces = [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
+    faces += [np.array([[n[0, 0], n[0, k], n[0, k + 1]] for k in range(1, 11)])]
+    faces += [np.array([[n[-1, 0], n[-1, k + 1], n[-1, k]] for k in range(1, 11)])]
+    bent = Surface(points, np.concatenate(faces).astype(np.int32))
+    if enclosed_volume(bent) < 0.0:
+        bent = Surface(points, np.ascontiguousarray(bent.faces[:, ::-1]))
+    (point,) = cavity_points(bent)
+    assert np.hypot(np.hypot(point[0], point[1]) - 40.0, point[2]) < 1.5
+    assert point[1] > 0.0
+
+
+def test_negative_tetrahedra_are_turned():
+    nodes = np.vstack([np.zeros(3), np.eye(3)])
+    tets = np.array([[0, 1, 2, 3], [0, 2, 1, 3]], dtype=np.int32)
+    np.testing.assert_allclose(tet_volumes(nodes, tets), [1 / 6, -1 / 6])
+    np.testing.assert_allclose(tet_volumes(nodes, oriented(nodes, tets)), 1 / 6)

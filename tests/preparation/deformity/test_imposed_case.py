@@ -1,0 +1,68 @@
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.blocks import spine_and_hips
+from warp_trunk.case import Case
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.io.surface_files import read_surface
+from warp_trunk.preparation.deformity import SpineCurve, find_landmarks, make_case
+from warp_trunk.preparation.phantom import straight_trunk
+
+SKIN, _, _ = straight_trunk()
+BONES = spine_and_hips()
+CURVE = SpineCurve(kind="double_major", cobb=40.0)
+
+
+def test_case_holds_the_curve_and_its_correction() -> None:
+    case = make_case(SKIN, BONES, CURVE, 0.7)
+    assert case.name == "double_major 40 degrees, 70 % corrected"
+    assert case.actual_skin is None
+    assert case.landmarks_before.names == case.landmarks_after.names
+    straight = find_landmarks(BONES)
+    gone = [
+        np.abs(marks.points - straight.points).max() for marks in (case.landmarks_before, case.landmarks_after)
+    ]
+    assert 0.2 * gone[0] < gone[1] < 0.4 * gone[0]
+    assert np.abs(case.skin.vertices - SKIN.vertices).max() > 10.0
+
+
+def test_no_correction_leaves_the_landmarks_where_they_were() -> None:
+    case = make_case(SKIN, BONES, CURVE, 0.0)
+    np.testing.assert_array_equal(case.landmarks_after.points, case.landmarks_before.points)
+
+
+def test_fraction_is_checked() -> None:
+    with pytest.raises(InputError, match="fraction"):
+        make_case(SKIN, BONES, CURVE, 70.0)
+
+
+@cache
+def real_case() -> Case:
+    folder = os.environ.get("WARP_TRUNK_ANATOMY")
+    if not folder or not Path(folder).is_dir():
+        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
+    bones = {path.stem: read_surface(path) for path in sorted(Path(folder, "bones").glob("*.ply"))}
+    return make_case(read_surface(Path(folder, "skin.ply")), bones, SpineCurve(cobb=60.0), 0.7)
+
+
+def test_real_skin_stays_solid() -> None:
+    check_solid(real_case().skin, "skin")
+
+
+def test_real_rib_hump_is_of_the_size_seen_in_patients() -> None:
+    # Mattila et al. 2013 (Spine): 12.3 +- 3.6 degrees at 56 degrees Cobb. The slope between the two points
+    # of the back that stand furthest back, on either side of the spine, is about the rotation of the back surface.
+    case = real_case()
+    centre = case.landmarks_before.of_bone("T9").points.mean(axis=0)
+    level = case.skin.vertices[np.abs(case.skin.vertices[:, 2] - centre[2]) < 4.0]
+    right, left = (
+        side[side[:, 1].argmax()]
+        for side in (level[level[:, 0] < centre[0] - 40], level[level[:, 0] > centre[0] + 40])
+    )
+    slope = np.degrees(np.arctan2(right[1] - left[1], left[0] - right[0]))
+    assert 12.3 - 2 * 3.6 < slope < 12.3 + 2 * 3.6

@@ -1,0 +1,230 @@
+"""Closing skins: of the phantom, and of real anatomy where it is present."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.partial_scans import scan
+from warp_trunk.cli import main
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
+from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.preparation.phantom.phantom import straight_trunk
+from warp_trunk.preparation.scanning import CloseOptions, CutPlane, align_parts, check_parts, close_skin
+from warp_trunk.preparation.scanning.overlap import vertex_areas
+
+ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")
+OPTIONS = CloseOptions(edge_length=12.0)
+PAPER = 1.4
+"""Accuracy of the trunk surfaces of [2], section 4.3.2 [mm]."""
+
+
+@pytest.fixture(scope="module")
+def phantom():
+    return straight_trunk()[0]
+
+
+def flat_ends(skin):
+    """The faces of the phantom's neck and hips; bool."""
+    z = skin.vertices[skin.faces][:, :, 2]
+    return (np.ptp(z, axis=1) < 1e-6) & ((z < z.min() + 1e-6) | (z > z.max() - 1e-6)).all(axis=1)
+
+
+def distance(points, surface):
+    face, weights = nearest(surface, points, 1000.0)
+    foot = np.einsum("nk,nki->ni", weights, surface.vertices[surface.faces[face]])
+    return np.linalg.norm(points - foot, axis=1)
+
+
+def centres(surface):
+    return surface.vertices[surface.faces].mean(axis=1)
+
+
+def check_closed(surface):
+    check_solid(surface, "closed")
+    assert components(surface).max() == 0
+    assert len(surface.vertices) - len(surface.faces) // 2 == 2  # genus 0
+
+
+def test_noisy_views_with_holes_become_the_trunk(phantom):
+    ends = flat_ends(phantom)
+    scans = scan(phantom, unseen=ends, count=8, seed=3)
+    closed = close_skin(scans.parts, (), OPTIONS)
+    check_closed(closed.surface)
+    off = distance(centres(closed.surface), phantom)
+    assert off.mean() < 0.6
+    assert distance(centres(phantom), closed.surface).mean() < 0.6
+    assert enclosed_volume(closed.surface) == pytest.approx(enclosed_volume(phantom), rel=0.01)
+    assert sorted(round(float(o.centre[2])) for o in closed.openings if o.is_end) == [0, 480]
+    # flat where it is open, smooth where it has holes
+    end = next(o for o in closed.openings if o.is_end and o.centre[2] > 400.0)
+    away = (closed.surface.vertices - end.centre) @ end.normal
+    assert away.max() < 0.5
+    assert (np.abs(away) < 1e-6).sum() > 40
+    hole = scans.removed[nearest(phantom, centres(closed.surface), 1000.0)[0]]
+    assert off[hole].mean() < PAPER
+
+
+def test_one_skin_with_a_hole_and_no_noise(phantom):
+    scans = scan(phantom, views=1, fraction=0.02, count=1, noise=0.0, seed=8)
+    closed = close_skin(scans.parts, (), CloseOptions(edge_length=10.0, smoothing=2.0))
+    check_closed(closed.surface)
+    assert [o.is_end for o in closed.openings] == [False]
+    gone = np.linalg.norm(vertex_areas(Surface(phantom.vertices, phantom.faces[scans.removed])), axis=1).sum()
+    assert closed.openings[0].area == pytest.approx(gone, rel=0.4)  # without the margin
+    off = distance(centres(closed.surface), phantom)
+    sides = (centres(closed.surface)[:, 2] > 15.0) & (centres(closed.surface)[:, 2] < 465.0)
+    assert off[sides].mean() < 0.25
+
+
+def test_cuts_asked_for(phantom):
+    scans = scan(phantom, unseen=flat_ends(phantom), fraction=0.0, noise=0.0)
+    cuts = [CutPlane((0.0, 0.0, 400.0), (0.0, 0.0, 1.0)), CutPlane((0.0, 0.0, 60.0), (0.0, 0.0, -1.0))]
+    closed = close_skin(scans.parts, cuts, OPTIONS)
+    check_closed(closed.surface)
+    z = closed.surface.vertices[:, 2]
+    assert (z.min(), z.max()) == pytest.approx((60.0, 400.0), abs=0.3)
+    assert (np.abs(z - 400.0) < 1e-6).sum() > 50
+
+
+def test_ends_are_rounded_off_where_not_flat(phantom):
+    scans = scan(phantom, unseen=flat_ends(phantom), fraction=0.0, noise=0.0)
+    closed = close_skin(scans.parts, (), CloseOptions(edge_length=12.0, flat_ends=False))
+    check_closed(closed.surface)
+    assert closed.surface.vertices[:, 2].max() > 485.0
+
+
+@pytest.mark.parametrize("isotropic", [False, True])
+def test_shifted_views_come_back(phantom, isotropic):
+    scans = scan(
+        phantom,
+        unseen=flat_ends(phantom),
+        shift=3.0,
+        turn=1.0,
+        noise=0.5,
+        isotropic=isotropic,
+        overlap=25.0,
+        seed=4,
+    )
+    aligned, moves = align_parts(scans.parts)
+    assert list(moves) == list(scans.parts)[1:]
+    for name, move in moves.items():
+        back = scans.transforms[name]
+        points = scans.parts[name].vertices
+        left = aligned[name].vertices - (points @ back[:3, :3].T + back[:3, 3])
+        assert np.linalg.norm(left, axis=1).mean() < 1.0
+        assert move.turn == pytest.approx(1.0, abs=0.25)
+        shape = np.linalg.norm(np.diff(aligned[name].vertices[:50], axis=0), axis=1)
+        np.testing.assert_allclose(shape, np.linalg.norm(np.diff(points[:50], axis=0), axis=1), rtol=1e-9)
+
+
+def changed(parts, name, vertices=None, faces=None):
+    part = parts[name]
+    new = Surface(part.vertices if vertices is None else vertices, part.faces if faces is None else faces)
+    return {**parts, name: new}
+
+
+def test_bad_parts_are_refused_in_one_line(phantom):
+    parts = scan(phantom, fraction=0.0, noise=0.0).parts
+    part = parts["view_2.ply"]
+    nan = part.vertices.copy()
+    nan[5] = np.nan
+    twisted = part.faces.copy()
+    middle = len(twisted) // 2
+    twisted[middle] = twisted[middle][::-1]
+    cases = [
+        ({}, "parts: there are none"),
+        (changed(parts, "view_2.ply", faces=part.faces[:0]), "view_2.ply: the surface is empty"),
+        (changed(parts, "view_2.ply", vertices=nan), "view_2.ply: 1 vertices are not finite"),
+        (changed(parts, "view_2.ply", faces=part.faces[:, ::-1]), "view_2.ply: its triangles face into the trunk"),
+        (changed(parts, "view_2.ply", faces=twisted), "view_2.ply: neighbouring triangles turn opposite ways"),
+        (
+            {n: Surface(p.vertices / 1000.0, p.faces) for n, p in parts.items()},
+            "view_1.ply: the parts together extend over 0.48 mm",
+        ),
+        ({n: Surface(p.vertices * 1000.0, p.faces) for n, p in parts.items()}, "extend over 4.8e+05 mm"),
+        (changed(parts, "view_2.ply", vertices=part.vertices - [500.0, 0.0, 0.0]), "view_2.ply: is "),
+    ]
+    for given, says in cases:
+        with pytest.raises(InputError) as error:
+            check_parts(given)
+        assert says in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_parts_without_overlap_cannot_be_refined(phantom):
+    parts = scan(phantom, unseen=flat_ends(phantom), overlap=-8.0, fraction=0.0, noise=0.0).parts
+    with pytest.raises(InputError, match="needs 50 to be refined"):
+        align_parts(parts)
+
+
+@pytest.mark.parametrize(("name", "value"), [("edge_length", 0.5), ("smoothing", -1.0), ("smoothing", np.nan)])
+def test_options_are_checked(name, value):
+    with pytest.raises(InputError, match=f"'{name}' must be"):
+        CloseOptions(**{name: value})
+
+
+def test_command_closes_parts_with_transforms(phantom, tmp_path, capsys):
+    scans = scan(phantom, views=3, unseen=flat_ends(phantom), count=2, shift=20.0, turn=5.0, overlap=25.0)
+    files, transforms = [], []
+    for name, part in scans.parts.items():
+        files.append(str(tmp_path / name))
+        write_surface(files[-1], part)
+        transforms.append(str(tmp_path / f"{name}.txt"))
+        np.savetxt(transforms[-1], scans.transforms[name])
+    out = tmp_path / "skin.ply"
+    flags = ["--refine", "--edge-length=12", "--cut-above=470", "--cut=0,0,10,0,0,-1"]
+    assert main(["close", *files, "--out", str(out), "--transforms", *transforms, *flags]) == 0
+    text = capsys.readouterr().out
+    assert "moved by" in text
+    assert f"written to {out}" in text
+    skin = read_surface(out)
+    check_closed(skin)
+    assert (skin.vertices[:, 2].min(), skin.vertices[:, 2].max()) == pytest.approx((10.0, 470.0), abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (["--cut=1,2,3"], "--cut: must be x,y,z,nx,ny,nz"),
+        (["--transforms", "a.txt", "b.txt"], "--transforms: 2 files for 1 parts"),
+        ([], "there is no such file"),
+    ],
+)
+def test_command_says_what_is_wrong(flags, says, tmp_path, capsys):
+    assert main(["close", "none.ply", "--out", str(tmp_path / "skin.ply"), *flags]) == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.skipif(not ANATOMY, reason="WARP_TRUNK_ANATOMY names no folder")
+def test_real_skin_in_four_noisy_views_with_holes():
+    """The true skin to less than half of what the surfaces of [2] are accurate to."""
+    skin = read_surface(Path(ANATOMY) / "skin.ply")
+    closed = close_skin(scan(skin, unseen=_cut_faces(skin), seed=1).parts)
+    check_closed(closed.surface)
+    assert distance(centres(closed.surface), skin).mean() < 0.5 * PAPER
+    assert distance(centres(skin), closed.surface).mean() < 0.5 * PAPER
+    assert sum(o.is_end for o in closed.openings) == 4
+
+
+def _cut_faces(skin):
+    """The faces in the planes that the skin was cut at, large and flat: neck, thighs, arms; bool."""
+    corners = skin.vertices[skin.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    chosen = np.zeros(len(normal), dtype=bool)
+    slope = np.hypot(1.0, 0.17)
+    for unit, offset in (
+        ((0.0, 0.0, 1.0), 1405.0),
+        ((0.0, 0.0, -1.0), -730.0),
+        ((1.0 / slope, 0.0, -0.17 / slope), (157.0 - 0.17 * 1122.0) / slope),
+        ((-1.0 / slope, 0.0, -0.17 / slope), (157.0 - 0.17 * 1122.0) / slope),
+    ):
+        chosen |= (np.abs(corners @ unit - offset).max(axis=1) < 1.0) & (normal @ unit > 0.97)
+    return chosen

@@ -1,0 +1,263 @@
+"""Recordings, read back from the file."""
+
+import logging
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from support.rrd import column
+from support.small_trunk import made_up_increments, measured, small_case, start_recording
+from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.engine.relaxation import RelaxStep
+from warp_trunk.engine.state import Energy
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import measure
+from warp_trunk.recording.colours import COLOURS
+from warp_trunk.recording.drawing import BarPlot, Normals
+from warp_trunk.recording.numbers import table
+from warp_trunk.recording.stream import Stream, within
+
+
+def record(path, case, trunk, increments, after_each=lambda increment: None, close=True, **options):
+    recording = start_recording(path, case, trunk, **options)
+    for increment in increments:
+        recording.increment(increment, measured(case, trunk, increment))
+        after_each(increment)
+    if close:
+        recording.finish("# The end")
+        recording.close()
+    return recording
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    case, trunk = small_case()
+    increments = made_up_increments(trunk)
+    path = tmp_path_factory.mktemp("recording") / "recording.rrd"
+    record(path, case, trunk, increments)
+    return path, case, trunk, increments
+
+
+def test_viewer_accepts_the_file(recorded):
+    done = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", "verify", str(recorded[0])], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_increment_has_its_skin(recorded):
+    path, case, trunk, increments = recorded
+    skins = column(path, "/now/skin/displacement", "vertex_positions")
+    assert sorted(skins) == [0, 1, 2, 3]
+    np.testing.assert_allclose(skins[0], case.skin.vertices, atol=1e-4)
+    for increment in increments:
+        expected = (trunk.nodes + increment.displacement)[trunk.skin_nodes]
+        np.testing.assert_allclose(skins[increment.number], expected, atol=1e-4)
+    (faces,) = column(path, "/now/skin/displacement", "triangle_indices").values()
+    np.testing.assert_array_equal(faces, case.skin.faces)
+
+
+def test_bones_move_with_their_nodes(recorded):
+    path, _, trunk, increments = recorded
+    bones = column(path, "/now/bones", "vertex_positions")
+    (faces,) = column(path, "/now/bones", "triangle_indices").values()
+    moved = trunk.nodes + increments[-1].displacement
+    np.testing.assert_allclose(bones[3][faces], moved[trunk.bone_faces], atol=1e-4)
+
+
+def test_numbers_by_increment(recorded):
+    path = recorded[0]
+    energies = column(path, "/energy", "scalars")
+    assert {k: v.tolist() for k, v in energies.items()} == {1: [1, 2, 3, 6], 2: [2, 4, 6, 12], 3: [3, 6, 9, 18]}
+    (names,) = column(path, "/energy", "names").values()
+    assert names.tolist() == ["edges", "faces", "volume", "total"]  # gravity is off
+    assert column(path, "/error", "scalars")[3].item() == pytest.approx(np.log10(0.004))
+    (levels,) = column(path, "/bsr", "names").values()
+    place = levels.tolist().index("T4")
+    rotations = {k: v[place] for k, v in column(path, "/bsr", "scalars").items()}
+    expected = {k: 14.0 * 360.0 / 420.0 * k / 3 for k in range(4)}
+    assert rotations == pytest.approx(expected, abs=0.05)
+
+
+def test_landmarks_go_with_the_load_factor(recorded):
+    path, case, _, _ = recorded
+    points = column(path, "/now/landmarks", "positions")
+    np.testing.assert_allclose(points[0], case.landmarks_before.points, atol=1e-4)
+    np.testing.assert_allclose(points[3], case.landmarks_after.points, atol=1e-4)
+
+
+def test_a_blueprint_and_the_text_are_in_the_file(recorded):
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(recorded[0])
+    assert len(reader.blueprints()) == 1
+    assert column(recorded[0], "/summary", "text")[None].item() == "# The end"
+
+
+def test_logged_arrays_are_copies(tmp_path, monkeypatch):
+    """Rerun keeps references to contiguous arrays and writes them later; what the engine does to its own must
+    not show, whatever their type."""
+    case, trunk = small_case()
+    skin = case.skin.vertices.astype(np.float32)
+    case = replace(case, skin=Surface(skin, case.skin.faces.astype(np.uint32)))
+    increments = made_up_increments(trunk)
+    expected = {k.number: (trunk.nodes + k.displacement)[trunk.skin_nodes] for k in increments}
+    path = tmp_path / "copies.rrd"
+    with monkeypatch.context() as slow:  # nothing is written before the arrays change
+        slow.setattr(Stream, "_flush", lambda *_: None)
+        slow.setenv("RERUN_FLUSH_TICK_SECS", "1000")
+        slow.setenv("RERUN_FLUSH_NUM_BYTES", str(10**9))
+        recording = start_recording(path, case, trunk)
+        for increment in increments:
+            recording.increment(increment, measured(case, trunk, increment))
+            increment.displacement[:] = 1e6
+    case.skin.faces[:] = 0
+    skin[:] = 1e6
+    recording.close()
+    skins = column(path, "/now/skin/displacement", "vertex_positions")
+    for number, vertices in expected.items():
+        np.testing.assert_allclose(skins[number], vertices, atol=1e-4)
+    np.testing.assert_allclose(column(path, "/before/skin", "vertex_positions")[None], skins[0])
+    assert column(path, "/now/skin/displacement", "triangle_indices")[None].any()
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_increments_so_far_survive_a_kill(tmp_path):
+    case, trunk = small_case()
+    path = tmp_path / "killed.rrd"
+    recording = record(path, case, trunk, made_up_increments(trunk)[:2], close=False)
+    recording._file.wait()  # what the next increment does first; a file being written cannot be read
+    assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2]
+    recording.close()
+
+
+def test_a_disk_that_fails_stops_the_recording_and_not_the_simulation(tmp_path, caplog):
+    case, trunk = small_case()
+    first, second = made_up_increments(trunk, count=2)
+    recording = start_recording(tmp_path / "r.rrd", case, trunk)
+    recording.increment(first, measured(case, trunk, first))
+    recording._file.wait()
+
+    def full(**_):
+        raise TimeoutError("no space left")
+
+    stream = recording._file._stream
+    flush, stream.flush = stream.flush, full
+    with caplog.at_level(logging.WARNING):
+        recording.increment(second, measured(case, trunk, second))
+    stream.flush = flush
+    assert "no space left" in recording.failed
+    assert "the simulation goes on" in caplog.text
+    recording.close()
+    assert sorted(column(tmp_path / "r.rrd", "/now/skin/displacement", "vertex_positions")) == [0, 1]
+
+
+def test_an_action_that_hangs_is_left_behind():
+    import threading
+
+    gate = threading.Event()
+    assert within(5.0, lambda: None)
+    assert not within(0.05, gate.wait)
+    gate.set()
+
+
+def test_normals_of_a_sphere_point_away_from_its_centre():
+    import trimesh
+
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=70.0)
+    vertices = sphere.vertices.astype(np.float32)
+    normals = Normals(sphere.faces, len(vertices))(vertices)
+    np.testing.assert_allclose(normals, sphere.vertices / 70.0, atol=1e-2)
+
+
+def test_colours_darken_with_the_number_and_know_what_is_missing():
+    colours = COLOURS["displacement"].painted(np.array([0.0, 5.0, 10.0, 20.0, np.nan]), 10.0).astype(int)
+    lightness = colours @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(lightness)[:2] < -20.0).all()
+    assert (colours[2] == colours[3]).all()
+    assert np.ptp(colours[4]) == 0
+
+
+def test_signed_colours_are_white_between_blue_and_red():
+    blue, white, red = COLOURS["asymmetry"].painted(np.array([-10.0, 0.0, 10.0]), 10.0).astype(int)
+    assert blue[2] > blue[0] + 50
+    assert red[0] > red[2] + 50
+    assert white.min() > 240
+
+
+def test_steps_have_a_timeline_of_their_own(tmp_path):
+    case, trunk = small_case()
+    increments = made_up_increments(trunk, count=2)
+    path = tmp_path / "steps.rrd"
+
+    @dataclass
+    class Seen:
+        at: np.ndarray
+
+        def host_displacement(self):
+            return self.at
+
+    energy = Energy(distance=4.0, area=3.0, volume=2.0, gravity=0.0)
+    with start_recording(path, case, trunk, steps=True) as recording:
+        for increment in increments:
+            for part in (0.25, 0.75):
+                step = RelaxStep(energy, 0.1, 1.0, 8, 0.5)
+                recording.watch(step, Seen(part * increment.displacement))
+            recording.increment(increment, measured(case, trunk, increment))
+    skin = "/now/skin/displacement"
+    assert sorted(column(path, skin, "vertex_positions")) == [0, 1, 2]
+    steps = column(path, skin, "vertex_positions", "step")
+    assert sorted(steps) == [0, 1, 2, 3, 4]
+    first = case.skin.vertices + 0.25 * increments[0].displacement[trunk.skin_nodes]
+    np.testing.assert_allclose(steps[1], first, atol=1e-4)
+    energies = column(path, "/energy", "scalars", "step")
+    assert [energies[step].tolist() for step in (1, 2, 3, 4)] == [[4, 3, 2, 9]] * 4
+    assert sorted(column(path, "/energy", "scalars")) == [1, 2]
+
+
+def test_what_is_not_asked_for_is_not_there(recorded):
+    path, case, trunk, _ = recorded
+    assert start_recording(path.with_name("off.rrd"), case, trunk).watch is None
+    assert column(path, "/now/skin/displacement", "vertex_positions", "step") == {}
+    assert column(path, "/now/skin/asymmetry", "vertex_positions") == {}
+
+
+def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
+    path, case, trunk, _ = recorded
+    planned = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after).at(1.0)
+    (faces,) = column(path, "/target/bones", "triangle_indices").values()
+    bones = column(path, "/target/bones", "vertex_positions")[None]
+    np.testing.assert_allclose(bones[faces], (trunk.nodes + planned)[trunk.bone_faces], atol=1e-4)
+    actual = Surface(case.skin.vertices * [1.0, 1.1, 1.0], case.skin.faces[:, [1, 2, 0]])
+    known = replace(case, actual_skin=actual)
+    start_recording(tmp_path / "a.rrd", known, trunk, colours=("distance",)).close()
+    np.testing.assert_allclose(
+        column(tmp_path / "a.rrd", "/target/skin", "vertex_positions")[None], actual.vertices, atol=1e-4
+    )
+    assert 0 in column(tmp_path / "a.rrd", "/now/skin/distance", "vertex_colors")
+    assert "actual" in column(tmp_path / "a.rrd", "/section/target/angle", "labels")[None].item()
+    assert column(path, "/section/target/angle", "labels") == {}
+    with pytest.raises(InputError, match="actual skin"):
+        start_recording(tmp_path / "b.rrd", case, trunk, colours=("distance",))
+
+
+def test_bars_stand_beside_their_level():
+    plot = BarPlot.of({"T1": 4.0, "T2": None, "T3": -2.0})
+    first, last = plot.bars({"T1": 4.0, "T2": None, "T3": -2.0}, 0)
+    assert first[1, 0] - plot.zero == pytest.approx(4.0 * plot.scale)
+    assert last[1, 0] - plot.zero == pytest.approx(-2.0 * plot.scale)
+    assert last[0, 1] - first[0, 1] == pytest.approx(2.0)
+    assert 0.0 < last[1, 0] < first[1, 0] < plot.width
+
+
+def test_the_table_says_before_now_and_target():
+    case, trunk = small_case()
+    (increment,) = made_up_increments(trunk, count=1)
+    now, before = measured(case, trunk, increment), measure(case.skin, case.landmarks_before)
+    rows = table(before, now, before, "target", 1.0).splitlines()
+    assert "| Back rotation, thoracic | +0.0° | +12.0° | +0.0° |" in rows
+    assert f"| Skin moved by up to |  | {now.skin_change_max:.1f} mm |  |" in rows

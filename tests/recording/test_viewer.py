@@ -1,0 +1,103 @@
+"""The viewer itself: what it shows of a recording, live and in a browser, and who can reach it."""
+
+import subprocess
+import threading
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+from support.headless_viewer import headless_viewer, needs_vulkan, picture, until
+from support.rrd import column
+from support.small_trunk import made_up_increments, measured, small_case, start_recording
+from warp_trunk.recording import start_viewer
+from warp_trunk.recording.viewer import stop
+from warp_trunk.recording.web import address, page_server
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A whole recording with every choice of colour that a case without an actual skin has."""
+    case, trunk = small_case()
+    path = tmp_path_factory.mktemp("viewer") / "recording.rrd"
+    with start_recording(path, case, trunk, colours=("asymmetry",)) as recording:
+        for increment in made_up_increments(trunk):
+            recording.increment(increment, measured(case, trunk, increment))
+        recording.finish("# The end")
+    return path
+
+
+@needs_vulkan
+def test_the_viewer_shows_every_view_without_an_error(recorded):
+    with headless_viewer(recorded) as client:
+        first, last = picture(client, 0), picture(client, 3)
+        state, log = client.get_state(), client.get_logs()
+    (opened,) = state.recordings
+    assert [(t.name, t.start, t.end) for t in opened.timelines if t.name == "increment"] == [("increment", 0, 3)]
+    assert {"Before", "Now", "Target: the planned spine", "Summary"} <= {view.name for view in state.views}
+    assert [(view.name, view.reports) for view in state.views if view.reports] == []
+    words = [entry.message for entry in log if entry.level != "INFO" and "rasterizer" not in entry.message]
+    assert words == []
+    panes = np.array_split(last[150:500], 3, axis=1)
+    for pane in panes:  # each holds a body on an even ground
+        ground = pane[0, 0].astype(int)
+        assert 0.1 < (np.abs(pane.astype(int) - ground).max(axis=2) > 30).mean() < 0.9
+    still, moved = (
+        np.abs(last[150:500, columns].astype(int) - first[150:500, columns]).mean()
+        for columns in (slice(0, 500), slice(550, 1050))
+    )
+    assert still == 0.0  # before
+    assert moved > 5.0  # now
+
+
+@needs_vulkan
+def test_live_shows_it_and_a_viewer_that_is_closed_takes_nothing_from_the_file(tmp_path, monkeypatch):
+    from rerun.experimental import ViewerClient
+
+    started = []
+    popen = subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[-1])
+    case, trunk = small_case()
+    try:
+        url = start_viewer("--headless")
+        (process,) = started
+        client = ViewerClient(url)
+        path = tmp_path / "recording.rrd"
+        with start_recording(path, case, trunk, live=url) as recording:
+            for increment in made_up_increments(trunk, count=4):
+                if increment.number == 3:
+                    until(
+                        lambda: (
+                            [t.end for t in client.get_state().recordings[0].timelines if t.name == "increment"]
+                            == [2]
+                        )
+                    )
+                    stop(process)
+                recording.increment(increment, measured(case, trunk, increment))
+    finally:
+        for process in started:
+            stop(process)
+    assert not recording.failed
+    assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2, 3, 4]
+
+
+def test_the_browser_can_reach_nothing_but_this_machine(recorded):
+    with page_server(recorded) as server:
+        assert server.server_address[0] == "127.0.0.1"
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            root = f"http://127.0.0.1:{server.server_port}"
+            assert f"url={root}/recording.rrd" in address(server)
+            for path, expected in (("/", b"<html"), ("/re_viewer_bg.wasm", b"\0asm"), ("/recording.rrd", b"RRF2")):
+                with urllib.request.urlopen(root + path) as answer:
+                    assert expected in answer.read()[:500]
+                    policy = answer.headers["Content-Security-Policy"]
+                assert "connect-src 'self'" in policy
+                assert "http" not in policy
+            with pytest.raises(urllib.error.HTTPError):
+                urllib.request.urlopen(root + "/../secret")
+        finally:
+            server.shutdown()
+            thread.join()

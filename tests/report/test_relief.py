@@ -1,0 +1,122 @@
+"""The back as a relief: rays against shapes that are known, and the two sides of a back compared."""
+
+import numpy as np
+import pytest
+
+from support.small_trunk import box_mesh, small_landmarks
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.report.relief import BELOW, MARGIN, Window, in_pelvis, relief, side_difference, window
+
+
+def turned_about_z(points, degrees, shift=(0.0, 0.0, 0.0)):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + shift
+
+
+def sheet(depth):
+    """A closed skin, 240 mm wide and 420 mm high, whose back has the depth (mm) of a function of x and z."""
+    x, z = np.meshgrid(np.linspace(-120.0, 120.0, 121), np.linspace(0.0, 420.0, 43), indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (number[i, j].ravel() for i, j in (
+        (slice(None, -1), slice(None, -1)), (slice(1, None), slice(None, -1)),
+        (slice(1, None), slice(1, None)), (slice(None, -1), slice(1, None)),
+    ))  # fmt: skip
+    back = np.column_stack([x.ravel(), depth(x, z).ravel(), z.ravel()])
+    front = back * [1.0, 0.0, 1.0] - [0.0, 90.0, 0.0]
+    outward = np.concatenate([np.column_stack([a, c, b]), np.column_stack([a, d, c])])
+    faces = np.concatenate([outward, outward[:, ::-1] + x.size])
+    return Surface(np.concatenate([back, front]), faces.astype(np.int32))
+
+
+@pytest.fixture
+def landmarks():
+    return small_landmarks()
+
+
+def test_pelvis_frame_undoes_any_turn_and_shift_of_the_patient(landmarks):
+    points = np.random.default_rng(1).normal(size=(20, 3)) * 100.0
+    here = in_pelvis(points, landmarks)
+    moved = Landmarks(landmarks.names, turned_about_z(landmarks.points, 25.0, (30.0, -70.0, 0.0)))
+    there = in_pelvis(turned_about_z(points, 25.0, (30.0, -70.0, 0.0)), moved)
+    np.testing.assert_allclose(there, here, atol=1e-9)
+    np.testing.assert_allclose(in_pelvis(landmarks.points[:2], landmarks)[:, :2], [[120.0, 0.0], [-120.0, 0.0]])
+
+
+def test_window_holds_every_skin_and_is_symmetric(landmarks):
+    _, _, faces = box_mesh()
+    narrow = Surface(np.array([[-40.0, 0, 100], [90.0, 0, 300], [0, 50, 410]]), faces[:1] * 0 + [[0, 1, 2]])
+    wide = Surface(narrow.vertices * [2.0, 1.0, 1.0], narrow.faces)
+    seen = window([(narrow, landmarks), (wide, landmarks)], pixel=2.0)
+    np.testing.assert_array_equal(seen.x, -seen.x[::-1])
+    assert seen.x[0] == pytest.approx(180.0 + MARGIN, abs=2.0)
+    assert seen.z[0] == pytest.approx(410.0 + MARGIN)
+    assert seen.z[-1] == pytest.approx(100.0, abs=2.0)
+    assert np.diff(seen.z) == pytest.approx(-2.0)
+
+
+def test_window_ends_below_the_iliac_spines(landmarks):
+    nodes, _, faces = box_mesh()
+    seen = window([(Surface(nodes - [0.0, 0.0, 300.0], faces), landmarks)])
+    assert seen.z[-1] == pytest.approx(40.0 - BELOW, abs=0.5)
+
+
+def test_depth_and_normals_are_those_of_a_slope(landmarks):
+    """A back that falls by 0.3 to the left and by 0.2 upwards: depth and normal are known everywhere."""
+    skin = sheet(lambda x, z: 80.0 - 0.3 * x - 0.2 * z)
+    seen = Window(np.arange(100.0, -101.0, -10.0), np.arange(400.0, 9.0, -10.0), 10.0)
+    back = relief(skin, landmarks, seen)
+    x, z = np.meshgrid(seen.x, seen.z)
+    expected = 80.0 - 0.3 * x - 0.2 * z + 60.0  # the iliac spines lie at y = -60
+    np.testing.assert_allclose(back.depth, expected, atol=1e-3)
+    direction = np.array([0.3, 1.0, 0.2]) / np.linalg.norm([0.3, 1.0, 0.2])
+    np.testing.assert_allclose(back.normal, np.broadcast_to(direction, back.normal.shape), atol=1e-3)
+
+
+def test_beside_the_trunk_there_is_nothing(landmarks):
+    seen = Window(np.array([150.0, 0.0, -150.0]), np.array([450.0, 300.0]), 150.0)
+    back = relief(sheet(lambda x, z: 50.0 + 0.0 * x), landmarks, seen)
+    assert np.isfinite(back.depth).tolist() == [[False, False, False], [False, True, False]]
+
+
+def test_sides_are_compared_about_a_spine_that_stands_aside(landmarks):
+    """A slope of 0.1 has a known difference wherever it is mirrored: twice 0.1 times the distance."""
+    aside = np.array([[-20.0 * (name[0] in "TL"), 0.0, 0.0] for name in landmarks.names])
+    shifted = Landmarks(landmarks.names, landmarks.points + aside)
+    seen = Window(np.arange(60.0, -61.0, -1.0), np.arange(350.0, 129.0, -1.0), 1.0)
+    difference, part = side_difference(relief(sheet(lambda x, z: 50.0 - 0.1 * x), shifted, seen), seen)
+    expected = np.broadcast_to(-0.2 * (seen.x + 20.0), difference.shape)
+    compared = seen.x <= 20.0  # beyond, the other side lies outside the window
+    np.testing.assert_allclose(difference[:, compared], expected[:, compared], atol=1e-3)
+    assert np.isnan(difference[:, ~compared]).all()
+    assert (part[:, compared] == 1.0).all()
+    assert (part[:, ~compared] == 0.0).all()
+
+
+def test_symmetric_back_differs_nowhere_and_a_hump_only_where_it_is(landmarks):
+    seen = Window(np.arange(80.0, -81.0, -2.0), np.arange(350.0, 129.0, -2.0), 2.0)
+
+    def hump(x, z):
+        return 12.0 * np.exp(-(((x + 50.0) / 15.0) ** 2) - ((z - 240.0) / 30.0) ** 2)
+
+    def difference_of(skin):
+        return side_difference(relief(skin, landmarks, seen), seen)[0][
+            :, 1:-1
+        ]  # the edge's other side is the edge
+
+    np.testing.assert_allclose(difference_of(sheet(lambda x, z: 50.0 - 0.002 * x**2)), 0.0, atol=1e-3)
+    difference = difference_of(sheet(lambda x, z: 50.0 - 0.002 * x**2 + hump(x, z)))
+    row, column = np.unravel_index(difference.argmax(), difference.shape)
+    assert (seen.x[1:-1][column], seen.z[row]) == (-50.0, 240.0)
+    assert difference.max() == pytest.approx(12.0, abs=0.2)
+    np.testing.assert_allclose(difference, -difference[:, ::-1], atol=1e-9)
+
+
+def test_flanks_and_what_lies_above_the_spine_are_not_compared(landmarks):
+    seen = Window(np.arange(100.0, -101.0, -2.0), np.arange(400.0, 239.0, -2.0), 2.0)
+    steep = sheet(lambda x, z: 50.0 - 2.0 * np.maximum(np.abs(x) - 60.0, 0.0))
+    difference, part = side_difference(relief(steep, landmarks, seen), seen)
+    assert np.isnan(difference[0]).all()
+    assert (part[0] == 0.0).all()
+    assert (part[-1, np.abs(seen.x) > 65.0] == 0.0).all()
+    assert (part[-1, np.abs(seen.x) < 55.0] == 1.0).all()

@@ -1,0 +1,189 @@
+"""What the report says, and that it says it whatever the result holds."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from support.report_results import write_small_result
+from warp_trunk.cli import main
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.errors import InputError
+from warp_trunk.report import write_report
+from warp_trunk.report.modelled import modelled, not_modelled
+from warp_trunk.report.sentences import sentences
+from warp_trunk.report.tables import rotation_rows, signed
+from warp_trunk.report.writing import poses_of
+from warp_trunk.results import read_result
+
+PICTURES = ["back", "convergence", "hump", "rotation", "sections"]
+
+
+class Elements(HTMLParser):
+    """The elements of a page, its words, and the cells of its tables."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.words = [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+
+    def handle_data(self, data):
+        self.words += data
+
+    def of(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+@pytest.fixture
+def plain(plain_report):
+    return plain_report.parent, plain_report.read_text()
+
+
+@pytest.fixture
+def compared(compared_report):
+    return compared_report.parent, compared_report.read_text()
+
+
+def test_page_and_pictures_are_written_atomic_write(plain):
+    folder, _ = plain
+    assert sorted(path.name for path in (folder / "report").iterdir()) == [f"{name}.png" for name in PICTURES]
+    assert not list(folder.glob("*partial*"))
+    for name in PICTURES:
+        with Image.open(folder / "report" / f"{name}.png") as picture:
+            assert len(np.unique(np.array(picture.convert("L")))) > 20, name
+
+
+def test_page_needs_nothing_and_reaches_for_nothing(plain):
+    page = Elements(plain[1])
+    assert not page.of("script")
+    assert not page.of("link")
+    assert len(page.of("img")) == len(PICTURES)
+    for image in page.of("img"):
+        assert image["src"].startswith("data:image/svg+xml;base64,")
+        assert len(image["alt"]) > 20
+    assert "http" not in re.sub(r"base64,[^\"]*", "", plain[1]).replace("http-equiv", "")
+    policy = next(meta["content"] for meta in page.of("meta") if "http-equiv" in meta)
+    assert "default-src 'none'" in policy
+    assert page.of("html")[0]["lang"] == "en"
+
+
+def test_what_comes_from_files_is_text_and_no_markup(plain):
+    assert "<script" not in plain[1]
+    assert '<script>alert("x")</script> & Co' in Elements(plain[1]).words
+
+
+def test_picture_stands_before_the_sentences_and_they_before_the_numbers(plain):
+    text = plain[1]
+    order = [text.index(words) for words in ("research simulation", "<img", "What changes", "<table")]
+    assert order == sorted(order)
+
+
+def test_numbers_of_the_prediction_are_the_angles_that_were_imposed(plain):
+    """The box is turned by 14 degrees over 420 mm, evenly with height; clockwise from above is positive."""
+    rows = rotation_rows(poses_of(read_result(plain[0])))
+    heights = {"T4": 360.0, "T8": 280.0, "T12": 200.0, "L3": 120.0}
+    for level, before, predicted, change in rows:
+        assert before == "+0.0"
+        assert float(predicted) == pytest.approx(14.0 * heights[level] / 420.0, abs=0.1)
+        assert change == predicted
+
+
+def test_sentences_name_the_level_the_side_and_the_angles(plain):
+    said = sentences(poses_of(read_result(plain[0])), None)
+    assert list(said) == ["What changes", "What stays", "How sure this is"]
+    assert "right side of the back still stands out, by 12 degrees at vertebra T4" in said["What stays"]
+    assert "not been compared with patients" in said["How sure this is"]
+    for sentence in said.values():
+        assert sentence.count(".") == 1
+
+
+def test_actual_skin_brings_its_error(compared):
+    """It is turned by 3 degrees more everywhere: that is the mean absolute error, and more than can be told."""
+    words = Elements(compared[1]).words
+    assert "wrong by 3.0 degrees on average, no less than the 2.5 degrees" in words
+    assert re.search(r"Rotation of the back, mean absolute error T3-L5 \[°\]\s*3\.0\d ± 0\.0", words)
+    assert "actual, after surgery" in words
+    assert "−3.0" in words
+
+
+def test_missing_level_is_a_dash_and_everything_else_is_there(compared):
+    rows = {row[0]: row[1:] for row in rotation_rows(poses_of(read_result(compared[0])))}
+    assert rows["T8"] == ["–"] * 5
+    assert "–" not in rows["T12"]
+
+
+def test_without_an_actual_skin_nothing_is_said_of_it(plain):
+    words = Elements(plain[1]).words
+    assert "actual, after surgery" not in words
+    assert "Error of the prediction" not in words
+    assert "did not reach its end" not in words
+
+
+def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_path):
+    """It has no estimate of its error either, as when its first step already fails."""
+    folder = write_small_result(tmp_path, status=RelaxStatus.STALLED)
+    summary = json.loads((folder / "summary.json").read_text())
+    for row in summary["increments"]:
+        row["estimated_error_mm"] = None
+    del summary["parameters"]["tolerance"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    text = write_report(folder).read_text()
+    assert text.index("did not reach its end (STALLED)") < text.index("<img")
+    assert "What changes" not in text
+    assert RelaxStatus.STALLED.value[1:] in Elements(text).words
+
+
+def test_what_was_modelled_follows_the_options(plain):
+    summary = read_result(plain[0]).summary
+    said, not_said = " ".join(modelled(summary)), " ".join(not_modelled(summary))
+    assert "one elastic material" in said
+    assert "springs" in said
+    assert "already holds" in said
+    assert "skin, fat and muscle" in not_said
+    assert "joints" in not_said
+    tissues = [{"youngs_modulus": 130.0}, {"youngs_modulus": 2.5}]
+    options = {"bones": "rigid", "gravity": 9.81, "rest": "sag-free"}
+    other = {**summary, "tissues": tissues, "terms": ["shape", "gravity"], "parameters": options}
+    said, not_said = " ".join(modelled(other)), " ".join(not_modelled(other))
+    assert "2 elastic materials" in said
+    assert "130, 2.5 kPa" in said
+    assert "neo-Hookean" in said
+    assert "9.81 m/s²; the scan before surgery is in balance" in said
+    assert "rigid body" in said
+    assert "skin, fat" not in not_said
+    assert "joints" not in not_said
+
+
+def test_folder_that_cannot_be_written_is_refused_before_any_drawing(plain, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setattr("warp_trunk.report.writing.poses_of", lambda _: pytest.fail("measured"))
+    with pytest.raises(InputError, match="--out"):
+        write_report(plain[0], tmp_path / "file" / "out")
+
+
+def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path, capsys):
+    assert main(["report", str(plain[0]), "--out", str(tmp_path / "taken along")]) == 0
+    page = tmp_path / "taken along" / "report.html"
+    assert str(page) in capsys.readouterr().out
+    assert page.read_text() == plain[1]
+    for name in PICTURES:
+        again = page.parent / "report" / f"{name}.png"
+        assert again.read_bytes() == (plain[0] / "report" / f"{name}.png").read_bytes()
+
+
+def test_command_refuses_what_is_no_result_in_one_line(tmp_path, capsys):
+    assert main(["report", str(tmp_path)]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert re.fullmatch(r"warp-trunk: .*summary\.json: there is no such file; .*", last)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("value", "text"), [(1.25, "+1.2"), (-0.04, "+0.0"), (-3.0, "−3.0"), (None, "–")])
+def test_numbers_carry_their_sign(value, text):
+    assert signed(value) == text

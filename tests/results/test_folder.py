@@ -1,0 +1,192 @@
+"""What a result folder holds."""
+
+import json
+import math
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import pytest
+
+from support.small_trunk import made_up_increments, small_case
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface
+from warp_trunk.results import folder as result_folder
+from warp_trunk.results import predicted_skin, prepare_folder, read_summary, write_result
+from warp_trunk.results.reading import SUMMARY_KEYS
+
+WHOLE = {
+    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
+    "summary.json", "trunk.vtu",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    case, trunk = small_case()
+    model = build_model(trunk, gravity=0.0, device="cpu", precision="float64", threads=1)
+    return case, trunk, model, made_up_increments(trunk)
+
+
+def test_folder_holds_the_predicted_skin_in_its_order(simulated, tmp_path):
+    case, trunk, _, increments = simulated
+    write_result(tmp_path, *simulated)
+    skin = read_surface(tmp_path / "predicted_skin.ply")
+    np.testing.assert_array_equal(skin.faces, case.skin.faces)
+    moved = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
+    np.testing.assert_allclose(skin.vertices, moved, atol=1e-9)
+
+
+def test_trunk_is_at_rest_with_its_displacement(simulated, tmp_path):
+    _, trunk, _, increments = simulated
+    write_result(tmp_path, *simulated)
+    mesh = meshio.read(tmp_path / "trunk.vtu")
+    np.testing.assert_array_equal(mesh.points, trunk.nodes)
+    np.testing.assert_array_equal(mesh.point_data["displacement"], increments[-1].displacement)
+
+
+def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
+    _, trunk, _, _ = simulated
+    summary = write_result(tmp_path, *simulated, parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0})
+    assert read_summary(tmp_path) == summary
+    assert set(summary) == SUMMARY_KEYS
+    assert summary["status"] == "CONVERGED"
+    assert summary["tets"] == len(trunk.tets)
+    assert summary["free_nodes"] == len(trunk.nodes) - int((trunk.bone >= 0).sum())
+    assert summary["parameters"] | {"tets": 7, "theta": 10.0, "gravity": 0.0} == summary["parameters"]
+    assert [row["load_factor"] for row in summary["increments"]] == pytest.approx([1 / 3, 2 / 3, 1.0])
+    assert summary["increments"][1]["energy"] == {
+        "distance": 2.0, "area": 4.0, "volume": 6.0, "gravity": 0.0, "shape": 0.0, "total": 12.0,
+    }  # fmt: skip
+    assert summary["increments"][2]["linear_iterations"] == 150
+    assert summary["terms"] == ["distance", "area", "volume"]
+    assert set(summary["seconds"]) == {"load", "surface", "mesh", "compile", "relax", "record", "total"}
+    assert summary["seconds"]["relax"] == pytest.approx(0.75)
+    assert summary["seconds"]["mesh"] == 1.5
+    assert summary["seconds"]["load"] is None
+    assert 10.0 < summary["peak_memory_mb"] < 1e5
+    assert summary["versions"]["numpy"] == np.__version__
+
+
+def test_rotation_before_and_after_by_level(simulated, tmp_path):
+    bsr = write_result(tmp_path, *simulated)["bsr_deg"]
+    assert bsr["before"] == pytest.approx({"T4": 0.0, "T8": 0.0, "T12": 0.0, "L3": 0.0}, abs=1e-9)
+    assert bsr["after"]["T4"] == pytest.approx(14.0 * 360.0 / 420.0, abs=0.05)
+    assert bsr["actual"] is None
+
+
+def test_actual_skin_is_measured(simulated, tmp_path):
+    case, trunk, model, increments = simulated
+    known = replace(case, actual_skin=case.skin)
+    bsr = write_result(tmp_path, known, trunk, model, increments)["bsr_deg"]
+    assert bsr["actual"] == pytest.approx(bsr["before"], abs=1e-9)
+
+
+def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
+    case, trunk, model, increments = simulated
+    relaxation = replace(
+        increments[-1].relaxation, estimated_error=math.inf, status=RelaxStatus.STALLED, inverted_tets=3
+    )
+    above = case.landmarks_before.points + [
+        [0.0, 0.0, 500.0 * name.startswith("T4")] for name in case.landmarks_before.names
+    ]
+    missing = replace(case, landmarks_after=replace(case.landmarks_after, points=above))
+    write_result(tmp_path, missing, trunk, model, [replace(increments[-1], relaxation=relaxation)])
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    summary = json.loads((tmp_path / "summary.json").read_text(), parse_constant=refuse)
+    assert summary["increments"][0]["estimated_error_mm"] is None
+    assert summary["bsr_deg"]["after"]["T4"] is None
+    assert (summary["status"], summary["inverted_tets"]) == ("STALLED", 3)
+
+
+def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_path):
+    (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
+    (tmp_path / "actual_skin.ply").write_bytes(b"of another patient")
+    write_result(tmp_path, *simulated)
+    assert {path.name for path in tmp_path.iterdir()} == WHOLE
+    (tmp_path / "recording.partial.rrd").write_bytes(b"new")
+    write_result(tmp_path, *simulated, recording=tmp_path / "recording.partial.rrd")
+    assert (tmp_path / "recording.rrd").read_bytes() == b"new"
+    assert not (tmp_path / "recording.partial.rrd").exists()
+
+
+def test_steps_of_every_relaxation_are_told_by_term_and_time(simulated, tmp_path):
+    case, trunk, model, increments = simulated
+    step = RelaxStep(increments[0].relaxation.energy, math.inf, 0.5, 12, 0.1)
+    watched = replace(increments[0], relaxation=replace(increments[0].relaxation, history=(step,)))
+    rows = write_result(tmp_path, case, trunk, model, [watched, increments[-1]])["increments"]
+    assert rows[0]["history"] == [
+        {
+            "energy": {"distance": 1.0, "area": 2.0, "volume": 3.0, "gravity": 0.0, "shape": 0.0, "total": 6.0},
+            "estimated_error_mm": None,
+            "step_length": 0.5,
+            "linear_iterations": 12,
+            "seconds": 0.1,
+        }
+    ]
+    assert rows[1]["history"] == []
+
+
+def test_no_summary_stands_beside_files_that_are_being_changed(simulated, tmp_path, monkeypatch):
+    """Killed between two moves, the folder must not look whole."""
+    write_result(tmp_path, *simulated)
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(result_folder, "complete", killed)
+    with pytest.raises(KeyboardInterrupt):
+        write_result(tmp_path, *simulated)
+    assert not (tmp_path / "summary.json").exists()
+
+
+def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, monkeypatch):
+    write_result(tmp_path, *simulated)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(result_folder, "write_trunk", full)
+    case, trunk, model, increments = simulated
+    with pytest.raises(OSError, match="No space"):
+        write_result(tmp_path, case, trunk, model, increments[:1])
+    assert {name: (tmp_path / name).read_bytes() for name in before} == before
+
+
+def test_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(InputError, match="--out"):
+        prepare_folder(tmp_path / "file" / "result")
+
+
+def test_full_disk_is_refused_before_any_work(tmp_path, monkeypatch):
+    usage = result_folder.shutil.disk_usage(tmp_path)._replace(free=1_000_000)
+    monkeypatch.setattr(result_folder.shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(InputError, match="1 MB are free"):
+        prepare_folder(tmp_path)
+
+
+def test_no_increment_and_no_summary_are_named(simulated, tmp_path):
+    case, trunk, model, _ = simulated
+    with pytest.raises(InputError, match="increments"):
+        write_result(tmp_path, case, trunk, model, [])
+    with pytest.raises(InputError, match=r"summary\.json"):
+        read_summary(tmp_path)
+    (tmp_path / "summary.json").write_text("{")
+    with pytest.raises(InputError, match="not JSON"):
+        read_summary(tmp_path)
+
+
+def test_predicted_skin_does_not_pick_up_the_rounding_of_the_mesher(simulated):
+    case, trunk, _, _ = simulated
+    rounded = replace(trunk, nodes=trunk.nodes + 1e-7)
+    skin = predicted_skin(case, rounded, np.zeros_like(trunk.nodes))
+    assert isinstance(skin, Surface)
+    np.testing.assert_array_equal(skin.vertices, case.skin.vertices)

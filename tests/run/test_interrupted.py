@@ -1,0 +1,50 @@
+"""Runs that are killed: what they leave, and that they end as if they had not been."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+MOMENTS = int(os.environ.get("WARP_TRUNK_KILLS", "6"))
+"""Random moments at which a run is killed; every move of a file is one more."""
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
+    """What was found of every run that was killed, see killed_runs.py."""
+    folder = tmp_path_factory.mktemp("killed")
+    done = subprocess.run(
+        [sys.executable, "-m", "support.killed_runs", str(folder), "7", str(MOMENTS)],
+        cwd=Path(__file__).parents[1],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_runs_were_killed_while_they_worked_and_while_they_wrote(rows: list[dict]) -> None:
+    moves = [row for row in rows if row["kind"] == "move"]
+    assert len(rows) == len(moves) + MOMENTS
+    assert all(row["ended"] == -9 for row in moves)
+    assert {row["checkpoints"] for row in moves} == {0, 1, 2, 3, 4, 5}
+    assert max(len(row["files"]) for row in moves) == 5  # all but summary.json, which is the last
+
+
+def test_no_half_written_file_bears_a_final_name(rows: list[dict]) -> None:
+    assert [row for row in rows if row["half written"]] == []
+
+
+def test_a_resumed_run_ends_as_one_that_was_not_killed(rows: list[dict]) -> None:
+    """Skins, landmarks and trunk to the last bit, the summary but for times and memory."""
+    assert [row for row in rows if row["resumed"] != 0 or row["different"]] == []
+
+
+def test_nothing_is_left_over(rows: list[dict]) -> None:
+    assert [row for row in rows if row["left over"]] == []

@@ -1,0 +1,244 @@
+"""The benchmark's records are complete and honest, and its run needs no more than it says. No time is tested."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.small_trunk import small_case
+from warp_trunk import InputError
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+sys.path.insert(0, str(SCRIPTS))
+
+from benchmarking import timing  # noqa: E402
+from benchmarking.curves import curve, points  # noqa: E402
+from benchmarking.outside import OUTSIDE  # noqa: E402
+from benchmarking.plot import plot  # noqa: E402
+from benchmarking.problem import Problem, read_problem, solve_truth, write_problem  # noqa: E402
+from benchmarking.record import Record, Setting, read_records, write_records  # noqa: E402
+from benchmarking.scaling import exponent, increments_table, measure_size, size_table, slopes  # noqa: E402
+from benchmarking.scenes import scenes_table  # noqa: E402
+from benchmarking.tables import comparison, curves, long_table, seconds_to, short_table  # noqa: E402
+
+ASKED_FOR = {
+    *("method", "threads", "precision", "device", "tets", "seconds", "max_error_mm", "mean_skin_error_mm"),
+    *("bsr_error_deg", "estimated_error_mm", "status", "steps", "linear_iterations", "evaluations"),
+    *("peak_memory_mb", "compile_seconds", "setup_seconds", "increments", "versions"),
+}
+
+
+@pytest.fixture(autouse=True)
+def run_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No time is tested, so none need be measured twice."""
+    monkeypatch.setattr(timing, "REPEATS", 1)
+
+
+@cache
+def problem() -> Problem:
+    """A box of tissue around a column whose T8 moves by 12 mm, with the truth."""
+    case, trunk = small_case()
+    made = Problem(case.name, trunk, case.tissue, case.landmarks_before, case.landmarks_after)
+    return replace(made, truth=solve_truth(made))
+
+
+@cache
+def measured(method: str, precision: str = "float32") -> list[Record]:
+    """A curve of the small problem, on which every method comes to its end."""
+    setting = Setting(method=method, threads=1, precision=precision, device="cpu")
+    return list(curve(problem(), setting, limit=100.0))
+
+
+def test_problem_comes_back_to_the_bit(tmp_path: Path) -> None:
+    write_problem(tmp_path / "problem.npz", problem())
+    back = read_problem(tmp_path / "problem.npz")
+    for field in fields(back.trunk):
+        assert np.array_equal(getattr(back.trunk, field.name), getattr(problem().trunk, field.name)), field.name
+    assert back.trunk.tets.dtype == np.int32
+    assert np.array_equal(back.truth, problem().truth)
+    assert np.array_equal(back.bone_path().displacement, problem().bone_path().displacement)
+    assert (back.name, back.tissue, back.landmarks_after.names) == (
+        problem().name,
+        problem().tissue,
+        problem().landmarks_after.names,
+    )
+
+
+def test_truth_is_the_equilibrium_that_scipy_finds() -> None:
+    end = measured(OUTSIDE, "float64")[-1]
+    assert end.max_error_mm < 1e-4
+    assert end.estimated_error_mm is None
+
+
+def test_file_of_something_else_is_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "other.npz", nodes=np.zeros(3))
+    with pytest.raises(InputError, match="'bone' is missing"):
+        read_problem(tmp_path / "other.npz")
+    (tmp_path / "text.npz").write_text("no")
+    with pytest.raises(InputError, match="cannot be read as a problem"):
+        read_problem(tmp_path / "text.npz")
+
+
+def test_errors_are_those_of_a_known_displacement() -> None:
+    away = problem().truth + np.array([0.0, 0.3, 0.4])
+    errors = problem().errors(away)
+    assert errors.max_error_mm == pytest.approx(0.5)
+    assert errors.mean_skin_error_mm == pytest.approx(0.5)
+    assert errors.bsr_error_deg == pytest.approx(0.0, abs=0.05)  # a shift turns nothing; sections are cut higher
+    trunk = problem().trunk
+    angle = math.radians(2.0)
+    turned = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    now = (trunk.nodes + problem().truth)[:, :2]
+    away = problem().truth.copy()
+    away[:, :2] += now @ turned.T - now
+    assert problem().errors(away).bsr_error_deg == pytest.approx(2.0, abs=1e-6)
+
+
+def test_errors_need_a_truth() -> None:
+    with pytest.raises(InputError, match="holds no truth"):
+        replace(problem(), truth=None).errors(np.zeros_like(problem().trunk.nodes))
+
+
+@pytest.mark.parametrize("method", ["newton", "conjugate", "gradient", OUTSIDE])
+def test_records_are_complete_and_can_be_stored(method: str, tmp_path: Path) -> None:
+    records = measured(method)
+    write_records(tmp_path / "benchmark.json", records)
+    stored = json.loads((tmp_path / "benchmark.json").read_text())
+    assert len(stored) == len(records) >= 1
+    for record in stored:
+        assert set(record) >= ASKED_FOR
+        assert record["tets"] == len(problem().trunk.tets)
+        assert record["steps"] <= record["evaluations"]
+        assert record["peak_memory_mb"] > 0.0
+    assert read_records([tmp_path / "benchmark.json"]) == records
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_newton_comes_nearer_with_the_tolerance(precision: str) -> None:
+    records = measured("newton", precision)
+    floor = 1e-4 if precision == "float32" else 0.0  # positions of some 400 mm have a rounding of their own
+    for record in records:
+        if record.status == "CONVERGED":
+            assert record.max_error_mm <= 2.0 * record.tolerance_mm + floor
+    errors = [record.max_error_mm for record in records]
+    assert errors[-1] < 0.01 * errors[0]
+    assert records[-1].tolerance_mm == min(record.tolerance_mm for record in records)
+
+
+@pytest.mark.parametrize("method", ["conjugate", "gradient", OUTSIDE])
+def test_other_methods_come_nearer_with_steps(method: str) -> None:
+    records = measured(method, "float64")
+    start = problem().errors(problem().bone_path().displacement).max_error_mm
+    assert records[-1].max_error_mm < 0.1 * start
+    assert [record.steps for record in records] == sorted(record.steps for record in records)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("method", ["newton", "conjugate", "gradient"])
+def test_no_record_claims_less_than_half_its_error(method: str, precision: str) -> None:
+    for record in measured(method, precision):
+        assert record.estimated_error_mm is not None
+        assert record.estimated_error_mm >= 0.5 * record.max_error_mm, record
+
+
+def test_gradient_method_ends_at_its_limit() -> None:
+    setting = Setting(method="gradient", threads=1, precision="float64", device="cpu")
+    runs = list(points(problem(), setting, limit=1e-6))
+    assert len(runs) == 1  # no longer run is begun
+
+
+def test_tables_tell_what_the_records_say() -> None:
+    slow, fast = measured("gradient", "float32")[0], measured("newton")[-1]
+    records = [
+        replace(slow, seconds=50.0, max_error_mm=2.0, threads=2, estimated_error_mm=3.0),
+        replace(slow, seconds=200.0, max_error_mm=0.9, threads=2, estimated_error_mm=3.0),
+        replace(fast, seconds=1.0, max_error_mm=0.5, threads=2, estimated_error_mm=1.0),
+        replace(fast, seconds=2.0, max_error_mm=0.009, threads=2, estimated_error_mm=0.012),
+        replace(fast, seconds=3.6, max_error_mm=0.009, threads=1, estimated_error_mm=0.012),
+    ]
+    gradient, newton, alone = curves(records).values()
+    assert (seconds_to(gradient, 1.0), seconds_to(gradient, 0.1), seconds_to(newton, 0.01)) == (200.0, None, 2.0)
+    assert len(alone) == 1
+    text = comparison(records)
+    assert "1 mm in 200 s, 100 times as long" in text
+    assert "one thread: 3.6 s, 1.80 times as long" in text
+    assert "largest of 5 points: 0.75" in text
+    assert "| gradient | 2 threads | float32 | 200 | never | never |" in short_table(records)
+    assert len(long_table(records).splitlines()) == 2 + len(records)
+    with pytest.raises(InputError, match="'hardware'"):
+        curves([fast, replace(fast, hardware="another machine")])
+
+
+def test_exponent_of_a_power() -> None:
+    assert exponent([1e5, 2e5, 1e6], [3.0 * n**0.7 for n in (1e5, 2e5, 1e6)]) == pytest.approx(0.7)
+
+
+def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
+    write_problem(tmp_path / "problem.npz", problem())
+    setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
+    size = measure_size(tmp_path / "problem.npz", setting)
+    assert size.converged
+    assert np.abs(size.skin.vertices - problem().skin(problem().truth).vertices).max() < 2e-3
+    larger = replace(size, tets=4 * size.tets, seconds=8.0 * size.seconds, skin=replace(size.skin))
+    assert "time 1.50" in slopes([size, larger])
+    moved = replace(larger, skin=replace(size.skin, vertices=size.skin.vertices + np.array([0.0, 0.0, 0.25])))
+    assert "0.25 | 0.25 |" in size_table([size, moved])
+
+
+def test_increments_lead_to_the_same_trunk() -> None:
+    setting = Setting(method="newton", threads=1, precision="float64", device="cpu")
+    rows = increments_table(problem(), setting, [4, 1]).splitlines()[2:]
+    assert [row.split("|")[1].strip() for row in rows] == ["1", "4"]
+    assert float(rows[0].split("|")[4]) < 0.05
+    assert rows[1].split("|")[4].strip() == "0"
+
+
+def test_scenes_are_all_measured() -> None:
+    setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
+    rows = [row.split("|") for row in scenes_table(problem(), setting).splitlines()[2:]]
+    assert len(rows) == 10
+    assert [row[3].strip() for row in rows[:1]] == ["1.00"]
+    work = [int(row[6]) for row in rows]
+    assert work[8] == work[9] == work[0]  # who looks on changes nothing
+    assert work[1] != work[0] or work[2] != work[0]  # another energy is another problem
+
+
+def test_plot_is_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    records = [record for method in ("newton", "gradient", OUTSIDE) for record in measured(method)]
+    plot(tmp_path / "benchmark.png", records, "a test")
+    assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(InputError, match="no records"):
+        plot(tmp_path / "none.png", [])
+
+
+def test_run_needs_numpy_and_warp_alone(tmp_path: Path) -> None:
+    """Also in the processes it starts; they read the same sitecustomize."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\n"
+        "class Refuse:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.split('.')[0] in ('trimesh', 'tetgen', 'rerun', 'tyro', 'meshio', 'rich', 'scipy'):\n"
+        "            raise ModuleNotFoundError(name)\n"
+        "sys.meta_path.insert(0, Refuse())\n"
+    )
+    write_problem(tmp_path / "problem.npz", problem())
+    out = tmp_path / "benchmark.json"
+    command = [sys.executable, SCRIPTS / "benchmark.py", "run", tmp_path / "problem.npz", "--out", out]
+    options = ["--no-compile", "--methods", "newton", "--threads", "1", "--precisions", "float32"]
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+    done = subprocess.run([*command, *options], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert [record.max_error_mm for record in read_records([out])] == [
+        record.max_error_mm for record in measured("newton")
+    ]
+    assert "| newton | 1 thread | float32 |" in done.stdout
+    refused = [sys.executable, "-c", "import scipy"]
+    assert subprocess.run(refused, capture_output=True, env=environment).returncode != 0

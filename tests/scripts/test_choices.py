@@ -1,0 +1,166 @@
+"""The map of constants and the error budget: their random errors, differences, kept runs, tables and pictures."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import error_budget
+import map_constants
+import numpy as np
+import pytest
+from choices import study as study_module
+from choices.budget import measured
+from choices.choices import Choices
+from choices.difference import difference
+from choices.errors import SMOOTH, moved_bones, moved_landmarks, smooth_field
+from choices.rows import Row, rows
+from choices.study import Study
+
+from support.small_trunk import small_case
+from support.synthetic import sphere
+from support.trunk_shapes import ASIS, LEVELS, rotation, spine, twisted
+from warp_trunk import Landmarks, Surface
+from warp_trunk.measures.regions import regions_of
+
+
+def test_landmark_errors_are_as_the_papers_state() -> None:
+    there = Landmarks(tuple(f"p{i}" for i in range(4000)), np.zeros((4000, 3)))
+    error = moved_landmarks(there, np.random.default_rng(1)).points
+    length = np.linalg.norm(error, axis=1)
+    assert length.mean() == pytest.approx(2.1, abs=0.07)
+    assert length.std() == pytest.approx(1.5, abs=0.07)
+    heights = error / length[:, None]  # by Archimedes uniform from -1 to 1 for directions that favour none
+    for power, moment in ((1, 0.0), (2, 1.0 / 3.0), (4, 1.0 / 5.0)):
+        assert np.mean(heights**power, axis=0) == pytest.approx(moment, abs=0.03)
+
+
+def test_bone_errors_are_smooth_and_each_bones_own() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [SMOOTH, 0.0, 0.0], [0.0, 5.0 * SMOOTH, 0.0]])
+    random = np.random.default_rng(2)
+    field = np.array([smooth_field(points, random) for _ in range(3000)])
+    assert np.mean(field**2, axis=0) == pytest.approx(1.0, abs=0.12)
+    assert np.mean(field[:, 0] * field[:, 1]) == pytest.approx(np.exp(-0.5), abs=0.05)
+    assert np.mean(field[:, 0] * field[:, 2]) == pytest.approx(0.0, abs=0.05)
+    bones = {"one": sphere(10.0, subdivisions=1), "other": sphere(10.0, subdivisions=1)}
+    moved = moved_bones(bones, 3.5, random)
+    errors = np.array([moved[name].vertices - bones[name].vertices for name in bones])
+    assert np.linalg.norm(errors, axis=2).mean() == pytest.approx(3.5)
+    assert np.abs(errors[0] - errors[1]).max() > 1.0
+
+
+def test_only_the_back_counts_and_the_rotation_by_level() -> None:
+    landmarks = spine(LEVELS, (0.0, 0.0))
+    skin = twisted(0.0)
+    regions = regions_of(skin, landmarks)
+    shift = np.where(regions.masks["back"][:, None], [2.0, 1.0, 2.0], [50.0, 0.0, 0.0])
+    found = difference(Surface(skin.vertices + shift, skin.faces), skin, landmarks)
+    assert found.mean_mm == pytest.approx(3.0)
+    assert found.max_mm == pytest.approx(3.0)
+    found = difference(twisted(4.0, 4.0), skin, landmarks)
+    assert found.bsr_deg == pytest.approx(4.0, abs=0.02)
+    turned_pelvis = spine(LEVELS, (0.0, 0.0), tuple(np.array(ASIS) @ rotation(3.0)))
+    assert difference(skin, skin, landmarks, turned_pelvis).bsr_deg == pytest.approx(3.0, abs=0.02)
+
+
+@pytest.fixture
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    case, trunk = small_case()
+    monkeypatch.setattr(study_module, "build_trunk", lambda skin, bones, options: trunk)
+    return Study(case, tmp_path / "kept")
+
+
+def test_a_run_is_made_once(small: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = small.ending(Choices(increments=2))
+    assert first.status == "CONVERGED"
+    assert np.abs(first.skin.vertices - small.case.skin.vertices).max() > 1.0
+    monkeypatch.setattr(study_module, "simulate", lambda *_: pytest.fail("it was run a second time"))
+    np.testing.assert_array_equal(small.ending(Choices(increments=2)).skin.vertices, first.skin.vertices)
+    after = small.case.landmarks_after
+    other = replace(small.case, landmarks_after=Landmarks(after.names, after.points + 1.0))
+    for study, choices in ((small, Choices(increments=3)), (Study(other, small.folder), Choices(increments=2))):
+        with pytest.raises(pytest.fail.Exception):
+            study.ending(choices)
+
+
+def test_every_choice_reaches_the_run(small: Study) -> None:
+    """Each changes the skin, against the same run without it."""
+    neo = Choices(energy="neo-hookean", increments=1)
+    for choices, change in (
+        (Choices(increments=1), {"epsilon": 3.0}),
+        (Choices(increments=1), {"theta": 3.0}),
+        (Choices(increments=1), {"weights": "volume"}),
+        (Choices(increments=1), {"precision": "float64"}),
+        (Choices(increments=1), {"tolerance": 3.0}),
+        (Choices(increments=1), {"increments": 2}),
+        (Choices(increments=1), {"gravity": 9.81}),
+        (Choices(increments=1, gravity=9.81), {"rest": "scan"}),
+        (Choices(increments=1), {"bones": "rigid"}),
+        (Choices(increments=1), {"landmark_error": "each"}),
+        (Choices(increments=1, landmark_error="each"), {"sample": 1}),
+        (Choices(increments=1), {"energy": "neo-hookean"}),
+        (neo, {"poisson_ratio": 0.3}),
+    ):
+        other = small.ending(replace(choices, **change)).skin.vertices
+        assert not np.array_equal(other, small.ending(choices).skin.vertices), change
+
+
+def test_landmarks_of_a_plan_share_their_errors(small: Study) -> None:
+    before, after = small.case.landmarks_before.points, small.case.landmarks_after.points
+    for sample in (0, 1):
+        plan = small.landmarks(Choices(landmark_error="shared", sample=sample))
+        np.testing.assert_allclose(plan[1].points - after, plan[0].points - before, atol=1e-12)
+        each = small.landmarks(Choices(landmark_error="each", sample=sample))
+        np.testing.assert_array_equal(each[0].points, plan[0].points)
+        assert np.abs((each[1].points - after) - (each[0].points - before)).max() > 1.0
+    assert small.landmarks(Choices())[0] is small.case.landmarks_before
+
+
+def test_a_row_of_samples_has_their_mean_and_spread(small: Study) -> None:
+    runs = tuple(Choices(increments=1, landmark_error="each", sample=sample) for sample in range(3))
+    cost = measured(small, Row("landmarks", "input", Choices(), runs))
+    away = [
+        difference(small.ending(run).skin, small.ending(Choices()).skin, small.case.landmarks_after).mean_mm
+        for run in runs
+    ]
+    assert min(away) > 0.0
+    assert cost.mean_mm == pytest.approx(np.mean(away))
+    assert cost.spread["mean_mm"]["sd"] == pytest.approx(np.std(away, ddof=1))
+    assert cost.samples == sum(cost.statuses.values()) == 3
+
+
+def test_every_row_of_the_budget_varies_something() -> None:
+    made = rows(3, 2)
+    assert len({row.label for row in made}) == len(made)
+    for row in made:
+        assert len(set(row.runs)) == len(row.runs)
+        assert row.against not in row.runs, row.label
+
+
+def test_scripts(
+    small: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both write a table, a JSON without NaN and a picture, on a trunk of a few nodes."""
+    for script in (map_constants, error_budget):
+        monkeypatch.setattr(script, "load_case", lambda name: small.case)
+    monkeypatch.setattr(map_constants, "EPSILON", (0.1, 1.0))
+    monkeypatch.setattr(map_constants, "THETA", (10.0,))
+    monkeypatch.setattr(error_budget, "rows", lambda *counts: rows(2, 1)[:2] + rows(2, 1)[-5:-2])
+    for name, script in (("map", map_constants), ("budget", error_budget)):
+        out = ["--kept", str(small.folder), "--out", str(tmp_path / "docs" / name)]
+        monkeypatch.setattr(sys, "argv", ["script", "small", *out])
+        script.main()
+        assert (tmp_path / "docs" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    found = json.loads((tmp_path / "docs" / "map.json").read_text())
+    assert len(found["points"]) == 2 * 2
+    nearest = found["best"]["weights count, nu 0.45, by mean distance"]["against"]["nu 0.45"]["mean_mm"]
+    assert nearest == min(p["against"]["nu 0.45"]["mean_mm"] for p in found["points"] if p["weights"] == "count")
+    costs = json.loads((tmp_path / "docs" / "budget.json").read_text())["rows"]
+    assert [cost["bsr_deg"] for cost in costs] == sorted((cost["bsr_deg"] for cost in costs), reverse=True)
+    for name in ("map", "budget"):
+        assert f"({name}.png)" in (tmp_path / "docs" / f"{name}.md").read_text()
+    shown = capsys.readouterr().out
+    assert "| count | 0.1, 10 |" in shown
+    assert costs[0]["label"] in shown

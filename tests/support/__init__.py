@@ -1,0 +1,1 @@
+"""What tests of several rooms use: meshes and cases, references written apart, programs to look with."""

@@ -1,0 +1,93 @@
+"""The stable neo-Hookean energy in plain NumPy, written apart from the kernels: F by explicit matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+
+from .reference import Reference
+
+
+def lame(tissue: Tissue) -> tuple[float, float]:
+    """Lame's mu and lambda [N/mm^2] of Young's modulus and Poisson's ratio."""
+    modulus, ratio = 1e-3 * tissue.youngs_modulus, tissue.poisson_ratio
+    return modulus / (2.0 + 2.0 * ratio), modulus * ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
+
+
+def determinant(f: np.ndarray) -> np.ndarray:
+    """Of matrices (..., 3, 3), complex ones too."""
+    return (f[..., 0, :] * np.cross(f[..., 1, :], f[..., 2, :])).sum(axis=-1)
+
+
+def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray]:
+    """Equation 14 of Smith, de Goes and Kim (2018), less its value at rest, as the parts of shape and volume.
+
+    Volume is lambda/2 (J - 1)^2; what else there is in (J - alpha)^2 belongs to mu.
+    """
+    j, squares = determinant(f), (f * f).sum(axis=(-2, -1))
+    alpha = 1.0 + mu / bulk - mu / (4.0 * bulk)
+
+    def atomic_write(squares: np.ndarray | float, j: np.ndarray | float) -> np.ndarray:
+        return 0.5 * mu * (squares - 3.0) + 0.5 * bulk * (j - alpha) ** 2 - 0.5 * mu * np.log(squares + 1.0)
+
+    volume = 0.5 * bulk * (j - 1.0) ** 2
+    return atomic_write(squares, j) - atomic_write(3.0, 1.0) - volume, volume
+
+
+def stress(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
+    """First Piola stress, equation 18 of the same."""
+    squares, alpha = (f * f).sum(axis=(-2, -1))[..., None, None], 1.0 + 0.75 * mu / bulk
+    rows = [np.cross(f[..., i, :], f[..., k, :]) for i, k in ((1, 2), (2, 0), (0, 1))]
+    j = determinant(f)[..., None, None]
+    return mu * (1.0 - 1.0 / (squares + 1.0)) * f + bulk * (j - alpha) * np.stack(rows, axis=-2)
+
+
+class Continuum(Reference):
+    """Energies [mJ], gradient [N] and equilibria of one trunk of one tissue or more."""
+
+    def __init__(
+        self, trunk: TrunkMesh, tissue: Tissue | tuple[Tissue, ...] | None = None, gravity: float = 0.0
+    ) -> None:
+        self.tissues = tissue if isinstance(tissue, tuple) else (tissue or Tissue(),)
+        self.label = np.zeros(len(trunk.tets), dtype=int) if trunk.tissue is None else trunk.tissue.astype(int)
+        super().__init__(trunk, self.tissues[0], gravity)
+        corners = trunk.nodes[self.tets]
+        self.inverse = np.linalg.inv((corners[:, :3] - corners[:, 3:]).transpose(0, 2, 1))
+        mu, lam = np.array([lame(each) for each in self.tissues]).T[:, self.label]
+        self.mu, self.bulk = 4.0 / 3.0 * mu, lam + 5.0 / 6.0 * mu
+
+    def gravity_of_nodes(self, gravity: float) -> np.ndarray:
+        """Weight of each node [N]."""
+        density = np.array([tissue.density for tissue in self.tissues])[self.label]
+        kilograms = np.zeros(len(self.trunk.nodes))
+        for tet, mass in zip(self.tets, density * self.rest_volumes * 1e-9, strict=True):
+            kilograms[tet] += mass / 4.0
+        return gravity * kilograms
+
+    def deformation(self, displacement: np.ndarray) -> np.ndarray:
+        """F of each tetrahedron, seen from its last corner, shape (..., tets, 3, 3)."""
+        p = (self.trunk.nodes + displacement)[..., self.tets, :]
+        return (p[..., :3, :] - p[..., 3:, :]).swapaxes(-1, -2) @ self.inverse
+
+    def energies(self, displacement: np.ndarray) -> dict[str, float]:
+        """The terms, each with its factor."""
+        shape, volume = parts(self.deformation(displacement), self.mu, self.bulk)
+        return {
+            "shape": float(self.rest_volumes @ shape),
+            "volume": float(self.rest_volumes @ volume),
+            "gravity": float(self.node_weight @ (self.trunk.nodes + displacement)[:, 2]),
+        }
+
+    def gradient(self, displacement: np.ndarray) -> np.ndarray:
+        """dE/dx of every node, for one displacement or many, shape (..., nodes, 3)."""
+        f = self.deformation(displacement)
+        moduli = self.mu[:, None, None], self.bulk[:, None, None]
+        force = stress(f, *moduli) @ self.inverse.swapaxes(-1, -2) * self.rest_volumes[:, None, None]
+        out = np.zeros_like(self.trunk.nodes + displacement)
+        out[..., 2] = self.node_weight
+        for corner in range(3):
+            np.add.at(out, (..., self.tets[:, corner], slice(None)), force[..., corner])
+            np.add.at(out, (..., self.tets[:, 3], slice(None)), -force[..., corner])
+        return out

@@ -1,0 +1,54 @@
+"""Result folders for the report's tests: the small trunk, turned by known angles."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.results import write_result
+
+from .small_trunk import made_up_increments, small_case
+
+
+@cache
+def _model():
+    _, trunk = small_case()
+    return build_model(trunk, gravity=0.0, device="cpu", precision="float64", threads=1)
+
+
+def write_small_result(
+    folder: Path,
+    *,
+    name: str = "small",
+    status: RelaxStatus = RelaxStatus.CONVERGED,
+    turn_more: float | None = None,
+    without: str | None = None,
+) -> Path:
+    """Write a result; the prediction is turned by 12 degrees at T4, evenly less towards 0 at the bottom.
+
+    Args:
+        folder: where to.
+        name: of the case.
+        status: how its last relaxation ended.
+        turn_more: how many degrees the actual skin is turned further at every height; None for no actual skin.
+        without: a level whose plane misses the trunk.
+    """
+    case, trunk = small_case()
+    increments = made_up_increments(trunk, status=status)
+    if turn_more is not None:
+        skin = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
+        angle = np.radians(-turn_more)
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        case = replace(case, actual_skin=Surface(skin @ turn.T, case.skin.faces))
+    if without is not None:
+        up = np.array([[0.0, 0.0, 500.0 * n.startswith(f"{without}_")] for n in case.landmarks_before.names])
+        lifted = [
+            replace(marks, points=marks.points + up) for marks in (case.landmarks_before, case.landmarks_after)
+        ]
+        case = replace(case, landmarks_before=lifted[0], landmarks_after=lifted[1])
+    write_result(folder, replace(case, name=name), trunk, _model(), increments, parameters={"tolerance": 0.01})
+    return folder
