@@ -44,7 +44,7 @@ def main(folder: str, tets: int = 225_000) -> None:
     bones = {path.stem: read_surface(path) for path in sorted((Path(folder) / "bones").glob("*.ply"))}
     case = make_case(straight, bones, CURVE, CORRECTION)
     goal, bones_after, _ = impose(straight, bones, find_landmarks(bones), CURVE.corrected(CORRECTION))
-    landmarks = (case.landmarks_before, case.landmarks_after)
+    landmarks = (case.landmarks_before, case.planned_landmarks)
     print("bone                   spline: from rigid, rms / max [mm]   edges shorter / longer [%]")
     for name, bone in case.bones.items():
         after = bone.vertices + spline_path(bone.vertices, *landmarks).displacement

@@ -31,7 +31,7 @@ def main(folder: str, tets: int = 225_000) -> None:
     """Prints the table for the case in a folder, each scene against the same without gravity."""
     case = read_case(folder)
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets))
-    surgery = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+    surgery = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
     none = BonePath(np.zeros_like(trunk.nodes))
     layers = Layers()
     meshes = {
@@ -56,7 +56,7 @@ def main(folder: str, tets: int = 225_000) -> None:
                 if rest:
                     moved = np.linalg.norm(list(simulate(model, none))[-1].displacement, axis=1).max()
                 skin = predicted_skin(case, trunk, list(simulate(model, surgery))[-1].displacement)
-                rotation = measure(skin, case.landmarks_after).bsr.values()
+                rotation = measure(skin, case.planned_landmarks).bsr.values()
                 now = skin.vertices, np.array([np.nan if value is None else value for value in rotation])
                 reference = reference or now
                 if not rest:

@@ -25,12 +25,12 @@ def main(folder: str, tets: int = 225_000) -> None:
     case = read_case(folder)
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets))
     model = build_model(trunk, case.tissue)
-    landmarks = (case.landmarks_before, case.landmarks_after)
+    landmarks = (case.landmarks_before, case.planned_landmarks)
 
     def run(path: BonePath, increments: int) -> tuple[np.ndarray, np.ndarray]:
         *_, last = simulate(model, path, SimulationOptions(increments=increments))
         skin = predicted_skin(case, trunk, last.displacement)
-        rotation = measure(skin, case.landmarks_after).bsr
+        rotation = measure(skin, case.planned_landmarks).bsr
         return skin.vertices, np.array([np.nan if value is None else value for value in rotation.values()])
 
     print("bones            increments   skin max [mm]   skin mean [mm]   BSR max [degrees]")

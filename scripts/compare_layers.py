@@ -36,7 +36,7 @@ def main(folder: str, tets: int = 225_000) -> None:
     """Prints the table for the case in a folder, each energy against its own uniform tissue."""
     case = read_case(folder)
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets))
-    path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+    path = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
     print("| energy | tissue | skin max [mm] | skin mean [mm] | BSR max [degrees] | linear iterations |")
     print("|---|---|---|---|---|---|")
     for energy in get_args(EnergyName):
@@ -46,7 +46,7 @@ def main(folder: str, tets: int = 225_000) -> None:
             tissue = case.tissue if layers is None else layers.tissues(case.tissue)
             increments = list(simulate(build_model(mesh, tissue, energy=energy), path))
             skin = predicted_skin(case, trunk, increments[-1].displacement)
-            rotation = measure(skin, case.landmarks_after).bsr.values()
+            rotation = measure(skin, case.planned_landmarks).bsr.values()
             now = skin.vertices, np.array([np.nan if value is None else value for value in rotation])
             reference = reference or now
             distance = np.linalg.norm(now[0] - reference[0], axis=1)

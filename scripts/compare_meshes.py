@@ -45,7 +45,7 @@ def main() -> None:
     rows = []
     for name in given.energies:
         for count, of_mesh in skins.values():
-            away = compare_skins(of_mesh[name], finest[name], case.landmarks_after)
+            away = compare_skins(of_mesh[name], finest[name], case.planned_landmarks)
             distances = (away.max_error_mm, away.mean_skin_error_mm, away.bsr_error_deg)
             rows.append([name, str(count), *(f"{value:.2f}" for value in distances)])
     header = ["energy", "tetrahedra", "skin max [mm]", "skin mean [mm]", "BSR max [degrees]"]

@@ -112,7 +112,7 @@ def entries(study: Study, start: Choices) -> list[dict[str, Any]]:
                 choices = replace(choices, increments=MORE)
                 ending = study.ending(choices)
             against = {
-                f"nu {nu:g}": asdict(difference(ending.skin, truth.skin, study.case.landmarks_after))
+                f"nu {nu:g}": asdict(difference(ending.skin, truth.skin, study.case.planned_landmarks))
                 for nu, truth in truths.items()
             }
             found.append(
@@ -133,7 +133,7 @@ def entries(study: Study, start: Choices) -> list[dict[str, Any]]:
 def tolerance_costs(study: Study, start: Choices) -> dict[str, Any]:
     """How far the default pair is at the tolerance of the map from itself at a tenth of it."""
     fine = study.ending(replace(start, tolerance=TOLERANCE / 10.0))
-    return asdict(difference(study.ending(start).skin, fine.skin, study.case.landmarks_after))
+    return asdict(difference(study.ending(start).skin, fine.skin, study.case.planned_landmarks))
 
 
 def best(points: list[dict[str, Any]], weights: str, nu: float, measure: str) -> dict[str, Any]:

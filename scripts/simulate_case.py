@@ -16,7 +16,7 @@ from warp_trunk import (
 case = read_case(sys.argv[1])
 trunk = build_trunk(case.skin, case.bones)
 model = build_model(trunk, case.tissue)
-bone_path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+bone_path = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
 
 increments = []
 for increment in simulate(model, bone_path):
@@ -24,6 +24,6 @@ for increment in simulate(model, bone_path):
     increments.append(increment)
 
 skin = predicted_skin(case, trunk, increments[-1].displacement)
-before, after = measure(case.skin, case.landmarks_before), measure(skin, case.landmarks_after, case.skin)
+before, after = measure(case.skin, case.landmarks_before), measure(skin, case.planned_landmarks, case.skin)
 print(f"rotation of the back {before.max_thoracic_bsr:.1f} to {after.max_thoracic_bsr:.1f} degrees")
 write_result(sys.argv[2], case, trunk, model, increments)

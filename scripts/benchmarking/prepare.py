@@ -22,4 +22,4 @@ def mesh_case(case: Case, tets: int, bone_edge_length: float = 0.0) -> Problem:
         InputError: the surfaces force more tetrahedra than that.
     """
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets, bone_edge_length=bone_edge_length))
-    return Problem(case.name, trunk, case.tissue, case.landmarks_before, case.landmarks_after)
+    return Problem(case.name, trunk, case.tissue, case.landmarks_before, case.planned_landmarks)

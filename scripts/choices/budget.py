@@ -44,7 +44,7 @@ def measured(study: Study, row: Row) -> Cost:
     print(row.label, flush=True)
     reference = study.ending(row.against)
     endings = [study.ending(choices) for choices in row.runs]
-    after = study.case.landmarks_after
+    after = study.case.planned_landmarks
     away = [
         difference(
             ending.skin,

@@ -64,7 +64,7 @@ class Study:
 
     def __init__(self, case: Case, folder: Path, threads: int = 0) -> None:
         self.case, self.folder, self.threads = case, folder, threads
-        landmarks = np.stack([case.landmarks_before.points, case.landmarks_after.points]).tobytes()
+        landmarks = np.stack([case.landmarks_before.points, case.planned_landmarks.points]).tobytes()
         names = repr((case.landmarks_before.names, case.tissue))
         self._case_key = cache_key(case.skin, case.bones, names + hashlib.sha256(landmarks).hexdigest())
         self._trunk = cache(lambda tets: build_trunk(case.skin, case.bones, MeshOptions(tets=tets)))
@@ -95,7 +95,7 @@ class Study:
 
     def landmarks(self, choices: Choices) -> tuple[Landmarks, Landmarks]:
         """The landmarks before and after that a run is given, with their errors."""
-        before, after = self.case.landmarks_before, self.case.landmarks_after
+        before, after = self.case.landmarks_before, self.case.planned_landmarks
         if choices.landmark_error == "none":
             return before, after
         found = moved_landmarks(before, np.random.default_rng([choices.sample, 0]))

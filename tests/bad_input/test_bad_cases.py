@@ -60,7 +60,7 @@ CASES = [
     ("thickness of words", layers('fat_thickness = "case.toml"'), "cannot be read as one number a line"),
     ("labels elsewhere", layers('mesh = "../m.vtu"'), "m.vtu: lies outside the case folder"),
     ("negative thickness", layers("fat_thickness = -1"), "'fat_thickness' must be from 0 to 200 mm, not -1"),
-    ("no landmarks", lambda f: (f / "landmarks_after.csv").unlink(), "landmarks_after.csv: there is no such file"),
+    ("no landmarks", lambda f: (f / "landmarks_before.csv").unlink(), "before.csv: there is no such file"),
     ("landmarks twice", lambda f: (f / "landmarks_after.fcsv").write_text(""), "landmarks_after.fcsv: there is"),
     ("an empty table", content("landmarks_after.csv", lambda b: b""), "the first line must name the columns"),
     ("only a header", content("landmarks_after.csv", lambda b: b"name,x,y,z\n"), "there is no landmark in it"),

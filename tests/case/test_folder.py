@@ -109,7 +109,6 @@ def test_rows_of_the_second_landmark_file_are_matched_by_name(tmp_path):
     ("path", "rule"),
     [
         ("skin.ply", r"skin\.ply: there is no such file, nor one of another surface format"),
-        ("landmarks_after.csv", r"landmarks_after\.csv: there is no such file"),
         ("case.toml", r"case\.toml: there is no such file"),
     ],
 )

@@ -54,7 +54,8 @@ class CaseSource:
     """Where a case came from, so that an error can name the file."""
 
     files: Mapping[str, Path] = field(default_factory=dict)
-    """Files by what they hold: case, skin, actual_skin, landmarks_before, landmarks_after, and bone names."""
+    """Files by what they hold: case, skin, actual_skin, landmarks_before, landmarks_after,
+    landmarks_bending_left, landmarks_bending_right, and bone names."""
     units: str = "mm"
     """Unit of the files."""
     axes: str = "LPS"
@@ -78,9 +79,13 @@ def check_case(case: Case, options: CheckOptions | None = None, source: CaseSour
     """
     options = options or CheckOptions()
     source = source or CaseSource()
-    check_names(case.landmarks_before, case.landmarks_after, source)
-    for key in ("landmarks_before", "landmarks_after"):
-        check_landmarks(getattr(case, key), list(case.bones), source.name(key))
+    if case.landmarks_after is not None:
+        check_names(case.landmarks_before, case.landmarks_after, source)
+    check_landmarks(case.landmarks_before, list(case.bones), source.name("landmarks_before"))
+    if case.landmarks_after is not None:
+        check_landmarks(case.landmarks_after, list(case.bones), source.name("landmarks_after"))
+    for key in ("bending_left", "bending_right"):
+        _check_bending(case, key, source)
     skins = [("skin", case.skin)] + ([("actual_skin", case.actual_skin)] if case.actual_skin else [])
     for key, skin in skins:
         check_surface(skin, source.name(key))
@@ -156,6 +161,17 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
                 )
 
 
+def _check_bending(case: Case, key: str, source: CaseSource) -> None:
+    """Points of a film of side bending need not be all, but each must be one of those before surgery."""
+    bending: Landmarks | None = getattr(case, key)
+    unknown = set() if bending is None else set(bending.names) - set(case.landmarks_before.names)
+    if unknown:
+        raise InputError(
+            f"{source.name(f'landmarks_{key}')}: '{min(unknown)}' is not among the landmarks before surgery; "
+            "rename or remove it"
+        )
+
+
 def _check_height(skin: Surface, key: str, source: CaseSource) -> None:
     height = float(np.ptp(skin.vertices[:, 2]))
     low, high = TRUNK_HEIGHT
@@ -226,7 +242,7 @@ def _check_not_buried(case: Case, source: CaseSource) -> None:
 
 
 def _check_landmark_places(case: Case, options: CheckOptions, source: CaseSource) -> None:
-    before, after = case.landmarks_before, case.landmarks_after
+    before = case.landmarks_before
     for bone, surface in case.bones.items():
         owned = [i for i, name in enumerate(before.names) if bone_of(name, case.bones) == bone]
         if not owned:
@@ -238,6 +254,12 @@ def _check_landmark_places(case: Case, options: CheckOptions, source: CaseSource
                 f"{source.name('landmarks_before')}: '{before.names[owned[worst]]}' is {off[worst]:.1f} mm "
                 f"from {source.name(bone)}, {options.landmark_off_bone:g} mm is allowed; move it or rename it"
             )
+    if case.landmarks_after is not None:
+        _check_motion(case, case.landmarks_after, options, source)
+
+
+def _check_motion(case: Case, after: Landmarks, options: CheckOptions, source: CaseSource) -> None:
+    before = case.landmarks_before
     order = [after.index(name) for name in before.names]
     moved = np.linalg.norm(after.points[order] - before.points, axis=1)
     worst = int(np.argmax(moved))

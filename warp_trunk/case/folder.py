@@ -23,7 +23,8 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     """Read and check a case folder; everything that comes back is in LPS axes and mm.
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
-    `landmarks_before.csv`, `landmarks_after.csv` and perhaps `actual_skin.ply` and `bones_after/*.ply`.
+    `landmarks_before.csv` and perhaps `landmarks_after.csv`, `landmarks_bending_left.csv`,
+    `landmarks_bending_right.csv`, `actual_skin.ply` and `bones_after/*.ply`.
     Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone is named after
     its file. No file is read that lies elsewhere, also where case.toml names it or a link leads to it.
 
@@ -52,10 +53,15 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
         check_within(folder, files[key])
         return read_landmarks(files[key], header.axes, header.units, header.landmark_columns)
 
-    before, after = points("landmarks_before"), points("landmarks_after")
+    def points_if_there(key: str) -> Landmarks | None:
+        path = landmark_file(folder, key)
+        return points(key) if path.exists() or path.is_symlink() else None
+
+    before, after = points("landmarks_before"), points_if_there("landmarks_after")
     source = CaseSource(files, header.units, header.axes.code)
-    check_names(before, after, source)
-    after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
+    if after is not None:
+        check_names(before, after, source)
+        after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
 
     skin_file, actual_file = (surface_files(folder, stem).get(stem) for stem in ("skin", "actual_skin"))
     bone_files = surface_files(folder / "bones")
@@ -81,6 +87,8 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
         bones_after={
             name: read(f"bones_after/{name}", path) for name, path in surface_files(folder / "bones_after").items()
         },
+        bending_left=points_if_there("landmarks_bending_left"),
+        bending_right=points_if_there("landmarks_bending_right"),
     )
     if header.layers is not None:
         layers = read_layers(folder, header.layers, MILLIMETRES[header.units], len(case.skin.vertices))
@@ -125,8 +133,16 @@ def write_case(folder: str | Path, case: Case) -> None:
     for path, surface in surfaces.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_surface(path, surface)
-    landmarks = {"landmarks_before.csv": case.landmarks_before, "landmarks_after.csv": case.landmarks_after}
+    landmarks = {
+        "landmarks_before.csv": case.landmarks_before,
+        "landmarks_after.csv": case.landmarks_after,
+        "landmarks_bending_left.csv": case.bending_left,
+        "landmarks_bending_right.csv": case.bending_right,
+    }
     for file, points in landmarks.items():
+        if points is None:
+            (folder / file).unlink(missing_ok=True)
+            continue
         with atomic_write(folder / file) as unfinished:
             write_landmarks(unfinished, points)
     header = CaseHeader(

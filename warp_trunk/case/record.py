@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
 from .landmarks import Landmarks
@@ -14,7 +15,7 @@ from .layers import Layers
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A patient and a planned correction, in LPS axes and mm."""
+    """A patient, and a planned correction where there is one, in LPS axes and mm."""
 
     name: str
     """What to call the case in results."""
@@ -24,8 +25,8 @@ class Case:
     """The bones before surgery by name (`T7`, `rib_left_01`, `hip_left`); they may overlap."""
     landmarks_before: Landmarks
     """Points on the bones before surgery."""
-    landmarks_after: Landmarks
-    """The same points after surgery, same names in the same order."""
+    landmarks_after: Landmarks | None = None
+    """The same points after surgery, same names in the same order; None where nothing is planned yet."""
     actual_skin: Surface | None = None
     """The trunk after surgery where known; it need not have the triangles of `skin`."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
@@ -34,10 +35,24 @@ class Case:
     """Bones known after surgery, by name; each has the vertices of the one before, moved rigidly."""
     layers: Layers | None = None
     """Skin, fat and muscle, where the case says something of them."""
+    bending_left: Landmarks | None = None
+    """Points on the vertebrae while the patient bends to her left, some or all of those before surgery."""
+    bending_right: Landmarks | None = None
+    """The same while she bends to her right."""
+
+    @property
+    def planned_landmarks(self) -> Landmarks:
+        """The landmarks after surgery; InputError where nothing is planned."""
+        if self.landmarks_after is None:
+            raise InputError(
+                f"case {self.name!r}: has no landmarks_after, to which surgery takes the bones; "
+                "make them with warp-trunk plan"
+            )
+        return self.landmarks_after
 
     def landmarks_at(self, load_factor: float) -> Landmarks:
-        """The landmarks at a part of the correction in [0, 1]; each moves straight."""
+        """The landmarks at a part of the correction in [0, 1]; each moves straight. InputError without a plan."""
         if load_factor == 1.0:
-            return self.landmarks_after  # to the bit
-        before, after = self.landmarks_before.points, self.landmarks_after.points
+            return self.planned_landmarks  # to the bit
+        before, after = self.landmarks_before.points, self.planned_landmarks.points
         return Landmarks(self.landmarks_before.names, before + load_factor * (after - before))

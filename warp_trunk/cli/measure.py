@@ -80,7 +80,7 @@ def measured(
     if when is None:
         unmoved = same and np.abs(skin.vertices - case.skin.vertices).max() < 1e-3  # float32 files round
         when = "before" if unmoved else "after"
-    landmarks = case.landmarks_before if when == "before" else case.landmarks_after
+    landmarks = case.landmarks_before if when == "before" else case.planned_landmarks
     found = measure(skin, landmarks, case.skin if same and when == "after" else None)
     record: dict[str, Any] = {"case": case.name, "landmarks": when, "skin": measures_record(found)}
     text = [f"{case.name.strip()}: the skin with its landmarks {when} surgery", "", measures_text(found)]

@@ -90,7 +90,7 @@ class Recording:
         }
         actual = case.actual_skin is not None
         target_skin = case.actual_skin or self._carried(planned)
-        target = measure(target_skin, case.landmarks_after)
+        target = measure(target_skin, case.planned_landmarks)
         name = "actual" if actual else "target"
         unit = "its own unit" if model is None else model.elements.unit
         blueprint = layout(case, before, tuple(self._values), name, unit)
@@ -100,7 +100,7 @@ class Recording:
         self._scene = Scene(self._log, case, trunk, level, most)
         self._numbers = Numbers(self._log, before, target, name)
         self._scene.still("before", case.skin, np.zeros_like(planned), case.landmarks_before.points)
-        self._scene.still("target", target_skin, planned, case.landmarks_after.points)
+        self._scene.still("target", target_skin, planned, case.planned_landmarks.points)
         self._scene.section("before", before, drawing.BEFORE, static=True)
         if actual:
             self._scene.section("target", target, drawing.TARGET, static=True)

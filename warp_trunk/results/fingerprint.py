@@ -53,7 +53,7 @@ def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh |
     for when, bones in (("bone", case.bones), ("bone after", case.bones_after)):
         found |= {f"{when} {name}": _surface(surface) for name, surface in bones.items()}
     found["landmarks_before"] = _landmarks(case.landmarks_before)
-    found["landmarks_after"] = _landmarks(case.landmarks_after)
+    found["landmarks_after"] = _landmarks(case.planned_landmarks)
     found["layers of the case"] = None if case.layers is None else _layers(case.layers)
     found["mesh made elsewhere"] = None if trunk is None else _trunk(trunk)
     found |= {f"version of {name}": version for name, version in versions().items() if name in PROGRAMS}

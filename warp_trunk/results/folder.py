@@ -112,15 +112,15 @@ def write_result(
         model,
         increments,
         before=measure(case.skin, case.landmarks_before),
-        after=measure(skin, case.landmarks_after, case.skin),
-        actual=None if actual is None else measure(actual, case.landmarks_after),
+        after=measure(skin, case.planned_landmarks, case.skin),
+        actual=None if actual is None else measure(actual, case.planned_landmarks),
         parameters=parameters,
         seconds=seconds,
     )
     surfaces = {SKIN_BEFORE: case.skin, PREDICTED_SKIN: skin}
     if actual is not None:
         surfaces[ACTUAL_SKIN] = actual
-    landmarks = {LANDMARKS_BEFORE: case.landmarks_before, LANDMARKS_AFTER: case.landmarks_after}
+    landmarks = {LANDMARKS_BEFORE: case.landmarks_before, LANDMARKS_AFTER: case.planned_landmarks}
     for name, surface in surfaces.items():
         write_surface(partial(folder / name), surface)
     for name, points in landmarks.items():

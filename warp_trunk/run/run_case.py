@@ -78,6 +78,7 @@ def run_case(
     """
     options = options or RunOptions()
     progress = progress or Progress()
+    _ = case.planned_landmarks  # refused before any work where nothing is planned
     folder = prepare_folder(folder)
     check_colours(case, options.record_colours)
     if options.live and not options.record:
@@ -104,9 +105,9 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
         partial(folder / RECORDING).unlink(missing_ok=True)  # of a run that was interrupted
     trunk = _mesh(case, options, progress) if given is None else given
     with progress.stage("path", "fitting the spline of the landmarks"):
-        bone_path = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
+        bone_path = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
         if options.bones == "rigid":
-            motions = bone_motions(case.bones, case.landmarks_before, case.landmarks_after, case.bones_after)
+            motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after)
             trunk = free_joints(trunk)
             bone_path = rigid_path(trunk, motions, bone_path)
     trunk, tissues = _tissues(case, trunk, options, progress)
