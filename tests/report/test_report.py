@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image
 from support.report_results import write_small_result
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.report import write_report
 from warp_trunk.report.modelled import modelled, not_modelled
@@ -147,9 +149,9 @@ def test_what_was_modelled_follows_the_options(plain):
     assert "already holds" in said
     assert "skin, fat and muscle" in not_said
     assert "joints" in not_said
-    tissues = [{"youngs_modulus": 130.0}, {"youngs_modulus": 2.5}]
+    tissues = (Tissue(youngs_modulus=130.0), Tissue(youngs_modulus=2.5))
     options = {"bones": "rigid", "gravity": 9.81, "rest": "sag-free"}
-    other = {**summary, "tissues": tissues, "terms": ["shape", "gravity"], "parameters": options}
+    other = replace(summary, tissues=tissues, terms=("shape", "gravity"), parameters=options)
     said, not_said = " ".join(modelled(other)), " ".join(not_modelled(other))
     assert "2 elastic materials" in said
     assert "130, 2.5 kPa" in said

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -14,9 +15,9 @@ from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
+from warp_trunk.results import Summary, predicted_skin, prepare_folder, read_summary, write_result
 from warp_trunk.results import folder as result_folder
-from warp_trunk.results import predicted_skin, prepare_folder, read_summary, write_result
-from warp_trunk.results.reading import SUMMARY_KEYS
+from warp_trunk.results.summary import StepSummary
 
 WHOLE = {
     "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
@@ -52,37 +53,38 @@ def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
     _, trunk, _, _ = simulated
     summary = write_result(tmp_path, *simulated, parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0})
     assert read_summary(tmp_path) == summary
-    assert set(summary) == SUMMARY_KEYS
-    assert summary["status"] == "CONVERGED"
-    assert summary["tets"] == len(trunk.tets)
-    assert summary["free_nodes"] == len(trunk.nodes) - int((trunk.bone >= 0).sum())
-    assert summary["parameters"] | {"tets": 7, "theta": 10.0, "gravity": 0.0} == summary["parameters"]
-    assert [row["load_factor"] for row in summary["increments"]] == pytest.approx([1 / 3, 2 / 3, 1.0])
-    assert summary["increments"][1]["energy"] == {
+    assert set(json.loads((tmp_path / "summary.json").read_text())) == set(Summary.__dataclass_fields__)
+    assert summary.status == "CONVERGED"
+    assert summary.tets == len(trunk.tets)
+    assert summary.free_nodes == len(trunk.nodes) - int((trunk.bone >= 0).sum())
+    assert summary.parameters | {"tets": 7, "theta": 10.0, "gravity": 0.0} == summary.parameters
+    assert [row.load_factor for row in summary.increments] == pytest.approx([1 / 3, 2 / 3, 1.0])
+    assert summary.increments[1].energy == {
         "distance": 2.0, "area": 4.0, "volume": 6.0, "gravity": 0.0, "shape": 0.0, "total": 12.0,
     }  # fmt: skip
-    assert summary["increments"][2]["linear_iterations"] == 150
-    assert summary["terms"] == ["distance", "area", "volume"]
-    assert set(summary["seconds"]) == {"load", "surface", "mesh", "compile", "relax", "record", "total"}
-    assert summary["seconds"]["relax"] == pytest.approx(0.75)
-    assert summary["seconds"]["mesh"] == 1.5
-    assert summary["seconds"]["load"] is None
-    assert 10.0 < summary["peak_memory_mb"] < 1e5
-    assert summary["versions"]["numpy"] == np.__version__
+    assert summary.increments[2].linear_iterations == 150
+    assert summary.terms == ("distance", "area", "volume")
+    assert set(summary.seconds) == {"load", "surface", "mesh", "compile", "relax", "record", "total"}
+    assert summary.seconds["relax"] == pytest.approx(0.75)
+    assert summary.seconds["mesh"] == 1.5
+    assert summary.seconds["load"] is None
+    assert summary.peak_memory_mb is not None
+    assert 10.0 < summary.peak_memory_mb < 1e5
+    assert summary.versions["numpy"] == np.__version__
 
 
 def test_rotation_before_and_after_by_level(simulated, tmp_path):
-    bsr = write_result(tmp_path, *simulated)["bsr_deg"]
-    assert bsr["before"] == pytest.approx({"T4": 0.0, "T8": 0.0, "T12": 0.0, "L3": 0.0}, abs=1e-9)
-    assert bsr["after"]["T4"] == pytest.approx(14.0 * 360.0 / 420.0, abs=0.05)
-    assert bsr["actual"] is None
+    bsr = write_result(tmp_path, *simulated).bsr_deg
+    assert bsr.before == pytest.approx({"T4": 0.0, "T8": 0.0, "T12": 0.0, "L3": 0.0}, abs=1e-9)
+    assert bsr.after["T4"] == pytest.approx(14.0 * 360.0 / 420.0, abs=0.05)
+    assert bsr.actual is None
 
 
 def test_actual_skin_is_measured(simulated, tmp_path):
     case, trunk, model, increments = simulated
     known = replace(case, actual_skin=case.skin)
-    bsr = write_result(tmp_path, known, trunk, model, increments)["bsr_deg"]
-    assert bsr["actual"] == pytest.approx(bsr["before"], abs=1e-9)
+    bsr = write_result(tmp_path, known, trunk, model, increments).bsr_deg
+    assert bsr.actual == pytest.approx(bsr.before, abs=1e-9)
 
 
 def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
@@ -120,17 +122,17 @@ def test_steps_of_every_relaxation_are_told_by_term_and_time(simulated, tmp_path
     case, trunk, model, increments = simulated
     step = RelaxStep(increments[0].relaxation.energy, math.inf, 0.5, 12, 0.1)
     watched = replace(increments[0], relaxation=replace(increments[0].relaxation, history=(step,)))
-    rows = write_result(tmp_path, case, trunk, model, [watched, increments[-1]])["increments"]
-    assert rows[0]["history"] == [
-        {
-            "energy": {"distance": 1.0, "area": 2.0, "volume": 3.0, "gravity": 0.0, "shape": 0.0, "total": 6.0},
-            "estimated_error_mm": None,
-            "step_length": 0.5,
-            "linear_iterations": 12,
-            "seconds": 0.1,
-        }
-    ]
-    assert rows[1]["history"] == []
+    rows = write_result(tmp_path, case, trunk, model, [watched, increments[-1]]).increments
+    assert rows[0].history == (
+        StepSummary(
+            energy={"distance": 1.0, "area": 2.0, "volume": 3.0, "gravity": 0.0, "shape": 0.0, "total": 6.0},
+            estimated_error_mm=None,
+            step_length=0.5,
+            linear_iterations=12,
+            seconds=0.1,
+        ),
+    )
+    assert rows[1].history == ()
 
 
 def test_no_summary_stands_beside_files_that_are_being_changed(simulated, tmp_path, monkeypatch):
@@ -171,6 +173,14 @@ def test_full_disk_is_refused_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(result_folder.shutil, "disk_usage", lambda _: usage)
     with pytest.raises(InputError, match="1 MB are free"):
         prepare_folder(tmp_path)
+
+
+def test_numbers_and_paths_of_any_kind_are_written(simulated, tmp_path):
+    odd = {"theta": np.float32(2.0), "steps": np.int64(3), "mesh": Path("a") / "b.vtu", "far": math.nan}
+    read = write_result(tmp_path, *simulated, parameters=odd).parameters
+    assert {name: read[name] for name in odd} == {
+        "theta": 2.0, "steps": 3, "mesh": str(Path("a") / "b.vtu"), "far": None,
+    }  # fmt: skip
 
 
 def test_no_increment_and_no_summary_are_named(simulated, tmp_path):

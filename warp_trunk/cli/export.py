@@ -37,10 +37,9 @@ class Export:
                 f"--out: a mesh cannot be written as '{self.out.suffix}'; end the name in one of {known}"
             )
         check_place(self.out)
-        parameters = read_summary(self.result).get("parameters", {})
+        tissues = read_summary(self.result).tissues
         trunk, displacement = read_trunk(self.result / TRUNK)
-        constants = {name: parameters[name] for name in Tissue.__dataclass_fields__ if name in parameters}
         with atomic_write(self.out) as unfinished:
-            write_volume(unfinished, trunk, displacement, Tissue(**constants))
+            write_volume(unfinished, trunk, displacement, tissues[0] if len(tissues) == 1 else Tissue())
         print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {self.out}")
         return OK

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .style import FAINT, INK, PREDICTED, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from warp_trunk.results import Summary
 
-def convergence_plot(summary: Mapping[str, Any]) -> Figure:
+
+def convergence_plot(summary: Summary) -> Figure:
     """The estimated error after every step against time, both from the summary of a result."""
     figure = new_figure(6.4, 2.9, "constrained")
     axes = figure.subplots()
     axes.set_yscale("log")
     start, points = 0.0, []
-    for row in summary["increments"]:
-        steps = row["history"] or [row]  # without a history, its end
-        known = [(start + s["seconds"], s["estimated_error_mm"]) for s in steps if s["estimated_error_mm"]]
+    for row in summary.increments:
+        steps = row.history or [row]  # without a history, its end
+        known = [(start + s.seconds, s.estimated_error_mm) for s in steps if s.estimated_error_mm]
         if known:
             points += known
             axes.plot(*zip(*known, strict=True), color=PREDICTED.colour, marker=PREDICTED.marker, markersize=3.5)
-        start += row["seconds"]
+        start += row.seconds
         axes.axvline(start, color="#dddddd", linewidth=0.6, zorder=0)
-    tolerance = summary["parameters"].get("tolerance")
+    tolerance = summary.parameters.get("tolerance")
     if tolerance:
         axes.axhline(tolerance, color=INK, linewidth=0.8, linestyle=":")
         axes.annotate(

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from warp_trunk.engine.tissue import Tissue
+    from warp_trunk.results import Summary
 
 BONES = {
     "spline": "carried by a smooth interpolation (thin-plate spline) of the landmarks of the plan",
@@ -12,38 +16,38 @@ BONES = {
 """How bones are carried, by the option of the simulation."""
 
 
-def modelled(summary: Mapping[str, Any]) -> list[str]:
+def modelled(summary: Summary) -> list[str]:
     """What was modelled, one phrase for each thing."""
-    options, terms = summary["parameters"], summary["terms"]
+    options, terms = summary.parameters, summary.terms
     bones = options.get("bones", "spline")
     energy = "springs on edges, faces and volumes [2]" if "distance" in terms else "a neo-Hookean continuum"
     return [
-        f"Soft tissue: {_tissues(summary['tissues'])} in {summary['tets']:,} tetrahedra, as {energy} "
+        f"Soft tissue: {_tissues(summary.tissues)} in {summary.tets:,} tetrahedra, as {energy} "
         f"(terms: {', '.join(terms)}).",
-        f"Bones: {BONES.get(bones, bones)}, in {len(summary['increments'])} equal parts.",
+        f"Bones: {BONES.get(bones, bones)}, in {len(summary.increments)} equal parts.",
         f"Gravity: {_gravity(options)}.",
-        f"Inverted tetrahedra at the end: {summary['inverted_tets']}.",
+        f"Inverted tetrahedra at the end: {summary.inverted_tets}.",
     ]
 
 
-def not_modelled(summary: Mapping[str, Any]) -> list[str]:
+def not_modelled(summary: Summary) -> list[str]:
     """What was not, one phrase for each thing."""
     missing = [
         "the pull of muscles, breathing and posture",
         "growth, and changes of weight after surgery",
         "scars",
     ]
-    if len(summary["tissues"]) == 1:
+    if len(summary.tissues) == 1:
         missing.insert(0, "skin, fat and muscle as different materials")
-    if summary["parameters"].get("bones", "spline") == "spline":
+    if summary.parameters.get("bones", "spline") == "spline":
         missing.append("joints: ribs and shoulder blades follow the spine smoothly")
     return missing
 
 
-def _tissues(tissues: list[dict[str, float]]) -> str:
+def _tissues(tissues: Sequence[Tissue]) -> str:
     if len(tissues) == 1:
         return "one elastic material"
-    moduli = ", ".join(f"{tissue['youngs_modulus']:g}" for tissue in tissues)
+    moduli = ", ".join(f"{tissue.youngs_modulus:g}" for tissue in tissues)
     return f"{len(tissues)} elastic materials (Young's moduli from the skin inwards {moduli} kPa)"
 
 

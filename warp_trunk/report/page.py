@@ -5,7 +5,7 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.comparison import DETECTABLE
@@ -16,6 +16,7 @@ from .tables import error_rows, head, measure_rows, rotation_rows
 
 if TYPE_CHECKING:
     from warp_trunk.measures import SkinComparison
+    from warp_trunk.results import Summary
 
     from .style import Pose
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 def page(
     poses: Sequence[Pose],
     comparison: SkinComparison | None,
-    summary: Mapping[str, Any],
+    summary: Summary,
     drawings: Mapping[str, bytes],
 ) -> str:
     """The text of the page; all that comes from files is escaped.
@@ -38,9 +39,9 @@ def page(
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     text = files("warp_trunk.report").joinpath("page.html").read_text(encoding="utf-8")
-    status = RelaxStatus[summary["status"]]
+    status = summary.ending
     return environment.from_string(text).render(
-        case=summary["parameters"]["case"],
+        case=summary.case,
         converged=status is RelaxStatus.CONVERGED,
         status=status.name,
         reason=status.value[:1].upper() + status.value[1:],
@@ -56,9 +57,9 @@ def page(
         detectable=DETECTABLE,
         modelled=modelled(summary),
         not_modelled=not_modelled(summary),
-        options=[(name, _text(value)) for name, value in summary["parameters"].items()],
-        versions=[(name, _text(value)) for name, value in summary["versions"].items()],
-        seconds=[(name, "–" if value is None else f"{value:.1f}") for name, value in summary["seconds"].items()],
+        options=[(name, _text(value)) for name, value in summary.parameters.items()],
+        versions=[(name, _text(value)) for name, value in summary.versions.items()],
+        seconds=[(name, "–" if value is None else f"{value:.1f}") for name, value in summary.seconds.items()],
     )
 
 

@@ -7,11 +7,13 @@ from .checkpoint import Checkpoint, unfinished
 from .fingerprint import fingerprint_of
 from .folder import RECORDING, predicted_skin, prepare_folder, write_result
 from .reading import Result, read_result, read_summary
+from .summary import Summary
 
 __all__ = [
     "RECORDING",
     "Checkpoint",
     "Result",
+    "Summary",
     "fingerprint_of",
     "locked",
     "partial",

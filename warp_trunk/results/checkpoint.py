@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import logging
 import shutil
 import zipfile
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
-from warp_trunk.engine.relaxation import Relaxation, RelaxStatus, RelaxStep
+from warp_trunk.engine.relaxation import Relaxation
 from warp_trunk.engine.simulation import Increment
-from warp_trunk.engine.state import Energy
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import complete, partial
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from warp_trunk.engine.model import Model
 
 CHECKPOINT = "checkpoint"
-FORMAT = 1
+FORMAT = 2
 """Raised whenever a file would be read another way."""
 WORTH_WAITING = 1.0
 """An increment that took this long [s] is waited for until the disk has it; one lost in a power cut before is not
@@ -35,6 +35,18 @@ _DAMAGED = (
     RuntimeError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 _log = logging.getLogger("warp_trunk")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Record:
+    """What stands beside the displacement of an increment, as JSON that may hold NaN and infinity."""
+
+    format: int
+    number: int
+    load_factor: float
+    seconds: float
+    relaxation: Relaxation
+    fingerprint: Fingerprint
 
 
 class Checkpoint:
@@ -57,7 +69,7 @@ class Checkpoint:
         number = 0
         while (record := _record(_path(self.folder, number + 1))) is not None:
             number += 1
-            if differs := difference(record["fingerprint"], self._fingerprint):
+            if differs := difference(record.fingerprint, self._fingerprint):
                 raise InputError(
                     f"{self.folder}: is of another simulation, {differs}; "
                     "change it back, or leave --resume out to start anew"
@@ -71,18 +83,22 @@ class Checkpoint:
     def save(self, increment: Increment) -> None:
         """Adds an increment; its file is whole or not there. A disk that fails is a warning."""
         path = _path(self.folder, increment.number)
-        record = {
-            "format": FORMAT,
-            "number": increment.number,
-            "load_factor": increment.load_factor,
-            "seconds": increment.seconds,
-            "relaxation": dataclasses.asdict(increment.relaxation) | {"status": increment.relaxation.status.name},
-            "fingerprint": self._fingerprint,
-        }
+        record = _Record(
+            format=FORMAT,
+            number=increment.number,
+            load_factor=increment.load_factor,
+            seconds=increment.seconds,
+            relaxation=increment.relaxation,
+            fingerprint=self._fingerprint,
+        )
         try:
             self.folder.mkdir(exist_ok=True)
             with partial(path).open("wb") as file:
-                np.savez(file, displacement=increment.from_rest, record=np.array(json.dumps(record)))
+                np.savez(
+                    file,
+                    displacement=increment.from_rest,
+                    record=np.array(json.dumps(msgspec.to_builtins(record))),
+                )
             complete(path, to_disk=increment.seconds >= WORTH_WAITING)
         except OSError as error:
             partial(path).unlink(missing_ok=True)
@@ -102,7 +118,7 @@ def unfinished(result: Path) -> str:
         return ""
     number, increments = 0, "?"
     while (record := _record(_path(result / CHECKPOINT, number + 1))) is not None:
-        number, increments = number + 1, record["fingerprint"].get("increments", "?")
+        number, increments = number + 1, record.fingerprint.get("increments", "?")
     return (
         f"an unfinished simulation, {number} of {increments} increments; "
         "if it no longer runs, simulate again with --resume to continue it"
@@ -113,50 +129,26 @@ def _path(folder: Path, number: int) -> Path:
     return folder / f"increment_{number:02d}.npz"
 
 
-def _record(path: Path) -> dict[str, Any] | None:
+def _record(path: Path) -> _Record | None:
     """What a file says of its increment; None where it is missing or damaged."""
     if not path.is_file():
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
             finite = np.isfinite(file["displacement"]).all()
-            record = json.loads(str(file["record"]))
-        if record["format"] != FORMAT or not isinstance(record["fingerprint"], dict):
-            return None
-        _relaxation(record["relaxation"])
-        sound = all(isinstance(record[name], (int, float)) for name in ("number", "load_factor", "seconds"))
-        return record if sound and finite else None
+            record = msgspec.convert(json.loads(str(file["record"])), _Record)
+        return record if record.format == FORMAT and finite else None
     except _DAMAGED:
         return None
 
 
 def _read(path: Path, model: Model) -> Increment:
     with np.load(path, allow_pickle=False) as file:
-        record, displacement = json.loads(str(file["record"])), file["displacement"]
+        record = msgspec.convert(json.loads(str(file["record"])), _Record)
+        displacement = file["displacement"]
     if displacement.shape != model.rest.shape:
         raise InputError(
             f"{path}: has {len(displacement)} nodes but the mesh has {len(model.rest)}; "
             "leave --resume out to start anew"
         )
-    relaxation = _relaxation(record["relaxation"])
-    return Increment(model, record["number"], record["load_factor"], displacement, relaxation, record["seconds"])
-
-
-def _relaxation(told: dict[str, Any]) -> Relaxation:
-    """How a relaxation ended, from JSON.
-
-    Raises:
-        KeyError, TypeError: what is told is not that.
-    """
-    history = tuple(RelaxStep(**{**step, "energy": _energy(step["energy"])}) for step in told["history"])
-    status, energy = RelaxStatus[told["status"]], _energy(told["energy"])
-    numbers = {name: told[name] for name in told.keys() - {"status", "energy", "history"}}
-    if not all(isinstance(value, (int, float)) for value in numbers.values()):
-        raise TypeError("numbers were expected")
-    return Relaxation(**{**numbers, "status": status, "energy": energy, "history": history})
-
-
-def _energy(told: dict[str, float]) -> Energy:
-    if not all(isinstance(value, (int, float)) for value in told.values()):
-        raise TypeError("numbers were expected")
-    return Energy(**told)
+    return Increment(model, record.number, record.load_factor, displacement, record.relaxation, record.seconds)

@@ -12,7 +12,7 @@ import numpy as np
 
 from warp_trunk.engine.parallel import choose_device, choose_threads
 
-from .summary import versions
+from .versions import versions
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

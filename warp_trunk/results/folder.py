@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -19,7 +18,8 @@ from warp_trunk.io.atomic_write import complete, partial
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
 
-from .summary import summarize
+from .summarize import summarize
+from .summary import SUMMARY, Summary, write_summary
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -30,7 +30,6 @@ RECORDING = "recording.rrd"
 SKIN_BEFORE, PREDICTED_SKIN, ACTUAL_SKIN = "skin_before.ply", "predicted_skin.ply", "actual_skin.ply"
 LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
 TRUNK = "trunk.vtu"
-SUMMARY = "summary.json"
 LEAST_SPACE = 200e6
 """A result folder needs this much free space [bytes]; the largest results seen take a third of it."""
 
@@ -74,7 +73,7 @@ def write_result(
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
     recording: Path | None = None,
-) -> dict[str, Any]:
+) -> Summary:
     """Write the result of a simulation, with all of the case that its report needs.
 
     That is `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where the
@@ -126,8 +125,7 @@ def write_result(
     for name, points in landmarks.items():
         write_landmarks(partial(folder / name), points)
     write_trunk(partial(folder / TRUNK), trunk, displacement)
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    partial(folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+    written = write_summary(partial(folder / SUMMARY), summary)
 
     for name in (SUMMARY, RECORDING, ACTUAL_SKIN):  # without a summary, what lies there is no whole result
         (folder / name).unlink(missing_ok=True)
@@ -135,4 +133,4 @@ def write_result(
         os.replace(recording, folder / RECORDING)
     for name in (*surfaces, *landmarks, TRUNK, SUMMARY):
         complete(folder / name)
-    return summary
+    return written

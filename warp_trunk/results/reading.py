@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
-from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.file_access import read_text
 from warp_trunk.io.surface_files import read_surface
 
 from .checkpoint import unfinished
-from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PREDICTED_SKIN, SKIN_BEFORE, SUMMARY
-from .summary_shape import fault
+from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PREDICTED_SKIN, SKIN_BEFORE
+from .summary import SUMMARY, Summary, parse_summary
 
 AGAIN = "simulate the case again"
-SUMMARY_KEYS = frozenset(
-    {
-        "status", "tets", "nodes", "free_nodes", "inverted_tets", "device", "precision", "parameters",
-        "sag_mm", "tissues", "terms", "increments", "bsr_deg", "cobb_deg", "seconds", "peak_memory_mb", "versions",
-    }
-)  # fmt: skip
-"""What a summary holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +33,8 @@ class Result:
     """Points on the bones before surgery."""
     landmarks_after: Landmarks
     """The same points after surgery, same names in the same order."""
-    summary: dict[str, Any]
-    """The contents of summary.json, see `SUMMARY_KEYS`."""
+    summary: Summary
+    """The contents of summary.json."""
 
 
 def read_result(folder: str | Path) -> Result:
@@ -56,18 +45,6 @@ def read_result(folder: str | Path) -> Result:
     """
     folder = Path(folder)
     summary = read_summary(folder)
-    missing = sorted(SUMMARY_KEYS - summary.keys())
-    if missing:
-        raise InputError(
-            f"{folder / SUMMARY}: '{missing[0]}' is missing, so another version of the program wrote it; {AGAIN}"
-        )
-    if wrong := fault(summary):
-        raise InputError(f"{folder / SUMMARY}: {wrong}; {AGAIN}")
-    if summary["status"] not in RelaxStatus.__members__ or not summary["increments"]:
-        raise InputError(
-            f"{folder / SUMMARY}: has status {summary['status']!r} and {len(summary['increments'])} increments; "
-            f"a result has a known status and at least one increment; {AGAIN}"
-        )
     before, after = (_surface(folder / name) for name in (SKIN_BEFORE, PREDICTED_SKIN))
     if not np.array_equal(before.faces, after.faces) or before.vertices.shape != after.vertices.shape:
         raise InputError(
@@ -80,7 +57,7 @@ def read_result(folder: str | Path) -> Result:
             f"{folder / LANDMARKS_AFTER}: its {len(reached.names)} names are not the {len(planned.names)} of "
             f"{LANDMARKS_BEFORE} in their order; {AGAIN}"
         )
-    known = summary["bsr_deg"].get("actual") is not None
+    known = summary.bsr_deg.actual is not None
     return Result(
         skin_before=before,
         predicted_skin=after,
@@ -91,23 +68,16 @@ def read_result(folder: str | Path) -> Result:
     )
 
 
-def read_summary(folder: str | Path) -> dict[str, Any]:
+def read_summary(folder: str | Path) -> Summary:
     """The summary of a result folder.
 
     Raises:
-        InputError: there is none, or none yet, or it is not a JSON object.
+        InputError: there is none, or none yet, or it is damaged or of another version of the program.
     """
     path = Path(folder) / SUMMARY
     if not path.is_file() and (left := unfinished(Path(folder))):
         raise InputError(f"{folder}: holds no result yet but {left}")
-    text = read_text(path, "give a folder that `simulate` wrote")
-    try:
-        summary = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON ({error}); {AGAIN}") from error
-    if not isinstance(summary, dict):
-        raise InputError(f"{path}: must hold a JSON object, not {type(summary).__name__}; {AGAIN}")
-    return summary
+    return parse_summary(path)
 
 
 def _surface(path: Path) -> Surface:

@@ -1,140 +1,168 @@
-"""What a summary says: how the run ended, with which options, and what was measured."""
+"""What a result says of itself in summary.json: one record, written and read here and nowhere else.
+
+A field of `Summary` is an entry of the file under the same name, and its type is what is accepted when the file is
+read. A field that older results lack has a default.
+"""
 
 from __future__ import annotations
 
-import dataclasses
-import math
-import platform
-import sys
-from collections.abc import Mapping, Sequence
-from importlib import metadata
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.engine.model import Model
-    from warp_trunk.engine.relaxation import RelaxStep
-    from warp_trunk.engine.simulation import Increment
-    from warp_trunk.engine.state import Energy
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.measures import TrunkMeasures
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
+from warp_trunk.io.file_access import read_text
+from warp_trunk.measures import CobbAngle
 
-STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
-"""The parts of every run, whose seconds a summary gives."""
-SCENE_STAGES = ("layers", "rest")
-"""Those that only a scene with layers or gravity has."""
+SUMMARY = "summary.json"
+Rotations = dict[str, float | None]
+"""Back surface rotation [degrees] by vertebral level; None where it is missing."""
+Terms = dict[str, float | None]
+"""Energy by term, and their `total`."""
 
 
-def summarize(
-    case: Case,
-    trunk: TrunkMesh,
-    model: Model,
-    increments: Sequence[Increment],
-    *,
-    before: TrunkMeasures,
-    after: TrunkMeasures,
-    actual: TrunkMeasures | None = None,
-    parameters: Mapping[str, Any] | None = None,
-    seconds: Mapping[str, float] | None = None,
-) -> dict[str, Any]:
-    """The summary of a simulation in plain JSON types; what is not known or not finite is None."""
-    last = increments[-1].relaxation
-    known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
-    return _plain(
-        {
-            "status": last.status.name,
-            "tets": len(trunk.tets),
-            "nodes": len(trunk.nodes),
-            "free_nodes": int((~trunk.prescribed).sum()),
-            "inverted_tets": last.inverted_tets,
-            "device": model.device,
-            "precision": model.precision,
-            "parameters": {
-                "case": case.name,
-                **(dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}),
-                "gravity": model.gravity,
-                **(parameters or {}),
-            },
-            "sag_mm": 0.0 if model.scan is None else np.linalg.norm(model.scan, axis=1).max(),
-            "tissues": [dataclasses.asdict(tissue) for tissue in model.tissues],
-            "terms": list(model.elements.terms),
-            "increments": [_increment(increment) for increment in increments],
-            "bsr_deg": {"before": before.bsr, "after": after.bsr, "actual": actual and actual.bsr},
-            "cobb_deg": {
-                when: [dataclasses.asdict(curve) for curve in measures.cobb]
-                for when, measures in (("before", before), ("after", after))
-            },
-            "seconds": {
-                stage: known.get(stage) for stage in (*STAGES, *SCENE_STAGES) if stage in STAGES or stage in known
-            },
-            "peak_memory_mb": peak_memory(),
-            "versions": versions(),
-        }
-    )
+@dataclass(frozen=True, kw_only=True)
+class StepSummary:
+    """One accepted step of a relaxation."""
+
+    energy: Terms
+    """After it."""
+    estimated_error_mm: float | None
+    """Estimated largest distance of a node from its equilibrium [mm]."""
+    step_length: float
+    """Fraction of the proposed direction that was taken."""
+    linear_iterations: int
+    """Iterations of the linear solver."""
+    seconds: float
+    """From the start of the relaxation to its end [s]."""
 
 
-def peak_memory() -> float | None:
-    """Largest resident memory of this process or one of its children so far [MB]; None where not known."""
+@dataclass(frozen=True, kw_only=True)
+class IncrementSummary:
+    """One increment of the correction and the relaxation at its end."""
+
+    load_factor: float
+    """Fraction of the correction that is applied, in (0, 1]."""
+    status: str
+    """Why the relaxation ended, a name of `RelaxStatus`."""
+    energy: Terms
+    """At its end."""
+    steps: int
+    """Accepted steps."""
+    linear_iterations: int
+    """Iterations of the linear solver."""
+    estimated_error_mm: float | None
+    """Estimated largest distance of a node from its equilibrium at the end [mm]."""
+    seconds: float
+    """What it took [s]."""
+    history: tuple[StepSummary, ...]
+    """Every step in order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotationSummary:
+    """Back surface rotation of each skin."""
+
+    before: Rotations
+    """Before surgery."""
+    after: Rotations
+    """Predicted."""
+    actual: Rotations | None
+    """As scanned after surgery, where that is known."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CobbSummary:
+    """Curves of the spine, top to bottom."""
+
+    before: tuple[CobbAngle, ...]
+    """Before surgery."""
+    after: tuple[CobbAngle, ...]
+    """As planned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """How a run ended, with which options, and what was measured; a number that is not known is None."""
+
+    case: str
+    """Name of the case."""
+    status: str
+    """Why the last relaxation ended, a name of `RelaxStatus`."""
+    tets: int
+    """Tetrahedra of the mesh."""
+    nodes: int
+    """Its nodes."""
+    free_nodes: int
+    """Those that are not on bone."""
+    inverted_tets: int
+    """Tetrahedra without positive volume at the end."""
+    device: str
+    """Where it was computed."""
+    precision: str
+    """float32 or float64."""
+    parameters: dict[str, Any]
+    """Every option of the run by its own name."""
+    sag_mm: float
+    """Largest distance of a node at rest from where the scan has it [mm]; 0 without gravity."""
+    tissues: tuple[Tissue, ...]
+    """What the trunk is made of."""
+    terms: tuple[str, ...]
+    """Terms of the energy."""
+    increments: Annotated[tuple[IncrementSummary, ...], msgspec.Meta(min_length=1)]
+    """Each of them, in order."""
+    bsr_deg: RotationSummary
+    """Back surface rotation [degrees] by level."""
+    cobb_deg: CobbSummary
+    """Cobb angles [degrees]."""
+    seconds: dict[str, float | None]
+    """Time [s] by stage of the run."""
+    peak_memory_mb: float | None
+    """Largest resident memory [MB]."""
+    versions: dict[str, str | None]
+    """Of this program and of what its numbers depend on."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for a status that no relaxation has."""
+        if self.status not in RelaxStatus.__members__:
+            raise ValueError(f"'status' must be one of {', '.join(RelaxStatus.__members__)}, not '{self.status}'")
+
+    @property
+    def ending(self) -> RelaxStatus:
+        """Why the last relaxation ended."""
+        return RelaxStatus[self.status]
+
+
+def write_summary(path: Path, summary: Summary) -> Summary:
+    """Writes it as JSON, where NaN and infinity are null; returns what a reader of the file gets."""
+    content = msgspec.json.format(msgspec.json.encode(summary, enc_hook=_plain), indent=2)
+    path.write_bytes(content + b"\n")
+    return msgspec.json.decode(content, type=Summary)
+
+
+def parse_summary(path: Path) -> Summary:
+    """Reads what `write_summary` wrote.
+
+    Raises:
+        InputError: there is no such file, it is not JSON, or an entry is missing or of another type.
+    """
+    text = read_text(path, "give a folder that `simulate` wrote")
     try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    unit = 1.0 if sys.platform == "darwin" else 1024.0
-    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return max(resource.getrusage(w).ru_maxrss for w in who) * unit / 1e6
+        return msgspec.json.decode(text, type=Summary)
+    except msgspec.ValidationError as error:
+        raise InputError(
+            f"{path}: was changed by hand or written by another version of the program: {error}; "
+            "simulate the case again"
+        ) from error
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"{path}: is not JSON ({error}); simulate the case again") from error
 
 
-def versions() -> dict[str, str | None]:
-    """Versions of this program and of what its numbers depend on."""
-    found: dict[str, str | None] = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh", "rerun-sdk"):
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = None
-    return found
-
-
-def _increment(increment: Increment) -> dict[str, Any]:
-    relaxation = increment.relaxation
-    return {
-        "load_factor": increment.load_factor,
-        "status": relaxation.status.name,
-        "energy": _energy(relaxation.energy),
-        "steps": relaxation.steps,
-        "linear_iterations": relaxation.linear_iterations,
-        "estimated_error_mm": relaxation.estimated_error,
-        "seconds": increment.seconds,
-        "history": [_step(step) for step in relaxation.history],
-    }
-
-
-def _step(step: RelaxStep) -> dict[str, Any]:
-    return {
-        "energy": _energy(step.energy),
-        "estimated_error_mm": step.estimated_error,
-        "step_length": step.step_length,
-        "linear_iterations": step.linear_iterations,
-        "seconds": step.seconds,
-    }
-
-
-def _energy(energy: Energy) -> dict[str, float]:
-    return {**dataclasses.asdict(energy), "total": energy.total}
-
-
-def _plain(value: Any) -> Any:
-    """The same in types of JSON, which has no NaN and no infinity: those become None."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value if value is None or isinstance(value, str) else str(value)
+def _plain(value: object) -> object:
+    """What JSON has for a NumPy number; of what it does not know, such as a path among the options, the text."""
+    return value.item() if isinstance(value, np.generic) else str(value)

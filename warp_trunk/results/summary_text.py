@@ -3,35 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures import CobbAngle, TrunkMeasures
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.engine.simulation import Increment
 
+    from .summary import Summary
+
 RESEARCH = "A research simulation, not for clinical use."
 
 
-def plain(folder: Path, summary: dict[str, Any], before: TrunkMeasures, after: TrunkMeasures) -> str:
+def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMeasures) -> str:
     """What is printed at the end: why it ended, what changed, and where the files are."""
-    status, bsr = RelaxStatus[summary["status"]], summary["bsr_deg"]
+    status, bsr = summary.ending, summary.bsr_deg
     lines = [
         f"{status.name}: {status.value}",
-        f"{summary['tets']} tetrahedra, {summary['inverted_tets']} of them inverted, "
-        f"in {summary['seconds']['total']:.1f} s",
+        f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
+        f"in {summary.seconds['total']:.1f} s",
         _skin(after),
         f"Cobb angles before: {_curves(before.cobb)}",
         f"Cobb angles after:  {_curves(after.cobb)}",
         "",
         "Back surface rotation [degrees]; positive: the right side of the back stands further back",
-        "level  before   after" + ("  actual" if bsr["actual"] else ""),
+        "level  before   after" + ("  actual" if bsr.actual else ""),
     ]
-    for level in bsr["before"]:
-        cells = [bsr["before"][level], bsr["after"].get(level)]
-        cells += [bsr["actual"].get(level)] if bsr["actual"] else []
+    for level in bsr.before:
+        cells = [bsr.before[level], bsr.after.get(level)]
+        cells += [bsr.actual.get(level)] if bsr.actual else []
         lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells))
     lines += [
         "",

@@ -6,7 +6,7 @@ import dataclasses
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.bone_path import BonePath, rigid_path, spline_path
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from warp_trunk.engine.relaxation import RelaxStatus
     from warp_trunk.engine.tissue import Tissue
     from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.results import Summary
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class RunResult:
     """Measures of the skin before surgery."""
     after: TrunkMeasures
     """Measures of the predicted skin."""
-    summary: dict[str, Any]
+    summary: Summary
     """The contents of summary.json."""
     folder: Path
     """Where the result is."""

@@ -7,10 +7,11 @@ import meshio
 import numpy as np
 import pytest
 
+from support.report_results import write_small_result
 from support.small_trunk import boned_case, small_trunk
 from warp_trunk.cli import main
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes, write_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume, write_volume
@@ -138,9 +139,11 @@ def test_damaged_meshes_are_refused(name, trunk, bones, tmp_path):
         read_volume(tmp_path / f"missing-{name}", skin_of(trunk), bones)
 
 
-def test_export_writes_the_mesh_of_a_result(trunk, motion, tmp_path, capsys):
-    write_trunk(tmp_path / "trunk.vtu", trunk, motion)
-    (tmp_path / "summary.json").write_text(json.dumps({"parameters": {"youngs_modulus": 12.0, "tets": 5}}))
+def test_export_writes_the_mesh_of_a_result(tmp_path, capsys):
+    write_small_result(tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    summary["tissues"][0]["youngs_modulus"] = 12.0
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
     assert main(["export", str(tmp_path), "--out", str(tmp_path / "problem.inp")]) == 0
     assert "*ELASTIC\n0.012, 0.45\n" in (tmp_path / "problem.inp").read_text()
     assert not (tmp_path / "problem.partial.inp").exists()

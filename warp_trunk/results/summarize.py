@@ -1,0 +1,104 @@
+"""The summary of a run, from what the run knows."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms
+from .versions import versions
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.engine.model import Model
+    from warp_trunk.engine.relaxation import RelaxStep
+    from warp_trunk.engine.simulation import Increment
+    from warp_trunk.engine.state import Energy
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.measures import TrunkMeasures
+
+STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
+"""The parts of every run, whose seconds a summary gives."""
+SCENE_STAGES = ("layers", "rest")
+"""Those that only a scene with layers or gravity has."""
+
+
+def summarize(
+    case: Case,
+    trunk: TrunkMesh,
+    model: Model,
+    increments: Sequence[Increment],
+    *,
+    before: TrunkMeasures,
+    after: TrunkMeasures,
+    actual: TrunkMeasures | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    seconds: Mapping[str, float] | None = None,
+) -> Summary:
+    """The summary of a simulation."""
+    last = increments[-1].relaxation
+    known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
+    constants = dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}
+    return Summary(
+        case=case.name,
+        status=last.status.name,
+        tets=len(trunk.tets),
+        nodes=len(trunk.nodes),
+        free_nodes=int((~trunk.prescribed).sum()),
+        inverted_tets=last.inverted_tets,
+        device=model.device,
+        precision=model.precision,
+        parameters={**constants, "gravity": model.gravity, **(parameters or {})},
+        sag_mm=0.0 if model.scan is None else float(np.linalg.norm(model.scan, axis=1).max()),
+        tissues=model.tissues,
+        terms=tuple(model.elements.terms),
+        increments=tuple(_increment(increment) for increment in increments),
+        bsr_deg=RotationSummary(before=before.bsr, after=after.bsr, actual=None if actual is None else actual.bsr),
+        cobb_deg=CobbSummary(before=before.cobb, after=after.cobb),
+        seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
+        peak_memory_mb=peak_memory(),
+        versions=versions(),
+    )
+
+
+def peak_memory() -> float | None:
+    """Largest resident memory of this process or one of its children so far [MB]; None where not known."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    unit = 1.0 if sys.platform == "darwin" else 1024.0
+    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return max(resource.getrusage(w).ru_maxrss for w in who) * unit / 1e6
+
+
+def _increment(increment: Increment) -> IncrementSummary:
+    relaxation = increment.relaxation
+    return IncrementSummary(
+        load_factor=increment.load_factor,
+        status=relaxation.status.name,
+        energy=_terms(relaxation.energy),
+        steps=relaxation.steps,
+        linear_iterations=relaxation.linear_iterations,
+        estimated_error_mm=relaxation.estimated_error,
+        seconds=increment.seconds,
+        history=tuple(_step(step) for step in relaxation.history),
+    )
+
+
+def _step(step: RelaxStep) -> StepSummary:
+    return StepSummary(
+        energy=_terms(step.energy),
+        estimated_error_mm=step.estimated_error,
+        step_length=step.step_length,
+        linear_iterations=step.linear_iterations,
+        seconds=step.seconds,
+    )
+
+
+def _terms(energy: Energy) -> Terms:
+    return {**dataclasses.asdict(energy), "total": energy.total}
