@@ -39,7 +39,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         first: int,
         end: int,
         slab: int,
-        gradient: wp.array(dtype=vec3, ndim=2),
+        gradient: wp.array(dtype=vec3),
         solution: wp.array(dtype=vec3),
         residual: wp.array(dtype=vec3),
         search: wp.array(dtype=vec3),
@@ -48,7 +48,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         """Starts from zero: residual = -gradient (the one minus sign of Newton's method)."""
         i = first + wp.tid()
         if i < end:
-            residual[i] = -gradient[0, i]
+            residual[i] = -gradient[i]
             solution[i] = vec3()
             search[i] = vec3()
             earlier[i] = vec3()

@@ -40,13 +40,12 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         first: int,
         end: int,
         slab: int,
-        slabs: int,
+        gradient: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
-        previous: wp.array(dtype=vec3, ndim=2),
-        gradient: wp.array(dtype=vec3, ndim=2),
+        previous: wp.array(dtype=vec3),
         products: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """Gathers the gradient into its first slab, and its products with the direction and the last gradient."""
+        """Products of the gradient with itself, with the direction and with an earlier gradient."""
         i = first + wp.tid()
         slope = wp.float64(0.0)
         g2 = wp.float64(0.0)
@@ -55,13 +54,9 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         before = wp.float64(0.0)
         old2 = wp.float64(0.0)
         if i < end:
-            g = gradient[0, i]
-            for other in range(1, slabs):
-                g += gradient[other, i]
-                gradient[other, i] = vec3()
-            gradient[0, i] = g
+            g = gradient[i]
             d = direction[i]
-            old = previous[0, i]
+            old = previous[i]
             slope = wp.float64(wp.dot(g, d))
             g2 = wp.float64(wp.dot(g, g))
             d2 = wp.float64(wp.dot(d, d))
@@ -76,18 +71,18 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         add(products, slab, PREVIOUS_SQUARED, old2)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def steer_kernel(
+    def descend_kernel(
         first: int,
         end: int,
         slab: int,
-        gradient: wp.array(dtype=vec3, ndim=2),
+        gradient: wp.array(dtype=vec3),
         keep: wp.array(dtype=wp.float64),
         direction: wp.array(dtype=vec3),
     ):
         """direction = -gradient + keep * direction (the one minus sign of the gradient methods)."""
         i = first + wp.tid()
         if i < end:
-            direction[i] = scalar(keep[0]) * direction[i] - gradient[0, i]
+            direction[i] = scalar(keep[0]) * direction[i] - gradient[i]
 
     @wp.kernel(module="unique", enable_backward=False)
     def extrapolate_kernel(
@@ -119,7 +114,7 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     return SimpleNamespace(
         step=step_kernel,
         products=products_kernel,
-        steer=steer_kernel,
+        descend=descend_kernel,
         extrapolate=extrapolate_kernel,
         longest=longest_kernel,
     )

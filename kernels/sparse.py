@@ -10,7 +10,7 @@ from .reduction import adder
 
 @cache
 def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `multiply`, `clear`, `add_slabs` and `invert_diagonal` in one precision."""
+    """The kernels `multiply` and `invert_diagonal` in one precision."""
     add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
@@ -40,24 +40,6 @@ def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         add(p_dot_q, iteration[0], 8 * slab, product)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def clear_kernel(first: int, end: int, slab: int, slabs: int, blocks: wp.array(dtype=mat33, ndim=2)):
-        """Sets every block of every slab to zero."""
-        k = first + wp.tid()
-        if k < end:
-            for each in range(slabs):
-                blocks[each, k] = mat33()
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def add_slabs_kernel(first: int, end: int, slab: int, slabs: int, blocks: wp.array(dtype=mat33, ndim=2)):
-        """Gathers what every range of tetrahedra added into the first slab."""
-        k = first + wp.tid()
-        if k < end:
-            total = blocks[0, k]
-            for other in range(1, slabs):
-                total += blocks[other, k]
-            blocks[0, k] = total
-
-    @wp.kernel(module="unique", enable_backward=False)
     def invert_diagonal_kernel(
         first: int,
         end: int,
@@ -76,7 +58,5 @@ def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
     return SimpleNamespace(
         multiply=multiply_kernel,
-        clear=clear_kernel,
-        add_slabs=add_slabs_kernel,
         invert_diagonal=invert_diagonal_kernel,
     )

@@ -39,7 +39,7 @@ def outside_curve(problem: Problem, setting: Setting, limit: float) -> Iterator[
 
     start = time.perf_counter()
     model = make_model(problem, setting)
-    state = State.pair(model)[0]
+    state = State(model)
     state.place(problem.bone_path().at(1.0))
     state.evaluate()  # loads the kernel
     host = state.displacement.numpy().copy()
@@ -60,7 +60,7 @@ def outside_curve(problem: Problem, setting: Setting, limit: float) -> Iterator[
         host[: model.free] = x.reshape(-1, 3)
         state.displacement.assign(host)
         state.evaluate()
-        gradient = state.gradient.numpy()[:, : model.free].sum(axis=0, dtype=np.float64)
+        gradient = state.gradient.numpy()[: model.free].astype(np.float64)
         return state.energy().total, gradient.ravel()
 
     def look(x: np.ndarray, status: str) -> None:

@@ -129,7 +129,7 @@ def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
 
 def evaluation_ms(model: Model, displacement: np.ndarray) -> float:
     """Median time of energy and gradient at a displacement (nodes, 3) [ms]."""
-    state = State.pair(model)[0]
+    state = State(model)
     state.place(displacement)
     state.evaluate()
     spent = []

@@ -113,7 +113,7 @@ def test_tissue_too_soft_to_stand_is_refused() -> None:
 def test_gravity_has_the_energy_of_the_masses_where_they_are() -> None:
     """m g z of the masses of the rest state at the heights of the scan, in mJ."""
     model = sag_free(standing("neo-hookean")).model
-    state, _ = State.pair(model)
+    state = State(model)
     state.evaluate()
     mass = 1000e-9 * tet_volumes(at_rest(model).nodes, BARE.tets)
     heights = BARE.nodes[BARE.tets][:, :, 2].mean(axis=1)

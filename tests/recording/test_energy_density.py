@@ -16,7 +16,7 @@ def test_tetrahedra_add_up_to_the_model(energy):
     trunk = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
     model = build_model(trunk, Tissue(epsilon=0.7, theta=3.0), energy=energy, device="cpu", precision="float64")
     displacement = np.random.default_rng(2).normal(scale=0.5, size=trunk.nodes.shape)
-    state, _ = State.pair(model)
+    state = State(model)
     state.place(displacement)
     state.evaluate()
     parts = tet_energies(model, np.arange(len(model.corners)), displacement)

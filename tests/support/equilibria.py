@@ -49,7 +49,7 @@ def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float
     state = relaxer.state
     state.evaluate()
     forces = np.empty_like(start)
-    forces[model.order] = state.gradient.numpy().sum(axis=0)
+    forces[model.order] = state.gradient.numpy()
     return Found(state.host_displacement(), state.energy().total - model.elements.gravity_at_rest, forces)
 
 

@@ -41,7 +41,7 @@ def continuum(mesh: TrunkMesh, tissue: Tissue | tuple[Tissue, ...], **options: A
 
 
 def evaluated(model: Model, displacement: np.ndarray) -> State:
-    state, _ = State.pair(model)
+    state = State(model)
     state.place(displacement)
     state.evaluate()
     return state
@@ -50,7 +50,7 @@ def evaluated(model: Model, displacement: np.ndarray) -> State:
 def gradient_of(state: State) -> np.ndarray:
     """By mesh node, shape (nodes, 3)."""
     found = np.empty((len(state.model.order), 3))
-    found[state.model.order] = state.gradient.numpy().sum(axis=0)
+    found[state.model.order] = state.gradient.numpy()
     return found
 
 

@@ -22,7 +22,6 @@ from .energies.neo_hookean import NeoHookean
 from .model import Model
 from .relaxation.linear import LinearSystem
 from .relaxation.newton import Newton
-from .relaxation.products import ProductReader
 from .rest_mesh import RestMesh
 from .state import State
 
@@ -66,17 +65,14 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     rest = scan.copy()
     scanned = mesh_at(model, scan)
     work = replace(model, elements=at_rest(model, scanned))
-    states = State.pair(work)
-    state = states[0]
-    newton = Newton(LinearSystem(work, state))
-    reader = ProductReader(work, states, newton.direction)
+    state = State(work)
+    newton = Newton(LinearSystem(state))
     newton.begin(tolerance, 0.0)
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):
         state.displacement.assign(scan - rest)
         state.evaluate()
-        reader.read(state)  # gathers the gradient
-        spent += newton.propose(state, None, 1.0)[1]
+        spent += newton.propose(None, 1.0)[1]
         rest[: model.free] -= newton.direction.numpy()
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationOptions:
-    """How the bones are carried from before to after surgery."""
+    """In how many parts the bones are moved from before to after surgery."""
 
     increments: int = 10
     """Number of equal parts in which the correction is applied."""
@@ -91,7 +91,7 @@ def simulate(
     done: Sequence[Increment] = (),
     relaxer: Relaxer | None = None,
 ) -> Iterator[Increment]:
-    """Carries the trunk along the path of its bones and yields it after every increment.
+    """Moves the trunk along the path of its bones and yields it after every increment.
 
     Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
     (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to ten
@@ -124,58 +124,52 @@ def simulate(
         raise InputError(
             "relaxer: is of another model or of other options; make one of this model, or leave it out"
         )
-    carrier = Carrier(relaxer, bone_path)
+    predictor = Predictor(relaxer.state, bone_path)
     if done:
-        carrier.go_on(done)
+        predictor.go_on(done)
     for number in range(len(done) + 1, options.increments + 1):
         start = time.perf_counter()
         load_factor = number / options.increments
-        carrier.carry(load_factor)  # phi_t of eq. 4.5
+        predictor.move(load_factor)  # phi_t of eq. 4.5
         final = number == options.increments
         relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0), watch)  # phi~ of eq. 4.3
         displacement = wp.clone(relaxer.state.displacement)
         yield Increment(model, number, load_factor, displacement, relaxation, time.perf_counter() - start)
 
 
-class Carrier:
+class Predictor:
     """Moves the trunk to where it is expected at the next load factor, from which it is relaxed.
 
-    Bones go to their place on the path. Tissue is carried by the spline over the first increment, eq. 4.5.
+    Bones go to their place on the path. Tissue moves with the spline over the first increment, eq. 4.5.
     Over a later one it goes on by what the relaxed trunk did over the one before: for equal increments
     that moves the bones just as the spline does, and the tissue nearly to its equilibrium.
     """
 
-    def __init__(self, relaxer: Relaxer, bone_path: BonePath) -> None:
-        model = relaxer.model
-        self.relaxer, self.bone_path = relaxer, bone_path
+    def __init__(self, state: State, bone_path: BonePath) -> None:
+        model = state.model
+        self.state, self.bone_path = state, bone_path
         self._now = model.array(model.scan, model.vec3, (len(model.order),))
         self._last = model.array(None, model.vec3, (len(model.order),))
         self._started = False
-        self._extrapolate = {
-            state: model.parallel.record(
-                loop_kernels(*model.variant).extrapolate,
-                model.free,
-                [self._now, self._last],
-                [state.displacement],
-            )
-            for state in relaxer.states
-        }
+        self._extrapolate = model.parallel.record(
+            loop_kernels(*model.variant).extrapolate, model.free, [self._now, self._last], [state.displacement]
+        )
 
     def go_on(self, done: Sequence[Increment]) -> None:
-        """Sets the relaxer's state to where the increments done so far, at least one, have led."""
-        self.relaxer.state.displacement.assign(done[-1].from_rest)
+        """Sets the state to where the increments done so far, at least one, have led."""
+        self.state.displacement.assign(done[-1].from_rest)
         if len(done) > 1:
             self._now.assign(done[-2].from_rest)
         self._started = True
 
-    def carry(self, load_factor: float) -> None:
-        """Changes the relaxer's state to the expected one."""
-        state, model = self.relaxer.state, self.relaxer.model
+    def move(self, load_factor: float) -> None:
+        """Changes the state to the expected one."""
+        state, model = self.state, self.state.model
         path = self.bone_path.at(load_factor)
         if self._started:
             wp.copy(self._last, self._now)
             wp.copy(self._now, state.displacement)
-            self._extrapolate[state]()
+            self._extrapolate()
             bones = path[model.order[model.free :]]
             held = wp.array(bones, dtype=model.vec3, device=model.device)
             wp.copy(state.displacement, held, dest_offset=model.free, count=len(bones))

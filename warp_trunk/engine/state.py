@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -17,6 +18,7 @@ from warp_trunk.kernels.elements import (
     SHAPE,
     VOLUME,
 )
+from warp_trunk.kernels.slabs import slab_kernels
 
 from .model import Model
 
@@ -46,53 +48,51 @@ class Energy:
 
 
 class State:
-    """A configuration on the device and what was evaluated there. Changes in place.
-
-    Two states made by `pair` share their tetrahedra's signs, so that a trial can tell which
-    tetrahedra it would newly invert.
-    """
+    """A configuration on the device and what was evaluated there. Changes in place; its arrays stay."""
 
     displacement: wp.array
     """Displacement from rest in model order [mm], shape (nodes,), vec3."""
     gradient: wp.array
-    """+dE/dx by range of tetrahedra [1/mm], shape (ranges, nodes); the first slab holds the sum
-    over the free nodes once the loop has gathered it."""
+    """+dE/dx of every node, the prescribed ones too [1/mm], shape (nodes,), vec3."""
     inverted: wp.array
     """1 where a tetrahedron has no positive volume, shape (tets,), int8."""
     sums: wp.array
     """Energies by term and counts, shape (ranges, 8), columns as in kernels/elements.py."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, start: State | None = None) -> None:
+        """At rest, or where the trunk was scanned; `newly_inverted` counts against `start`.
+
+        Args:
+            model: the trunk.
+            start: the state whose inverted tetrahedra are not new; its own last evaluation when left out.
+        """
         self.model = model
-        nodes, tets = len(model.order), len(model.corners)
+        nodes, tets, ranges = len(model.order), len(model.corners), model.parallel.ranges
         self.displacement = model.array(model.scan, model.vec3, (nodes,))
-        self.gradient = model.array(None, model.vec3, (model.parallel.ranges, nodes))
+        self._slabs: Any = model.array(None, model.vec3, (ranges, nodes))
+        self.gradient = self._slabs[0]
         self.inverted = model.array(None, wp.int8, (tets,))
-        self.sums = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
-
-    @classmethod
-    def pair(cls, model: Model) -> tuple[State, State]:
-        """Two states, each with an evaluation that compares its tetrahedra with the other's."""
-        a, b = cls(model), cls(model)
-        a.compare_with(b)
-        b.compare_with(a)
-        return a, b
-
-    def compare_with(self, other: State) -> None:
-        """Records the launch of the evaluation."""
-        m = self.model
-        self._evaluate = m.parallel.record(
-            m.elements.kernels.gradient,
-            len(m.corners),
-            [m.tets, *m.elements.arguments, other.inverted, self.displacement],
-            [self.gradient, self.inverted, self.sums],
+        self.sums = model.array(None, wp.float64, (ranges, COLUMNS))
+        self._evaluate = model.parallel.record(
+            model.elements.kernels.gradient,
+            tets,
+            [model.tets, *model.elements.arguments, (start or self).inverted, self.displacement],
+            [self._slabs, self.inverted, self.sums],
         )
+        self._gather = model.parallel.record(slab_kernels(model.vec3).gather, nodes, [ranges], [self._slabs])
 
     def evaluate(self) -> None:
         """Computes gradient, energies and inverted tetrahedra of the displacement, on the device."""
-        self.gradient.zero_()
+        self._slabs.zero_()
         self.sums.zero_()
         self._evaluate()
+        if self.model.parallel.ranges > 1:
+            self._gather()
+
+    def copy_from(self, other: State) -> None:
+        """Becomes another state of the same model, with what was evaluated there."""
+        for name in ("displacement", "gradient", "inverted", "sums"):
+            wp.copy(getattr(self, name), getattr(other, name))
 
     def energy(self) -> Energy:
         """The energies of the last evaluation; reads the device."""

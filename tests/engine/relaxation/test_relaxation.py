@@ -250,7 +250,7 @@ def test_refuses_options_out_of_range(options: dict[str, object]) -> None:
 def test_state_keeps_the_order_of_the_mesh() -> None:
     trunk, start = SCENES["moved bone"]
     start = start + np.random.default_rng(11).normal(size=start.shape)
-    state, _ = State.pair(build_model(trunk, Tissue(), device="cpu", precision="float64"))
+    state = State(build_model(trunk, Tissue(), device="cpu", precision="float64"))
     state.place(start)
     assert (state.host_displacement() == start).all()
 

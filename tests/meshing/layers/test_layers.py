@@ -208,7 +208,7 @@ def test_a_mixture_costs_the_mean_of_its_tissues(energy: EnergyName) -> None:
     def cost(second: np.ndarray) -> np.ndarray:
         mixed = replace(bare, tissue=np.stack([1.0 - second, second], axis=1))
         model = build_model(mixed, tissues, energy=energy, precision="float64", device="cpu")
-        state, _ = State.pair(model)
+        state = State(model)
         state.place(displacement)
         state.evaluate()
         found = state.energy()

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import warp as wp
-
-from ..model import Model
 from ..state import State
-from .gradient import first_length, mean_edge, steer
+from .gradient import Descent, first_length, mean_edge
 from .products import Products
 
 
@@ -18,19 +15,20 @@ class Conjugate:
     slope_ratio: float | None = 0.1
     """The line search ends where the slope has fallen to this part: conjugacy needs a near-exact length."""
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
+    def __init__(self, state: State) -> None:
+        model = state.model
         self.direction = model.array(None, model.vec3, (model.free,))
-        self._keep = model.array(None, wp.float64, (1,))
+        self._state = state
+        self._descend = Descent(state, self.direction)
         self._edge = mean_edge(model)
 
-    def propose(self, state: State, products: Products | None, last_length: float) -> tuple[float, int]:
+    def propose(self, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
         if products is None:
-            steer(self.model, state, 0.0, self._keep, self.direction)
-            return first_length(state, self._edge), 0
+            self._descend(0.0)
+            return first_length(self._state, self._edge), 0
         beta = max(0.0, products.gradient_change / products.previous_squared)
         if beta * products.slope >= products.gradient_squared:  # -g + beta d would not descend
             beta = 0.0
-        steer(self.model, state, beta, self._keep, self.direction)
+        self._descend(beta)
         return last_length, 0

@@ -24,29 +24,37 @@ class Gradient:
     slope_ratio: float | None = None
     """The line search takes the first decrease."""
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
+    def __init__(self, state: State) -> None:
+        model = state.model
         self.direction = model.array(None, model.vec3, (model.free,))
-        self._keep = model.array(None, wp.float64, (1,))
+        self._state = state
+        self._descend = Descent(state, self.direction)
         self._edge = mean_edge(model)
 
-    def propose(self, state: State, products: Products | None, last_length: float) -> tuple[float, int]:
+    def propose(self, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
-        steer(self.model, state, 0.0, self._keep, self.direction)
+        self._descend(0.0)
         if products is None:
-            return first_length(state, self._edge), 0
+            return first_length(self._state, self._edge), 0
         bend = products.slope - products.previous_slope
         if bend <= 0.0:
             return 10.0 * last_length, 0
         return last_length * products.direction_squared / bend, 0
 
 
-def steer(model: Model, state: State, keep: float, keep_array: wp.array, direction: wp.array) -> None:
-    """direction = -gradient + keep * direction."""
-    keep_array.fill_(keep)
-    model.parallel.record(
-        loop_kernels(*model.variant).steer, model.free, [state.gradient, keep_array], [direction]
-    )()
+class Descent:
+    """The launch of direction = -gradient + keep * direction."""
+
+    def __init__(self, state: State, direction: wp.array) -> None:
+        model = state.model
+        self._keep = model.array(None, wp.float64, (1,))
+        self._launch = model.parallel.record(
+            loop_kernels(*model.variant).descend, model.free, [state.gradient, self._keep], [direction]
+        )
+
+    def __call__(self, keep: float) -> None:
+        self._keep.fill_(keep)
+        self._launch()
 
 
 def mean_edge(model: Model) -> float:
@@ -57,6 +65,6 @@ def mean_edge(model: Model) -> float:
 
 def first_length(state: State, edge: float) -> float:
     """A length that moves the node of largest gradient by a hundredth of a mean edge [mm]."""
-    gradient = state.gradient.numpy()[0, : state.model.free]
+    gradient = state.gradient.numpy()[: state.model.free]
     steepest = float((gradient.astype("float64") ** 2).sum(axis=1).max(initial=0.0) ** 0.5)
     return 0.01 * edge / steepest if steepest > 0.0 else 1.0

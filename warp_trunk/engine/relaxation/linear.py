@@ -9,9 +9,9 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.conjugate_gradient import LEFT, LONG, conjugate_gradient_kernels
+from warp_trunk.kernels.slabs import slab_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
-from ..model import Model
 from ..state import State
 from .multilevel import Multilevel
 from .sparsity import find_sparsity
@@ -39,15 +39,15 @@ class LinearSolution:
 class LinearSystem:
     """The curvature of a trunk as a sparse matrix with its preconditioner, and the solver's vectors.
 
-    Made once for a model, at rest; `assemble` follows a state, `solve` writes `solution`.
+    Made once for a state, at rest; `assemble` follows it, `solve` writes `solution`.
     """
 
     solution: wp.array
     """The Newton direction d [mm], shape (free,), vec3."""
 
-    def __init__(self, model: Model, rest: State, most_iterations: int = 500) -> None:
-        """Finds the pattern, assembles the curvature at `rest` and builds the preconditioner from it."""
-        self.model = model
+    def __init__(self, state: State, most_iterations: int = 500) -> None:
+        """Finds the pattern, assembles the curvature at the state and builds the preconditioner from it."""
+        self.model = model = state.model
         self.most_iterations = most_iterations
         free, ranges = model.free, model.parallel.ranges
         scalar, vec3 = model.scalar, model.vec3
@@ -66,11 +66,15 @@ class LinearSystem:
         self._limits = model.array(None, wp.float64, (3,))
         self._outcome = model.array(None, wp.float64, (3,))
         extent = model.array(None, wp.float64, (ranges, PADDING))
-        self._assemblies: dict[State, Callable[[], None]] = {}
-        self._solves: dict[State, Callable[[], None]] = {}
         self._clear, self._gather = (
             model.parallel.record(kernel, self.sparsity.blocks, [ranges], [self.blocks])
-            for kernel in (sparse_kernels(*model.variant).clear, sparse_kernels(*model.variant).add_slabs)
+            for kernel in (slab_kernels(mat33).clear, slab_kernels(mat33).gather)
+        )
+        self._add_curvature = model.parallel.record(
+            model.elements.kernels.curvature,
+            len(model.corners),
+            [model.tets, *model.elements.arguments, self.sparsity.block_of, state.displacement],
+            [self.blocks],
         )
         self._invert_diagonal = model.parallel.record(
             sparse_kernels(*model.variant).invert_diagonal,
@@ -78,7 +82,7 @@ class LinearSystem:
             [self.sparsity.diagonal, self.blocks, scalar(1.0)],
             [self.inverse_diagonal],
         )
-        self.assemble(rest)
+        self.assemble()
         self._preconditioner = Multilevel(
             model,
             self.sparsity,
@@ -90,6 +94,7 @@ class LinearSystem:
             self._r_dot_z,
         )
         self._record_iteration(extent)
+        self._run = self._record_solve(state.gradient)
 
     def _record_iteration(self, extent: wp.array) -> None:
         model, s = self.model, self.sparsity
@@ -119,42 +124,32 @@ class LinearSystem:
             [extent, self._outcome, self._go_on],
         )
 
-    def assemble(self, state: State) -> None:
+    def assemble(self) -> None:
         """Sets the matrix to the curvature at the state, projected to positive semidefinite."""
-        m = self.model
-        if state not in self._assemblies:
-            self._assemblies[state] = m.parallel.record(
-                m.elements.kernels.curvature,
-                len(m.corners),
-                [m.tets, *m.elements.arguments, self.sparsity.block_of, state.displacement],
-                [self.blocks],
-            )
         self._clear()
-        self._assemblies[state]()
-        if m.parallel.ranges > 1:
+        self._add_curvature()
+        if self.model.parallel.ranges > 1:
             self._gather()
         self._invert_diagonal()
 
-    def solve(self, state: State, absolute: float, relative: float, least: float) -> LinearSolution:
-        """Solves H d = -g for the gathered gradient of the state.
+    def solve(self, absolute: float, relative: float, least: float) -> LinearSolution:
+        """Solves H d = -g for the gradient of the state.
 
         It ends when no vector of d is judged to be wrong by more than `absolute` [mm] or `relative` of the
         longest, and not before `least` iterations: a residual falls long before the long waves of the solution
         have come.
         """
         self._limits.assign(np.array([absolute, relative, least]))
-        if state not in self._solves:
-            self._solves[state] = self._record_solve(state)
-        self._solves[state]()
+        self._run()
         outcome = self._outcome.numpy()
         return LinearSolution(int(self._iteration.numpy()[0]), float(outcome[LONG]), float(outcome[LEFT]))
 
-    def _record_solve(self, state: State) -> Callable[[], None]:
-        """The whole solve for the state's gradient: a loop here on the CPU, one graph with its loop on CUDA."""
+    def _record_solve(self, gradient: wp.array) -> Callable[[], None]:
+        """The whole solve for a gradient: a loop here on the CPU, one graph with its loop on CUDA."""
         start = self.model.parallel.record(
             conjugate_gradient_kernels(*self.model.variant).start,
             self.model.free,
-            [state.gradient],
+            [gradient],
             [self.solution, self._residual, self._search, self._earlier],
         )
 

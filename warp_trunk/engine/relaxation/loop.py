@@ -39,40 +39,35 @@ PATIENCE = 8
 class Relaxer:
     """Everything a relaxation needs on the device, made once for a model with free nodes."""
 
-    states: tuple[State, State]
-    """The two configurations that the loop steps between."""
     state: State
-    """The one that holds now: set it, relax it, read it."""
+    """The configuration that holds: set it, relax it, read it. Its arrays stay the same."""
 
     def __init__(self, model: Model, options: RelaxOptions | None = None) -> None:
         self.model = model
         self.options = options or RelaxOptions()
-        self.states = states = State.pair(model)
-        self.state, self._other = states
+        self.state = State(model)
         if not model.free:
             return
-        self._newton = Newton(LinearSystem(model, self.state))
+        self._trial = State(model, start=self.state)
+        self._newton = Newton(LinearSystem(self.state))
         methods = {"newton": lambda _: self._newton, "conjugate": Conjugate, "gradient": Gradient}
-        self._method: Newton | Conjugate | Gradient = methods[self.options.method](model)
-        self._reader = ProductReader(model, states, self._method.direction)
+        self._method: Newton | Conjugate | Gradient = methods[self.options.method](self.state)
+        direction = self._method.direction
+        self._products = ProductReader(self.state, direction, self.state.gradient)
+        self._trial_products = ProductReader(self._trial, direction, self.state.gradient)
         self._length = model.array(None, wp.float64, (1,))
         self._rounding = ROUNDING[model.precision]
         self._longest = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
-        self._find_longest = {
-            state: model.parallel.record(
-                loop_kernels(*model.variant).longest, len(model.order), [state.displacement], [self._longest]
-            )
-            for state in states
-        }
-        self._step = {
-            start: model.parallel.record(
-                loop_kernels(*model.variant).step,
-                model.free,
-                [self._length, start.displacement, self._method.direction],
-                [end.displacement],
-            )
-            for start, end in (states, states[::-1])
-        }
+        kernels = loop_kernels(*model.variant)
+        self._find_longest = model.parallel.record(
+            kernels.longest, len(model.order), [self.state.displacement], [self._longest]
+        )
+        self._step = model.parallel.record(
+            kernels.step,
+            model.free,
+            [self._length, self.state.displacement, direction],
+            [self._trial.displacement],
+        )
 
     def relax(
         self, tolerance: float | None = None, watch: Callable[[RelaxStep, State], None] | None = None
@@ -87,7 +82,6 @@ class Relaxer:
         """
         start = time.perf_counter()
         tolerance = self.options.tolerance if tolerance is None else tolerance
-        wp.copy(self._other.displacement, self.state.displacement)
         self.state.evaluate()
         energy, inverted, _ = self.state.read()
         history: list[RelaxStep] = []
@@ -104,7 +98,7 @@ class Relaxer:
         if not self.model.free:
             estimate = 0.0
             return report(RelaxStatus.CONVERGED)
-        self._reader.read(self.state)  # gathers the gradient
+        self._trial.copy_from(self.state)  # the nodes that no step moves
         newton, method = self._newton, self._method
         floor = ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * self._largest_displacement()
         newton.begin(tolerance, floor)
@@ -112,10 +106,10 @@ class Relaxer:
         products: Products | None = None
         length, least, waited = 0.0, math.inf, 0
         for step in range(self.options.max_steps):
-            length, spent = method.propose(self.state, products, length)
+            length, spent = method.propose(products, length)
             if method is not newton and step % ESTIMATE_EVERY == 0:
                 newton.begin(tolerance, floor)
-                spent += newton.propose(self.state, None, 1.0)[1]
+                spent += newton.propose(None, 1.0)[1]
             linear_iterations += spent
             if method is newton or step % ESTIMATE_EVERY == 0:
                 estimate = newton.distance
@@ -123,13 +117,13 @@ class Relaxer:
                 least = min(least, estimate)
                 if waited >= PATIENCE and not self._resolved(energies):
                     return report(RelaxStatus.STALLED)
-            slope = self._reader.read(self.state).slope
+            slope = self._products.read().slope
             reference = max(energies[-method.memory :])
             trial, attempts = search(self._attempt, length, reference, slope, method.slope_ratio, self._rounding)
             evaluations += attempts
             if trial is None:
                 return report(RelaxStatus.CONVERGED if estimate <= tolerance else RelaxStatus.STALLED)
-            self.state, self._other = self._other, self.state
+            self.state.copy_from(self._trial)
             energy, inverted, products, length = trial.energy, trial.inverted, trial.products, trial.length
             energies.append(energy.total)
             history.append(RelaxStep(energy, estimate, length, spent, time.perf_counter() - start))
@@ -142,7 +136,7 @@ class Relaxer:
     def _largest_displacement(self) -> float:
         """Largest displacement of a node from rest [mm]."""
         self._longest.zero_()
-        self._find_longest[self.state]()
+        self._find_longest()
         return float(self._longest.numpy().max()) ** 0.5
 
     def _resolved(self, energies: list[float]) -> bool:
@@ -152,9 +146,9 @@ class Relaxer:
         return fall > self._rounding * abs(energies[-1])
 
     def _attempt(self, length: float) -> Trial:
-        """Evaluates the other state at a length along the direction."""
+        """Evaluates the trial at a length along the direction."""
         self._length.fill_(length)
-        self._step[self.state]()
-        self._other.evaluate()
-        energy, inverted, newly_inverted = self._other.read()
-        return Trial(length, energy, inverted, newly_inverted, self._reader.read(self._other))
+        self._step()
+        self._trial.evaluate()
+        energy, inverted, newly_inverted = self._trial.read()
+        return Trial(length, energy, inverted, newly_inverted, self._trial_products.read())

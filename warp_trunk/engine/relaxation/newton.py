@@ -6,7 +6,6 @@ import math
 
 import warp as wp
 
-from ..state import State
 from .linear import LinearSystem
 from .products import Products
 
@@ -52,14 +51,12 @@ class Newton:
         self._length = self._shrink = math.inf
         self.distance = math.inf
 
-    def propose(self, state: State, products: Products | None, last_length: float) -> tuple[float, int]:
+    def propose(self, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
         self._cut = self._cut or (products is not None and last_length < 1.0)
         if not self._shrink <= CONTRACTION:
-            self.linear.assemble(state)
-        solution = self.linear.solve(
-            state, ACCURACY * self._tolerance, ACCURACY, self._longest_solve if self._cut else 0
-        )
+            self.linear.assemble()
+        solution = self.linear.solve(ACCURACY * self._tolerance, ACCURACY, self._longest_solve if self._cut else 0)
         self._longest_solve = max(self._longest_solve, solution.iterations)
         length = solution.longest + solution.left
         self._shrink = length / self._length if 0.0 < self._length < math.inf else math.inf

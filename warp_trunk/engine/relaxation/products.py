@@ -17,7 +17,6 @@ from warp_trunk.kernels.loop import (
     loop_kernels,
 )
 
-from ..model import Model
 from ..state import State
 
 
@@ -32,34 +31,30 @@ class Products:
     direction_squared: float
     """d . d."""
     gradient_change: float
-    """g . (g - g of the other state)."""
+    """g . (g - the earlier g)."""
     previous_slope: float
-    """(g of the other state) . d."""
+    """(the earlier g) . d."""
     previous_squared: float
-    """(g of the other state) squared."""
+    """(the earlier g) squared."""
 
 
 class ProductReader:
-    """Computes the products of two states with one direction."""
+    """Computes the products of one state's gradient with a direction and an earlier gradient."""
 
-    def __init__(self, model: Model, states: tuple[State, State], direction: wp.array) -> None:
-        kernels, ranges = loop_kernels(*model.variant), model.parallel.ranges
-        self._products = model.array(None, wp.float64, (ranges, COLUMNS))
-        a, b = states
-        self._launch = {
-            state: model.parallel.record(
-                kernels.products,
-                model.free,
-                [ranges, direction, other.gradient],
-                [state.gradient, self._products],
-            )
-            for state, other in ((a, b), (b, a))
-        }
+    def __init__(self, state: State, direction: wp.array, previous: wp.array) -> None:
+        model = state.model
+        self._products = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
+        self._launch = model.parallel.record(
+            loop_kernels(*model.variant).products,
+            model.free,
+            [state.gradient, direction, previous],
+            [self._products],
+        )
 
-    def read(self, state: State) -> Products:
-        """Products of the state's gradient with the direction and the other state's gradient."""
+    def read(self) -> Products:
+        """The products as they are now; changes none of the vectors."""
         self._products.zero_()
-        self._launch[state]()
+        self._launch()
         sums = self._products.numpy().sum(axis=0)
         return Products(
             slope=float(sums[SLOPE]),
