@@ -60,11 +60,10 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         coarse: wp.array(dtype=vec3),
         residual: wp.array(dtype=vec3),
         correction: wp.array(dtype=vec3),
-        row: wp.array(dtype=wp.int32),
-        ahead: int,
+        iteration: wp.array(dtype=wp.int32),
         products: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """z = D^-1 r + P z_coarse, and this range's part of r . z."""
+        """z = D^-1 r + P z_coarse, and this range's part of r . z, kept by iteration."""
         i = first + wp.tid()
         value = wp.float64(0.0)
         if i < end:
@@ -76,7 +75,7 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                 z += w[k] * coarse[at[k]]
             correction[i] = z
             value = wp.float64(wp.dot(r, z))
-        add(products, row[0] + ahead, 8 * slab, value)
+        add(products, iteration[0], 8 * slab, value)
 
     @wp.kernel(module="unique", enable_backward=False)
     def grid_diagonal_kernel(

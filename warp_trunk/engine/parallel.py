@@ -20,6 +20,8 @@ import warp as wp
 
 from warp_trunk.errors import InputError
 
+Launch = Callable[[], None]
+"""A recorded launch, to call many times."""
 LEAST_SPLIT = 4096
 """Fewer items than this are run by the calling thread alone: waking another takes longer."""
 CUDA_BLOCK = 256
@@ -68,7 +70,7 @@ class Parallel:
         inputs: Sequence[Any],
         outputs: Sequence[Any],
         least: int = LEAST_SPLIT,
-    ) -> Callable[[], None]:
+    ) -> Launch:
         """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
 
         `size` is the number of items, or the bounds of the ranges where they should not be equal. Fewer
@@ -111,9 +113,7 @@ class Parallel:
 
         return launch
 
-    def record_atomic_write(
-        self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]
-    ) -> Callable[[], None]:
+    def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
         """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
         command = wp.launch(
             kernel, dim=size, inputs=list(inputs), outputs=list(outputs), device=self.device, record_cmd=True

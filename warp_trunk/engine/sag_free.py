@@ -20,7 +20,6 @@ from warp_trunk.errors import InputError
 from .energies.itmsm import Itmsm
 from .energies.neo_hookean import NeoHookean
 from .model import Model
-from .relaxation.linear import LinearSystem
 from .relaxation.newton import Newton
 from .rest_mesh import RestMesh
 from .state import State
@@ -66,7 +65,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     scanned = mesh_at(model, scan)
     work = replace(model, elements=at_rest(model, scanned))
     state = State(work)
-    newton = Newton(LinearSystem(state))
+    newton = Newton(state)
     newton.begin(tolerance, 0.0)
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):

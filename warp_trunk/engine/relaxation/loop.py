@@ -21,7 +21,6 @@ from ..state import State
 from .conjugate import Conjugate
 from .gradient import Gradient
 from .line_search import Trial, search
-from .linear import LinearSystem
 from .newton import Newton
 from .outcome import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .products import ProductReader, Products
@@ -49,7 +48,7 @@ class Relaxer:
         if not model.free:
             return
         self._trial = State(model, start=self.state)
-        self._newton = Newton(LinearSystem(self.state))
+        self._newton = Newton(self.state)
         methods = {"newton": lambda _: self._newton, "conjugate": Conjugate, "gradient": Gradient}
         self._method: Newton | Conjugate | Gradient = methods[self.options.method](self.state)
         direction = self._method.direction

@@ -9,18 +9,21 @@ are those of the trunk at rest: made once, they serve every increment, step and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.multilevel import CHUNK, LANES, STRIP, multilevel_kernels, vec8i
+from warp_trunk.kernels.multilevel import LANES, STRIP, multilevel_kernels, vec8i
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..model import Model
+from ..parallel import Launch
+from .block_matrix import BlockMatrix
+from .dense_inverse import record_dense_inverse
+from .dots import Dots
 from .grid import Grid, Interpolation
-from .sparsity import Sparsity
 
 DENSE_CELLS = 480
 """Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
@@ -31,159 +34,88 @@ GRID_WEIGHT = 0.5
 
 
 class Multilevel:
-    """The levels of a trunk on its device; `apply` preconditions the residual it was made with."""
+    """The levels of a trunk on its device, made of the matrix as it is now; see `Preconditioner`.
 
-    def __init__(
-        self,
-        model: Model,
-        sparsity: Sparsity,
-        blocks: wp.array,
-        inverse_diagonal: wp.array,
-        residual: wp.array,
-        correction: wp.array,
-        iteration: wp.array,
-        products: wp.array,
-    ) -> None:
-        """Builds the levels and records their launches.
+    Of the matrix that holds later it takes the diagonal blocks of the nodes.
+    """
 
-        Args:
-            model: the trunk.
-            sparsity: pattern of the matrix over its free nodes.
-            blocks: the matrix at rest, shape (ranges, blocks), mat33.
-            inverse_diagonal: D^-1 of the nodes, shape (free,), mat33; may change later.
-            residual: r, shape (free,), vec3.
-            correction: z, shape (free,), vec3.
-            iteration: row of `products` that the first application writes, shape (1,), int32.
-            products: r . z by iteration and range, shape (rows, 8 ranges).
-        """
-        self.model = model
-        kernels = multilevel_kernels(*model.variant)
+    def __init__(self, matrix: BlockMatrix) -> None:
+        """Lays the grids over the free nodes at rest and takes the matrix onto them."""
+        self.model = model = matrix.model
+        self._inverse_diagonal = matrix.inverse_diagonal
+        self._unread = Dots.unread(model)
         points = model.rest[: model.free]
         spacings = choose_spacings(points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
-        unused = (model.array(None, wp.int32, (1,)), 0, model.array(None, wp.float64, (1, products.shape[1])))
-        fine: tuple[Any, ...] = (inverse_diagonal, residual, correction)
-        outputs: list[tuple[Any, ...]] = [(iteration, 0, products), (iteration, 1, products)]
-        self._restrict: list[tuple[wp.array, Callable[[], None]]] = []
-        self._prolong: list[list[Callable[[], None]]] = []
-        from_points = points
+        self._levels: list[_Level] = []
+        finer = points
         for spacing in spacings:
             grid = Grid.around(points, origin, spacing)
-            transfer = _Transfer(model, grid.interpolate(from_points))
-            whole = _Transfer(model, grid.interpolate(points))
             size = len(grid.positions)
-            coarse_residual = model.array(None, model.vec3, (size,))
-            coarse_correction = model.array(None, model.vec3, (size + STRIP,))  # room for a whole last strip
-            lanes = LANES if model.parallel.is_cuda else 1
-            gather = model.parallel.record(
-                kernels.restrict,
-                size * lanes,
-                [*transfer.by_vertex, fine[1]],
-                [coarse_residual],
-                least=1024,  # a vertex gathers from tens of points
-            )
-            self._restrict.append((coarse_residual, gather))
-            diagonal, fine_residual, fine_correction = fine
-            self._prolong.append(
-                [
-                    model.parallel.record(
-                        kernels.prolong,
-                        len(from_points),
-                        [diagonal, *transfer.by_point, coarse_correction, fine_residual],
-                        [fine_correction, *output],
-                    )
-                    for output in outputs
-                ]
-            )
+            whole = _Transfer(model, grid.interpolate(points))
             last = spacing == spacings[-1]
-            inverse = None if last else self._grid_diagonal(sparsity, blocks, whole, size)
-            fine = (inverse, coarse_residual, coarse_correction)
-            outputs = [unused, unused]
-            from_points = grid.positions
-            if last:
-                self._make_dense(self._grid_matrix(sparsity, blocks, whole, size), *fine[1:])
-
-    def apply(self, ahead: int) -> None:
-        """z = M^-1 r; adds r . z to the row of the iteration, or to the next one with `ahead` 1."""
-        for coarse_residual, gather in self._restrict:
-            if self.model.parallel.is_cuda:
-                coarse_residual.zero_()
-            gather()
-        self._solve_dense()
-        for prolong in self._prolong[::-1]:
-            prolong[ahead]()
-
-    def _grid_diagonal(self, sparsity: Sparsity, blocks: wp.array, whole: _Transfer, size: int) -> wp.array:
-        """Inverse diagonal blocks of P^T H P, weighted."""
-        model = self.model
-        mat33 = wp.types.matrix((3, 3), model.scalar)
-        diagonal = model.array(None, mat33, (1, size))
-        wp.launch(
-            multilevel_kernels(*model.variant).grid_diagonal,
-            dim=model.free,
-            inputs=[sparsity.row_start, sparsity.columns, blocks, *whole.by_point],
-            outputs=[diagonal[0]],
-            device=model.device,
-        )
-        inverse = model.array(None, mat33, (size,))
-        own = model.array(np.arange(size, dtype=np.int32), wp.int32)
-        model.parallel.record(
-            sparse_kernels(*model.variant).invert_diagonal,
-            size,
-            [own, diagonal, model.scalar(GRID_WEIGHT)],
-            [inverse],
-        )()
-        return inverse
-
-    def _grid_matrix(self, sparsity: Sparsity, blocks: wp.array, whole: _Transfer, size: int) -> np.ndarray:
-        """P^T H P of the coarsest grid, dense, shape (3 size, 3 size), float64."""
-        model = self.model
-        matrix = wp.zeros((3 * size, 3 * size), dtype=wp.float64, device=model.device)
-        wp.launch(
-            multilevel_kernels(*model.variant).grid_matrix,
-            dim=model.free,
-            inputs=[sparsity.row_start, sparsity.columns, blocks, *whole.by_point],
-            outputs=[matrix],
-            device=model.device,
-        )
-        return matrix.numpy()
-
-    def _make_dense(self, matrix: np.ndarray, residual: wp.array, solution: wp.array) -> None:
-        """Records the product of the dense inverse with the residual of the coarsest grid."""
-        model, size = self.model, len(matrix)
-        kernels = multilevel_kernels(*model.variant)
-        inverse = invert(matrix)
-        flat_residual = self._view(residual, model.scalar, size)
-        if model.parallel.is_cuda:
-            product = model.parallel.record(
-                kernels.dense_chunk,
-                size * -(-size // CHUNK),
-                [size, model.array(inverse, model.scalar), flat_residual],
-                [self._view(solution, model.scalar, size)],
+            level = _Level(
+                points=len(finer),
+                transfer=_Transfer(model, grid.interpolate(finer)),
+                residual=model.array(None, model.vec3, (size,)),
+                correction=model.array(None, model.vec3, (size + STRIP,)),  # room for a whole last strip
+                inverse_diagonal=None if last else grid_diagonal(matrix, whole, size),
             )
+            self._levels.append(level)
+            finer = grid.positions
+            if last:
+                self._solve_dense = record_dense_inverse(
+                    model, grid_matrix(matrix, whole, size), level.residual, level.correction
+                )
 
-            def solve_dense() -> None:
-                solution.zero_()
-                product()
+    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
+        """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
+        fine = [self._inverse_diagonal, r, z]
+        dots = r_dot_z
+        down: list[Launch] = []
+        up: list[Launch] = []
+        for level in self._levels:
+            down.append(self._restrict(level, fine[1]))
+            up.append(self._prolong(level, fine, dots))
+            if level.inverse_diagonal is not None:
+                fine = [level.inverse_diagonal, level.residual, level.correction]
+                dots = self._unread
+        launches = [*down, self._solve_dense, *up[::-1]]
 
-            self._solve_dense = solve_dense
-            return
-        strips = -(-size // STRIP)
-        padded = np.zeros((strips * STRIP, size))
-        padded[:size] = inverse
-        by_strip = padded.reshape(strips, STRIP, size).transpose(0, 2, 1)
-        vector: Any = wp.types.vector(STRIP, model.scalar)
-        self._solve_dense = model.parallel.record(
-            kernels.dense_strip,
-            strips,
-            [size, model.array(by_strip, vector), flat_residual],
-            [self._view(solution, vector, strips)],
-            least=16,
+        def apply() -> None:
+            for launch in launches:
+                launch()
+
+        return apply
+
+    def _restrict(self, level: _Level, residual: wp.array) -> Launch:
+        """Records P^T r."""
+        parallel = self.model.parallel
+        gather = parallel.record(
+            multilevel_kernels(*self.model.variant).restrict,
+            len(level.residual) * (LANES if parallel.is_cuda else 1),
+            [*level.transfer.by_vertex, residual],
+            [level.residual],
+            least=1024,  # a vertex gathers from tens of points
         )
+        if not parallel.is_cuda:
+            return gather
 
-    def _view(self, array: wp.array, dtype: Any, size: int) -> wp.array:
-        """The same memory with elements of another type."""
-        return wp.array(ptr=array.ptr, shape=(size,), dtype=dtype, device=self.model.device)
+        def restrict() -> None:
+            level.residual.zero_()
+            gather()
+
+        return restrict
+
+    def _prolong(self, level: _Level, fine: list[wp.array], dots: Dots) -> Launch:
+        """Records z = D^-1 r + P z_coarse with r . z, of `fine`: D^-1, r and z of what the level hangs on."""
+        inverse_diagonal, residual, correction = fine
+        return self.model.parallel.record(
+            multilevel_kernels(*self.model.variant).prolong,
+            level.points,
+            [inverse_diagonal, *level.transfer.by_point, level.correction, residual],
+            [correction, dots.iteration, dots.products],
+        )
 
 
 class _Transfer:
@@ -197,6 +129,56 @@ class _Transfer:
             model.array(interpolation.point, wp.int32),
             model.array(interpolation.point_weight, model.scalar),
         )
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A grid, and how it hangs on the nodes or the next finer grid, its points."""
+
+    points: int
+    """Number of points."""
+    transfer: _Transfer
+    """P, from its vertices to the points."""
+    residual: wp.array
+    """r of its vertices, shape (vertices,), vec3."""
+    correction: wp.array
+    """z of its vertices, shape (vertices + STRIP,), vec3."""
+    inverse_diagonal: wp.array | None
+    """D^-1 of its vertices, weighted, shape (vertices,), mat33; None for the coarsest, which is solved densely."""
+
+
+def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int) -> wp.array:
+    """Inverse diagonal blocks of P^T H P, weighted, for P from the nodes to `size` vertices."""
+    model = matrix.model
+    mat33 = wp.types.matrix((3, 3), model.scalar)
+    diagonal: Any = model.array(None, mat33, (1, size))
+    wp.launch(
+        multilevel_kernels(*model.variant).grid_diagonal,
+        dim=model.free,
+        inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
+        outputs=[diagonal[0]],
+        device=model.device,
+    )
+    inverse = model.array(None, mat33, (size,))
+    own = model.array(np.arange(size, dtype=np.int32), wp.int32)
+    model.parallel.record(
+        sparse_kernels(*model.variant).invert_diagonal, size, [own, diagonal, model.scalar(GRID_WEIGHT)], [inverse]
+    )()
+    return inverse
+
+
+def grid_matrix(matrix: BlockMatrix, whole: _Transfer, size: int) -> np.ndarray:
+    """P^T H P, dense, shape (3 size, 3 size), float64."""
+    model = matrix.model
+    dense = wp.zeros((3 * size, 3 * size), dtype=wp.float64, device=model.device)
+    wp.launch(
+        multilevel_kernels(*model.variant).grid_matrix,
+        dim=model.free,
+        inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
+        outputs=[dense],
+        device=model.device,
+    )
+    return dense.numpy()
 
 
 def choose_spacings(points: np.ndarray) -> list[float]:
@@ -219,17 +201,3 @@ def occupied_cells(points: np.ndarray, spacing: float) -> int:
     occupied = np.zeros(cell.max(axis=0) + 1, dtype=bool)
     occupied[tuple(cell.T)] = True
     return int(occupied.sum())
-
-
-def invert(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric positive semidefinite matrix, (n, n) float64, its flat directions held.
-
-    Scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless.
-    """
-    diagonal = np.diagonal(matrix)
-    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
-    scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
-    scaled = scale[:, None] * matrix * scale
-    scaled[np.diag_indices(len(scaled))] += 1e-6
-    inverse = np.linalg.inv(scaled)
-    return scale[:, None] * (0.5 * (inverse + inverse.T)) * scale

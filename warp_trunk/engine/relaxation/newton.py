@@ -6,7 +6,10 @@ import math
 
 import warp as wp
 
-from .linear import LinearSystem
+from ..state import State
+from .block_matrix import BlockMatrix
+from .conjugate_gradient import ConjugateGradient
+from .multilevel import Multilevel
 from .products import Products
 
 ACCURACY = 0.1
@@ -34,14 +37,17 @@ class Newton:
     slope_ratio: float | None = None
     """The line search takes the first decrease; a Newton step needs no finer length."""
 
-    def __init__(self, linear: LinearSystem) -> None:
-        self.linear = linear
+    def __init__(self, state: State) -> None:
+        """For a state at rest: the preconditioner is made of the curvature there."""
+        self._matrix = BlockMatrix(state)
+        self._matrix.assemble()
+        self._solver = ConjugateGradient(self._matrix, Multilevel(self._matrix), state.gradient)
         self.begin(math.inf, 0.0)
 
     @property
     def direction(self) -> wp.array:
         """d [mm], shape (free,), vec3."""
-        return self.linear.solution
+        return self._solver.solution
 
     def begin(self, tolerance: float, floor: float) -> None:
         """Begins a relaxation to a tolerance, where rounding leaves `floor` of every distance [mm]."""
@@ -55,8 +61,10 @@ class Newton:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
         self._cut = self._cut or (products is not None and last_length < 1.0)
         if not self._shrink <= CONTRACTION:
-            self.linear.assemble()
-        solution = self.linear.solve(ACCURACY * self._tolerance, ACCURACY, self._longest_solve if self._cut else 0)
+            self._matrix.assemble()
+        solution = self._solver.solve(
+            ACCURACY * self._tolerance, ACCURACY, self._longest_solve if self._cut else 0
+        )
         self._longest_solve = max(self._longest_solve, solution.iterations)
         length = solution.longest + solution.left
         self._shrink = length / self._length if 0.0 < self._length < math.inf else math.inf

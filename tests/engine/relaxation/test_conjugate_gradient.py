@@ -1,0 +1,119 @@
+"""The Newton system: the matrix, a preconditioner and the solver, each against SciPy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+from scipy.sparse import bsr_array
+
+from support.meshes import block_with_bone
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.parallel import Launch
+from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
+from warp_trunk.engine.relaxation.conjugate_gradient import ConjugateGradient
+from warp_trunk.engine.relaxation.dots import Dots
+from warp_trunk.engine.relaxation.multilevel import Multilevel
+from warp_trunk.engine.relaxation.preconditioner import Preconditioner
+from warp_trunk.engine.state import State
+
+TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
+
+
+@wp.kernel
+def multiply_blocks(
+    blocks: wp.array(dtype=wp.mat33d),  # pyright: ignore[reportInvalidTypeForm]
+    r: wp.array(dtype=wp.vec3d),  # pyright: ignore[reportInvalidTypeForm]
+    iteration: wp.array(dtype=wp.int32),  # pyright: ignore[reportInvalidTypeForm]
+    z: wp.array(dtype=wp.vec3d),  # pyright: ignore[reportInvalidTypeForm]
+    products: wp.array(dtype=wp.float64, ndim=2),  # pyright: ignore[reportInvalidTypeForm]
+):
+    i = wp.tid()
+    z[i] = blocks[i] * r[i]
+    wp.atomic_add(products, iteration[0], 0, wp.dot(r[i], z[i]))
+
+
+class BlockJacobi:
+    """The second preconditioner: nothing else knows of it."""
+
+    def __init__(self, matrix: BlockMatrix) -> None:
+        self._matrix = matrix
+
+    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
+        inverse = self._matrix.inverse_diagonal
+        return self._matrix.model.parallel.record_undivided(
+            multiply_blocks, len(inverse), [inverse, r, r_dot_z.iteration], [z, r_dot_z.products]
+        )
+
+
+def stretched(threads: int = 2) -> State:
+    """A block whose nodes are not at rest, evaluated, in float64."""
+    state = State(build_model(TRUNK, device="cpu", precision="float64", threads=threads))
+    state.place(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
+    state.evaluate()
+    return state
+
+
+def on_host(matrix: BlockMatrix) -> bsr_array:
+    """The matrix for SciPy."""
+    s = matrix.sparsity
+    first_slab = matrix.blocks.numpy()[0].reshape(-1, 3, 3)
+    return bsr_array((first_slab, s.columns.numpy(), s.row_start.numpy()))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_the_matrix_multiplies(threads: int) -> None:
+    state = stretched(threads)
+    matrix = BlockMatrix(state)
+    matrix.assemble()
+    rows = len(matrix.inverse_diagonal)
+    vector = np.random.default_rng(2).normal(size=(rows, 3))
+    p, q = (wp.array(vector, dtype=wp.vec3d, device="cpu") for _ in range(2))
+    dots = Dots.unread(state.model)
+    matrix.multiply(p, q, dots)()
+    wanted = (on_host(matrix) @ vector.ravel()).reshape(rows, 3)
+    np.testing.assert_allclose(q.numpy(), wanted, atol=1e-12 * np.abs(wanted).max())
+    assert dots.products.numpy().sum() == pytest.approx((vector * wanted).sum(), rel=1e-12)
+
+
+def test_the_matrix_follows_its_state() -> None:
+    """What is assembled is the curvature where the state is now, whatever was assembled before."""
+    state = stretched()
+    fresh, moved = BlockMatrix(state), BlockMatrix(state)
+    moved.assemble()
+    state.place(np.zeros_like(TRUNK.nodes))
+    assert (fresh.blocks.numpy()[0] == 0.0).all()
+    moved.assemble()
+    fresh.assemble()
+    np.testing.assert_array_equal(moved.blocks.numpy()[0], fresh.blocks.numpy()[0])
+
+
+@pytest.mark.parametrize("make", [Multilevel, BlockJacobi])
+def test_solves_with_any_preconditioner(make: Any) -> None:
+    state = stretched()
+    matrix = BlockMatrix(state)
+    matrix.assemble()
+    preconditioner: Preconditioner = make(matrix)
+    solver = ConjugateGradient(matrix, preconditioner, state.gradient)
+    solution = solver.solve(absolute=1e-9, relative=0.0, least=0)
+    right_side = -state.gradient.numpy()[: len(matrix.inverse_diagonal)]
+    wanted = np.linalg.solve(on_host(matrix).toarray(), right_side.ravel()).reshape(-1, 3)
+    assert np.linalg.norm(solver.solution.numpy() - wanted, axis=1).max() < 1e-8
+    assert solution.longest == pytest.approx(np.linalg.norm(wanted, axis=1).max(), rel=1e-6)
+    assert solution.left <= 1e-9
+
+
+def test_reading_changes_nothing() -> None:
+    """A second solve of the same system ends where the first did, to the last bit; the gradient stays."""
+    state = stretched()
+    gradient = state.gradient.numpy().copy()
+    matrix = BlockMatrix(state)
+    matrix.assemble()
+    solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
+    first = solver.solve(1e-6, 0.0, 0), solver.solution.numpy().copy()
+    second = solver.solve(1e-6, 0.0, 0), solver.solution.numpy().copy()
+    assert first[0] == second[0]
+    np.testing.assert_array_equal(first[1], second[1])
+    np.testing.assert_array_equal(state.gradient.numpy(), gradient)

@@ -1,0 +1,74 @@
+"""The curvature of a trunk over its free nodes, as a sparse matrix of 3x3 blocks on the device."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from warp_trunk.kernels.slabs import slab_kernels
+from warp_trunk.kernels.sparse import sparse_kernels
+
+from ..parallel import Launch
+from ..state import State
+from .dots import Dots
+from .sparsity import Sparsity, find_sparsity
+
+
+class BlockMatrix:
+    """H at a state: zero when made, the state's curvature after each `assemble`."""
+
+    sparsity: Sparsity
+    """Which blocks there are."""
+    blocks: wp.array
+    """The blocks in the first slab, shape (ranges, blocks), mat33; the others are what the threads add into."""
+    inverse_diagonal: wp.array
+    """The inverse of each row's diagonal block, shape (free nodes,), mat33."""
+
+    def __init__(self, state: State, curvature: Any = None, sparsity: Sparsity | None = None) -> None:
+        """Finds the pattern and records the launches.
+
+        Args:
+            state: where the curvature is taken; it may change between two assemblies.
+            curvature: the kernel that gives it; the energy's own, made positive semidefinite, when left out.
+            sparsity: the pattern, when another matrix of this model has found it.
+        """
+        self.model = model = state.model
+        ranges, record = model.parallel.ranges, model.parallel.record
+        mat33 = wp.types.matrix((3, 3), model.scalar)
+        self.sparsity = sparsity or find_sparsity(model)
+        size = self.sparsity.blocks
+        self.blocks = model.array(None, mat33, (ranges, size))
+        self.inverse_diagonal = model.array(None, mat33, (model.free,))
+        self._clear = record(slab_kernels(mat33).clear, size, [ranges], [self.blocks])
+        self._add_curvature = record(
+            curvature or model.elements.kernels.curvature,
+            len(model.corners),
+            [model.tets, *model.elements.arguments, self.sparsity.block_of, state.displacement],
+            [self.blocks],
+        )
+        self._gather = record(slab_kernels(mat33).gather, size, [ranges], [self.blocks])
+        self._invert_diagonal = record(
+            sparse_kernels(*model.variant).invert_diagonal,
+            model.free,
+            [self.sparsity.diagonal, self.blocks, model.scalar(1.0)],
+            [self.inverse_diagonal],
+        )
+
+    def assemble(self) -> None:
+        """Sets the matrix to the curvature at the state as it is now."""
+        self._clear()
+        self._add_curvature()
+        if self.model.parallel.ranges > 1:
+            self._gather()
+        self._invert_diagonal()
+
+    def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
+        """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""
+        s = self.sparsity
+        return self.model.parallel.record(
+            sparse_kernels(*self.model.variant).multiply,
+            s.row_bounds,
+            [s.row_start, s.columns, self.blocks, p_dot_q.iteration, p],
+            [q, p_dot_q.products],
+        )

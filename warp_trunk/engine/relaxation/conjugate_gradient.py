@@ -1,0 +1,121 @@
+"""Preconditioned conjugate gradients for the Newton system H d = -g."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.conjugate_gradient import LEFT, LONG, conjugate_gradient_kernels
+
+from ..parallel import Launch
+from .block_matrix import BlockMatrix
+from .dots import PADDING, Dots
+from .preconditioner import Preconditioner
+
+WINDOW = 8
+"""Iterations between two looks at the solution; they shrink its error to about a half."""
+
+
+@dataclass(frozen=True)
+class LinearSolution:
+    """How a linear solve ended."""
+
+    iterations: int
+    """Products with the matrix."""
+    longest: float
+    """Length of the solution's longest vector [mm]; not finite where a vector is not."""
+    left: float
+    """Error that may be left in a vector [mm], from how the changes over WINDOW iterations shrank."""
+
+
+class ConjugateGradient:
+    """A solver with its vectors on the device; `solve` writes `solution`."""
+
+    solution: wp.array
+    """d [mm], shape (free nodes,), vec3."""
+
+    def __init__(
+        self, matrix: BlockMatrix, preconditioner: Preconditioner, gradient: wp.array, most_iterations: int = 500
+    ) -> None:
+        """Records the launches.
+
+        Args:
+            matrix: H; what is assembled at the time of a solve holds.
+            preconditioner: M, see there.
+            gradient: g, whose free nodes are read at each solve, shape (nodes,), vec3.
+            most_iterations: the bound of a solve.
+        """
+        self.model = model = matrix.model
+        free, ranges = model.free, model.parallel.ranges
+        self.solution, self._earlier, r, z, p, q = (model.array(None, model.vec3, (free,)) for _ in range(6))
+        self._iteration, self._go_on = (model.array(None, wp.int32, (1,)) for _ in range(2))
+        rows = most_iterations + WINDOW + 1
+        self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
+        self._limits, self._outcome = (model.array(None, wp.float64, (3,)) for _ in range(2))
+        extent = model.array(None, wp.float64, (ranges, PADDING))
+        r_dot_z, p_dot_q = self._r_dot_z.products, self._p_dot_q.products
+        kernels = conjugate_gradient_kernels(*model.variant)
+        record, record_undivided = model.parallel.record, model.parallel.record_undivided
+        self._start = record(kernels.start, free, [gradient], [self.solution, r, p, self._earlier])
+        self._turn = record(kernels.turn, free, [ranges, self._iteration, r_dot_z, z], [p])
+        self._multiply = matrix.multiply(p, q, self._p_dot_q)
+        self._advance = record(
+            kernels.advance, free, [ranges, self._iteration, r_dot_z, p_dot_q, p, q], [self.solution, r]
+        )
+        self._count = record_undivided(kernels.count, 1, [], [self._iteration])
+        self._precondition = preconditioner.apply(r, z, self._r_dot_z)
+        self._window = record(kernels.window, free, [self.solution], [self._earlier, extent])
+        self._decide = record_undivided(
+            kernels.decide,
+            1,
+            [ranges, most_iterations, self._limits, r_dot_z, self._iteration],
+            [extent, self._outcome, self._go_on],
+        )
+        self._run = self._capture() if model.parallel.is_cuda else self._loop
+
+    def solve(self, absolute: float, relative: float, least: float) -> LinearSolution:
+        """Solves H d = -g for the gradient as it is now.
+
+        It ends when no vector of d is judged to be wrong by more than `absolute` [mm] or `relative` of the
+        longest, and not before `least` iterations: a residual falls long before the long waves of the solution
+        have come.
+        """
+        self._limits.assign(np.array([absolute, relative, least]))
+        self._run()
+        outcome = self._outcome.numpy()
+        return LinearSolution(int(self._iteration.numpy()[0]), float(outcome[LONG]), float(outcome[LEFT]))
+
+    def _loop(self) -> None:
+        """The whole solve, its loop here."""
+        self._begin()
+        while self._go_on.numpy()[0]:
+            self._advance_window()
+
+    def _capture(self) -> Launch:
+        """The whole solve as one CUDA graph with its loop."""
+        wp.capture_begin(self.model.device)
+        self._begin()
+        wp.capture_while(self._go_on, self._advance_window)
+        graph = wp.capture_end(self.model.device)
+        return lambda: wp.capture_launch(graph)
+
+    def _begin(self) -> None:
+        """d = 0, r = -g, z = M^-1 r."""
+        for array in (self._r_dot_z.products, self._p_dot_q.products, self._iteration, self._outcome):
+            array.zero_()
+        self._start()
+        self._precondition()
+        self._go_on.fill_(1)
+
+    def _advance_window(self) -> None:
+        """WINDOW iterations and a look at how far they moved the solution."""
+        for _ in range(WINDOW):
+            self._turn()  # p = z + beta p
+            self._multiply()  # q = H p
+            self._advance()  # d += step p, r -= step q
+            self._count()
+            self._precondition()  # z = M^-1 r
+        self._window()
+        self._decide()
