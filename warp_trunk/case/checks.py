@@ -16,8 +16,12 @@ from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
 from .axes import MILLIMETRES
+from .bone_checks import check_sides, unusual_depth
 from .bones_after import check_bones_after
+from .frame_checks import check_frame
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
+from .vertebra_order import check_order
+from .vertebra_shape import check_shapes
 
 if TYPE_CHECKING:
     from .record import Case
@@ -66,13 +70,18 @@ class CaseSource:
         return str(self.files.get(key, key))
 
 
-def check_case(case: Case, options: CheckOptions | None = None, source: CaseSource | None = None) -> None:
+def check_case(
+    case: Case, options: CheckOptions | None = None, source: CaseSource | None = None
+) -> tuple[str, ...]:
     """Check all that meshing and simulation rely on; the anatomy of 45 bones takes about a second.
 
     Args:
         case: in LPS and mm.
         options: limits; the defaults when left out.
         source: names the files in the error; the parts of the case are named when left out.
+
+    Returns:
+        A sentence for each thing that can be, but seldom is.
 
     Raises:
         InputError: the first rule that is broken.
@@ -95,10 +104,26 @@ def check_case(case: Case, options: CheckOptions | None = None, source: CaseSour
     if pieces > 1:
         raise InputError(f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one")
     _check_orientation(case.landmarks_before, source)
-    _check_bones(case, options, source)
+    warnings = check_order(case.landmarks_before, source.name("landmarks_before"))
+    check_sides(
+        case.bones,
+        case.landmarks_before.point("asis_left") - case.landmarks_before.point("asis_right"),
+        source.name,
+    )
+    warnings += unusual_depth(_check_bones(case, options, source), source.name("skin"))
     _check_not_buried(case, source)
     _check_landmark_places(case, options, source)
+    warnings += _check_both(case, source)
     check_bones_after(case, options.bone_changed, source.name)
+    return tuple(warnings)
+
+
+def _check_both(case: Case, source: CaseSource) -> list[str]:
+    """Check that what is known after surgery is of this patient, and in this frame."""
+    if case.landmarks_after is None:
+        return []
+    before, after, where = case.landmarks_before, case.landmarks_after, source.name("landmarks_after")
+    return check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
 
 
 def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None:
@@ -206,8 +231,10 @@ def _check_orientation(before: Landmarks, source: CaseSource) -> None:
         )
 
 
-def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> None:
+def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> dict[str, float]:
+    """How deep each bone comes nearest to the skin [mm], after every check of it."""
     skin = SurfaceDistance(case.skin)
+    depths: dict[str, float] = {}
     for name, bone in case.bones.items():
         where = source.name(name)
         check_surface(bone, where)
@@ -225,6 +252,8 @@ def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> None:
                 f"{where}: reaches {out[worst]:.1f} mm outside {source.name('skin')} at ({at}), "
                 f"{options.bone_outside_skin:g} mm is allowed; bring both into one frame or correct the bone"
             )
+        depths[name] = -float(out[worst])
+    return depths
 
 
 def _check_not_buried(case: Case, source: CaseSource) -> None:
