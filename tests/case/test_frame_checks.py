@@ -46,7 +46,7 @@ def test_aligning_undoes_a_shift_and_a_turn_that_the_iliac_spines_show(axis):
     def away(points):
         return turn.apply(points) + np.array([20.0, -5.0, 7.0])
 
-    after = case.landmarks_after
+    after = case.planned_landmarks
     moved = replace(
         case,
         landmarks_after=Landmarks(after.names, away(after.points)),

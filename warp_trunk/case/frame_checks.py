@@ -70,7 +70,7 @@ def align_pelvis(case: Case) -> Case:
     """
     names = case.landmarks_before.names
     held = [i for i, name in enumerate(names) if name in ASIS or name.startswith(tuple(f"{b}_" for b in PELVIS))]
-    after = case.landmarks_after
+    after = case.planned_landmarks
     back = fit_rigid(after.points[held], case.landmarks_before.points[held])
 
     def moved(surface: Surface) -> Surface:
