@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -10,14 +11,13 @@ import numpy as np
 from warp_trunk import (
     Layers,
     MeshOptions,
-    build_model,
+    RunOptions,
     build_trunk,
-    layered,
     measure,
     predicted_skin,
+    prepare,
     read_case,
     simulate,
-    spline_path,
 )
 from warp_trunk.engine.model import EnergyName
 
@@ -36,15 +36,14 @@ def main(folder: str, tets: int = 225_000) -> None:
     """Prints the table for the case in a folder, each energy against its own uniform tissue."""
     case = read_case(folder)
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets))
-    path = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
     print("| energy | tissue | skin max [mm] | skin mean [mm] | BSR max [degrees] | linear iterations |")
     print("|---|---|---|---|---|---|")
     for energy in get_args(EnergyName):
         reference = None
         for name, layers in {"one": None, **SCENES}.items():
-            mesh = trunk if layers is None else layered(trunk, layers, "depth")
-            tissue = case.tissue if layers is None else layers.tissues(case.tissue)
-            increments = list(simulate(build_model(mesh, tissue, energy=energy), path))
+            options = RunOptions(energy=energy, layers="none" if layers is None else "depth")
+            prepared = prepare(replace(case, layers=layers), options, trunk)
+            increments = list(simulate(prepared.model, prepared.bone_path))
             skin = predicted_skin(case, trunk, increments[-1].displacement)
             rotation = measure(skin, case.planned_landmarks).bsr.values()
             now = skin.vertices, np.array([np.nan if value is None else value for value in rotation])

@@ -2,28 +2,17 @@
 
 import sys
 
-from warp_trunk import (
-    build_model,
-    build_trunk,
-    measure,
-    predicted_skin,
-    read_case,
-    simulate,
-    spline_path,
-    write_result,
-)
+from warp_trunk import measure, predicted_skin, prepare, read_case, simulate, write_result
 
 case = read_case(sys.argv[1])
-trunk = build_trunk(case.skin, case.bones)
-model = build_model(trunk, case.tissue)
-bone_path = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
+prepared = prepare(case)
 
 increments = []
-for increment in simulate(model, bone_path):
+for increment in simulate(prepared.model, prepared.bone_path):
     print(f"{increment.load_factor:.0%}: {increment.relaxation.status.value}")
     increments.append(increment)
 
-skin = predicted_skin(case, trunk, increments[-1].displacement)
+skin = predicted_skin(case, prepared.trunk, increments[-1].displacement)
 before, after = measure(case.skin, case.landmarks_before), measure(skin, case.planned_landmarks, case.skin)
 print(f"rotation of the back {before.max_thoracic_bsr:.1f} to {after.max_thoracic_bsr:.1f} degrees")
-write_result(sys.argv[2], case, trunk, model, increments)
+write_result(sys.argv[2], case, prepared.trunk, prepared.model, increments)

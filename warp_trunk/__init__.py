@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from .recording import Recording
     from .results import Result, predicted_skin, read_result, read_summary, write_result
     from .run.options import RunOptions
+    from .run.prepare import Prepared, prepare
     from .run.run_case import RunResult, run_case
 
 _MODULE = {
@@ -113,6 +114,8 @@ _MODULE = {
     "read_summary": "results",
     "predicted_skin": "results",
     "write_result": "results",
+    "Prepared": "run.prepare",
+    "prepare": "run.prepare",
     "RunResult": "run.run_case",
     "run_case": "run.run_case",
     "RunOptions": "run.options",
@@ -150,6 +153,7 @@ __all__ = [
     "Layers",
     "MeshOptions",
     "Model",
+    "Prepared",
     "Recording",
     "RelaxOptions",
     "RelaxStatus",
@@ -188,6 +192,7 @@ __all__ = [
     "mirror_asymmetry",
     "phantom_case",
     "predicted_skin",
+    "prepare",
     "read_case",
     "read_film",
     "read_landmarks",

@@ -12,28 +12,22 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk import (
-    BonePath,
     Case,
     Landmarks,
-    Layers,
     MeshOptions,
     RelaxOptions,
+    RunOptions,
     SimulationOptions,
     Surface,
+    Tissue,
     TrunkMesh,
-    build_model,
     build_trunk,
-    layered,
     predicted_skin,
-    sag_free,
+    prepare,
     simulate,
-    spline_path,
 )
-from warp_trunk.bone_motion.articulation import bone_motions
-from warp_trunk.bone_motion.bone_path import rigid_path
 from warp_trunk.measures.volume import tissue_volume_change
 from warp_trunk.meshing.cache import cache_key
-from warp_trunk.meshing.joints import free_joints
 
 from .choices import Choices
 from .errors import moved_bones, moved_landmarks
@@ -114,27 +108,12 @@ class Study:
     def _run(self, choices: Choices) -> dict[str, np.ndarray]:
         trunk = self.trunk(choices)
         start = time.perf_counter()
-        trunk, path = self._path(trunk, choices)
-        tissue = replace(
-            self.case.tissue,
-            epsilon=choices.epsilon,
-            theta=choices.theta,
-            poisson_ratio=choices.poisson_ratio,
-        )
-        layers = self.case.layers or Layers()
-        model = build_model(
-            layered(trunk, layers, "depth") if choices.layers else trunk,
-            layers.tissues(tissue) if choices.layers else tissue,
-            energy=choices.energy,
-            weights=choices.weights,
-            gravity=choices.gravity,
-            precision=choices.precision,
-            threads=self.threads,
-        )
-        if choices.gravity != 0.0 and choices.rest == "sag-free":
-            model = sag_free(model).model
+        before, after = self.landmarks(choices)
+        case = replace(self.case, landmarks_before=before, landmarks_after=after, tissue=self._tissue(choices))
+        prepared = prepare(case, self._options(choices), trunk)
         relax = RelaxOptions(tolerance=choices.tolerance)
-        increments = list(simulate(model, path, SimulationOptions(increments=choices.increments, relax=relax)))
+        options = SimulationOptions(increments=choices.increments, relax=relax)
+        increments = list(simulate(prepared.model, prepared.bone_path, options))
         last = increments[-1]
         found = {
             "skin": predicted_skin(self.case, trunk, last.displacement).vertices,
@@ -147,13 +126,25 @@ class Study:
         }
         return {name: np.asarray(value) for name, value in found.items()}
 
-    def _path(self, trunk: TrunkMesh, choices: Choices) -> tuple[TrunkMesh, BonePath]:
-        landmarks = self.landmarks(choices)
-        path = spline_path(trunk.nodes, *landmarks)
-        if choices.bones == "spline":
-            return trunk, path
-        trunk = free_joints(trunk)
-        return trunk, rigid_path(trunk, bone_motions(self.case.bones, *landmarks, self.case.bones_after), path)
+    def _tissue(self, choices: Choices) -> Tissue:
+        return replace(
+            self.case.tissue,
+            epsilon=choices.epsilon,
+            theta=choices.theta,
+            poisson_ratio=choices.poisson_ratio,
+        )
+
+    def _options(self, choices: Choices) -> RunOptions:
+        return RunOptions(
+            energy=choices.energy,
+            weights=choices.weights,
+            layers="depth" if choices.layers else "none",
+            gravity=choices.gravity,
+            rest=choices.rest,
+            bones=choices.bones,
+            precision=choices.precision,
+            threads=self.threads,
+        )
 
 
 def told(choices: Choices) -> str:

@@ -8,19 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_trunk.bone_motion.articulation import bone_motions
-from warp_trunk.bone_motion.bone_path import BonePath, rigid_path, spline_path
-from warp_trunk.case.layers import Layers
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.simulation import Increment, simulate
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.meshing import make_trunk
-from warp_trunk.meshing.joints import free_joints
-from warp_trunk.meshing.layers import check_labels, layered
+from warp_trunk.meshing.layers import check_labels
 from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
 from warp_trunk.results import (
     RECORDING,
@@ -35,13 +28,12 @@ from warp_trunk.results import (
 from warp_trunk.results.summary_text import markdown
 
 from .options import RunOptions, parameters
+from .prepare import Prepared, prepare
 from .progress import Progress
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.model import Model
     from warp_trunk.engine.relaxation import RelaxStatus
-    from warp_trunk.engine.tissue import Tissue
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.results import Summary
 
@@ -90,42 +82,15 @@ def run_case(
 
 def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> RunResult:
     start = time.perf_counter()
-    given = None
-    if options.from_mesh is not None:
-        with progress.stage("mesh", f"reading {options.from_mesh}"):
-            given = read_volume(options.from_mesh, case.skin, case.bones)
-        case = dataclasses.replace(case, skin=Surface(given.nodes[given.skin_nodes], given.skin_faces))
-    if options.layers == "mesh":
-        check_labels(case.layers, given)
-    checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), given))
+    case, trunk = _given(case, options, progress)
+    checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), trunk))
     _begin(checkpoint, options, progress)
     live = start_viewer() if options.live else None
     if options.record:
         load_rerun()
     else:
         partial(folder / RECORDING).unlink(missing_ok=True)  # of a run that was interrupted
-    trunk = _mesh(case, options, progress) if given is None else given
-    with progress.stage("path", "fitting the spline of the landmarks"):
-        bone_path = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
-        if options.bones == "rigid":
-            motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after)
-            trunk = free_joints(trunk)
-            bone_path = rigid_path(trunk, motions, bone_path)
-    trunk, tissues = _tissues(case, trunk, options, progress)
-    with progress.stage("compile", "preparing the model"):
-        model = build_model(
-            trunk,
-            tissues,
-            energy=options.energy,
-            weights=options.weights,
-            gravity=options.gravity,
-            device=options.device,
-            precision=options.precision,
-            threads=options.threads,
-        )
-    if options.gravity != 0.0 and options.rest == "sag-free":
-        with progress.stage("rest", "finding the rest state that gravity pulls into the scan"):
-            model = sag_free(model).model
+    prepared = prepare(case, options, trunk, progress)
     before = measure(case.skin, case.landmarks_before)
     recording = None
     if options.record:
@@ -133,16 +98,16 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
             recording = Recording(
                 partial(folder / RECORDING),
                 case,
-                trunk,
+                prepared.trunk,
                 before,
-                bone_path,
-                model=model,
+                prepared.bone_path,
+                model=prepared.model,
                 colours=options.record_colours,
                 steps=options.record_steps,
                 live=live,
             )
     try:
-        increments, after = _simulate(case, trunk, model, bone_path, options, recording, checkpoint, progress)
+        increments, after = _simulate(case, prepared, options, _Watchers(recording, checkpoint, progress))
         if recording is not None:
             recording.finish(markdown(case, increments[-1], before, after))
     finally:
@@ -151,8 +116,8 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
     summary = write_result(
         folder,
         case,
-        trunk,
-        model,
+        prepared.trunk,
+        prepared.model,
         increments,
         parameters=parameters(options),
         seconds={**progress.seconds, "total": progress.seconds.get("load", 0.0) + time.perf_counter() - start},
@@ -160,6 +125,18 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
     )
     checkpoint.remove()
     return RunResult(increments[-1].relaxation.status, before, after, summary, folder)
+
+
+def _given(case: Case, options: RunOptions, progress: Progress) -> tuple[Case, TrunkMesh | None]:
+    """The mesh of another program, if one is asked for, and the case with the boundary of it as its skin."""
+    trunk = None
+    if options.from_mesh is not None:
+        with progress.stage("mesh", f"reading {options.from_mesh}"):
+            trunk = read_volume(options.from_mesh, case.skin, case.bones)
+        case = dataclasses.replace(case, skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
+    if options.layers == "mesh":
+        check_labels(case.layers, trunk)
+    return case, trunk
 
 
 def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> None:
@@ -177,38 +154,20 @@ def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> N
         progress.message("nothing to resume; starting from the beginning")
 
 
-def _mesh(case: Case, options: RunOptions, progress: Progress) -> TrunkMesh:
-    with progress.stage("build", "meshing the soft tissue"):
-        build = make_trunk(case.skin, case.bones, options.mesh)
-    progress.add("surface", build.surface_seconds)
-    progress.add("mesh", build.mesh_seconds)
-    return build.trunk
+@dataclass(frozen=True)
+class _Watchers:
+    """Who is told of the increments."""
 
-
-def _tissues(
-    case: Case, trunk: TrunkMesh, options: RunOptions, progress: Progress
-) -> tuple[TrunkMesh, Tissue | tuple[Tissue, ...]]:
-    """The mesh with the tissue of its tetrahedra, and the tissues."""
-    source = options.layers
-    if source is None:
-        source = "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
-    if source == "none":
-        return dataclasses.replace(trunk, tissue=None), case.tissue
-    layers = case.layers or Layers()
-    with progress.stage("layers", "telling skin, fat and muscle apart"):
-        return layered(trunk, layers, source), layers.tissues(case.tissue)
+    recording: Recording | None
+    checkpoint: Checkpoint
+    progress: Progress
 
 
 def _simulate(
-    case: Case,
-    trunk: TrunkMesh,
-    model: Model,
-    bone_path: BonePath,
-    options: RunOptions,
-    recording: Recording | None,
-    checkpoint: Checkpoint,
-    progress: Progress,
+    case: Case, prepared: Prepared, options: RunOptions, watchers: _Watchers
 ) -> tuple[list[Increment], TrunkMeasures]:
+    recording, checkpoint, progress = watchers.recording, watchers.checkpoint, watchers.progress
+    model, bone_path = prepared.model, prepared.bone_path
     done = checkpoint.increments(model) if options.resume else []
     increments: list[Increment] = []
     measures: list[TrunkMeasures] = []
@@ -216,7 +175,7 @@ def _simulate(
     def observe(increment: Increment) -> None:
         start = time.perf_counter()
         increments.append(increment)
-        skin = predicted_skin(case, trunk, increment.displacement)
+        skin = predicted_skin(case, prepared.trunk, increment.displacement)
         measures.append(measure(skin, case.landmarks_at(increment.load_factor), case.skin))
         if recording is not None:
             recording.increment(increment, measures[-1])
