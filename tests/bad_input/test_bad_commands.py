@@ -43,7 +43,7 @@ ARGUMENTS = [
 
 @pytest.mark.parametrize("row", ARGUMENTS, ids=lambda row: row[0])
 def test_arguments_that_cannot_be_are_refused_before_any_work(good_case, refused, tmp_path, monkeypatch, row):
-    monkeypatch.setattr("warp_trunk.run.run_case.make_trunk", None)  # nothing is meshed
+    monkeypatch.setattr("warp_trunk.run.prepare.make_trunk", None)  # nothing is meshed
     _, flags, *fragments = row
     refused(["simulate", str(good_case), "--out", str(tmp_path / "out"), *flags], *fragments)
     assert not (tmp_path / "out").exists() or list((tmp_path / "out").rglob("*")) == []

@@ -54,7 +54,7 @@ def quick(monkeypatch):
         simulate_command, "read_case", lambda path: replace(case, tissue=Tissue(theta=3.0, epsilon=0.5))
     )
     monkeypatch.setattr(demo, "phantom_case", lambda: case)
-    monkeypatch.setattr(run, "make_trunk", make_trunk)
+    monkeypatch.setattr("warp_trunk.run.prepare.make_trunk", make_trunk)
     monkeypatch.setattr(run, "simulate", simulate)
     return asked
 

@@ -17,7 +17,6 @@ from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, OK
 from warp_trunk.engine.trunk_mesh import read_trunk
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.results import checkpoint
-from warp_trunk.run import run_case as run
 
 SHORT = ["--increments=3", "--device=cpu", "--threads=1"]
 
@@ -31,7 +30,7 @@ def mesh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     def meshed(*_):
         raise AssertionError("meshed")
 
-    monkeypatch.setattr(run, "make_trunk", meshed)
+    monkeypatch.setattr("warp_trunk.run.prepare.make_trunk", meshed)
     nodes, tets, _ = box_mesh()
     nodes = nodes * [1.01, 0.99, 1.0]  # not quite the case's skin
     label = np.digitize(np.abs(nodes[tets].mean(axis=1)[:, 0]), [60.0, 110.0])[::-1] * 1
@@ -114,7 +113,7 @@ def test_what_cannot_be_resumed_is_said_before_any_work(
     with monkeypatch.context() as patch:
         stop_after(patch, 1)
         assert simulated(out, mesh, "--no-record") == INTERRUPTED
-    monkeypatch.setattr(run, "build_model", lambda *_, **__: pytest.fail("worked"))
+    monkeypatch.setattr("warp_trunk.run.prepare.build_model", lambda *_, **__: pytest.fail("worked"))
     assert simulated(out, mesh, "--no-record", "--resume", "--bones=rigid") == BAD_INPUT
     (line,) = capsys.readouterr().err.splitlines()[-1:]
     assert "'bones' was spline and is rigid" in line
