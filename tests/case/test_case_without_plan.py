@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.small_case import small_case
 
+from support.small_case import small_case
 from warp_trunk.case import check_case, read_case, write_case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.cli import main

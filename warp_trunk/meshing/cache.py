@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import sys
 import tempfile
 import warnings
 from collections.abc import Mapping
@@ -12,6 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
 from warp_trunk.geometry.surface import Surface
@@ -26,13 +26,7 @@ def cache_folder() -> Path:
     """Where meshes are kept: WARP_TRUNK_CACHE if set, else the place this system has for such files."""
     if given := os.environ.get("WARP_TRUNK_CACHE"):
         return Path(given)
-    if sys.platform == "win32":
-        place = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        place = Path.home() / "Library" / "Caches"
-    else:
-        place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return place / "warp-trunk"
+    return platformdirs.user_cache_path("warp-trunk", appauthor=False)
 
 
 def cache_key(skin: Surface, bones: Mapping[str, Surface], options: str) -> str:
