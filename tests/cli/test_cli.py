@@ -51,7 +51,9 @@ def quick(monkeypatch):
         return TrunkBuild(trunk, False, 1.0, 2.0, 1, 4.0)
 
     monkeypatch.setattr(
-        simulate_command, "read_case", lambda path: replace(case, tissue=Tissue(theta=3.0, epsilon=0.5))
+        simulate_command,
+        "read_checked_case",
+        lambda path, align: (replace(case, tissue=Tissue(theta=3.0, epsilon=0.5)), ()),
     )
     monkeypatch.setattr(demo, "phantom_case", lambda: case)
     monkeypatch.setattr("warp_trunk.run.prepare.make_trunk", make_trunk)

@@ -25,7 +25,7 @@ SHORT = ["--increments=3", "--device=cpu", "--threads=1"]
 def mesh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A mesh of another program, of three layers; the case is read without a folder, and TetGen is not there."""
     case, trunk = boned_case()
-    monkeypatch.setattr(simulate_command, "read_case", lambda path: case)
+    monkeypatch.setattr(simulate_command, "read_checked_case", lambda path, align: (case, ()))
 
     def meshed(*_):
         raise AssertionError("meshed")

@@ -110,7 +110,7 @@ def main(folder: Path, seed: int, moments: int) -> None:
     import scipy.sparse  # noqa: F401  likewise
 
     def simulate(name: str, **changes: Any) -> None:
-        run.run_case(case, folder / name, options(mesh, **changes), Progress(quiet))
+        run.run_case(case, folder / name, options(mesh, **changes), Progress(quiet), warnings=())
 
     wp.config.log_level = wp.LOG_WARNING
     simulate("warm", record=False)

@@ -2,7 +2,7 @@
 
 from .axes import Axes
 from .checks import CheckOptions, check_case
-from .folder import read_case, write_case
+from .folder import read_case, read_checked_case, write_case
 from .record import Case
 
-__all__ = ["Axes", "Case", "CheckOptions", "check_case", "read_case", "write_case"]
+__all__ = ["Axes", "Case", "CheckOptions", "check_case", "read_case", "read_checked_case", "write_case"]

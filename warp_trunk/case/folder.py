@@ -13,6 +13,7 @@ from warp_trunk.io.surface_files import read_surface, surface_files, write_surfa
 
 from .axes import MILLIMETRES, Axes
 from .checks import CaseSource, CheckOptions, check_case, check_names
+from .frame_checks import align_pelvis
 from .header import CaseHeader, header_text, read_header
 from .landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from .layer_table import read_layers, write_layers
@@ -20,6 +21,13 @@ from .record import Case
 
 
 def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
+    """Read and check a case folder; `read_checked_case` also tells what is doubtful in it."""
+    return read_checked_case(folder, checks)[0]
+
+
+def read_checked_case(
+    folder: str | Path, checks: CheckOptions | None = None, *, align: bool = False
+) -> tuple[Case, tuple[str, ...]]:
     """Read and check a case folder; everything that comes back is in LPS axes and mm.
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
@@ -31,6 +39,10 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     Args:
         folder: the case folder.
         checks: limits of the checks (`check_case`); the defaults when left out.
+        align: bring what is known after surgery back onto the pelvis before surgery (`align_pelvis`).
+
+    Returns:
+        The case, and a sentence for each thing in it that can be, but seldom is.
 
     Raises:
         InputError: a file is missing, cannot be read or breaks a rule; the text names file, rule, value and
@@ -93,8 +105,9 @@ def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
     if header.layers is not None:
         layers = read_layers(folder, header.layers, MILLIMETRES[header.units], len(case.skin.vertices))
         case = replace(case, layers=layers)
-    check_case(case, checks, source)
-    return case
+    if align:
+        case = align_pelvis(case)
+    return case, check_case(case, checks, source)
 
 
 def write_case(folder: str | Path, case: Case) -> None:

@@ -37,5 +37,5 @@ class Demo:
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()
-            result = run_case(case, self.out, self.options, progress)
+            result = run_case(case, self.out, self.options, progress, warnings=())
         return report_ending(result)

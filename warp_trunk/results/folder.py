@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.case.landmarks import write_landmarks
+from warp_trunk.case.places import refuse_case
 from warp_trunk.engine.trunk_mesh import TrunkMesh, write_trunk
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import measure
+from warp_trunk.measures.skin_quality import skin_quality
 
 from .summarize import summarize
 from .summary import SUMMARY, Summary, write_summary
@@ -38,9 +40,11 @@ def prepare_folder(folder: str | Path) -> Path:
     """Create a result folder and make sure, before any long work, that a result can be written to it.
 
     Raises:
-        InputError: it cannot be created or written to, or too little space is free.
+        InputError: it is a case folder or lies in one, cannot be created or written to, or too little space is
+            free.
     """
     folder = Path(folder)
+    refuse_case(folder)
     probe = folder / ".writable"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -72,6 +76,7 @@ def write_result(
     *,
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
+    warnings: Sequence[str] = (),
     recording: Path | None = None,
 ) -> Summary:
     """Write the result of a simulation, with all of the case that its report needs.
@@ -91,6 +96,7 @@ def write_result(
         increments: all that `simulate` yielded.
         parameters: options of the run for the summary, beside those the model knows.
         seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
+        warnings: what makes the result doubtful; faults of the predicted skin are added.
         recording: a finished recording, which is moved into the folder.
 
     Returns:
@@ -115,6 +121,8 @@ def write_result(
         actual=None if actual is None else measure(actual, case.planned_landmarks),
         parameters=parameters,
         seconds=seconds,
+        quality=skin_quality(case.skin, skin, case.landmarks_before),
+        warnings=warnings,
     )
     surfaces = {SKIN_BEFORE: case.skin, PREDICTED_SKIN: skin}
     if actual is not None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.measures.skin_quality import SkinQuality
+
 from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms
 from .versions import versions
 
@@ -38,8 +40,10 @@ def summarize(
     actual: TrunkMeasures | None = None,
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
+    quality: SkinQuality | None = None,
+    warnings: Sequence[str] = (),
 ) -> Summary:
-    """The summary of a simulation."""
+    """The summary of a simulation, with the faults of its predicted skin among the warnings."""
     last = increments[-1].relaxation
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     constants = dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}
@@ -62,6 +66,8 @@ def summarize(
         seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
         peak_memory_mb=peak_memory(),
         versions=versions(),
+        warnings=(*warnings, *(() if quality is None else quality.faults)),
+        skin_quality=quality,
     )
 
 

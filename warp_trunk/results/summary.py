@@ -18,6 +18,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 from warp_trunk.measures import CobbAngle
+from warp_trunk.measures.skin_quality import SkinQuality
 
 SUMMARY = "summary.json"
 Rotations = dict[str, float | None]
@@ -126,6 +127,10 @@ class Summary:
     """Largest resident memory [MB]."""
     versions: dict[str, str | None]
     """Of this program and of what its numbers depend on."""
+    warnings: tuple[str, ...] = ()
+    """What makes the result doubtful, a sentence each."""
+    skin_quality: SkinQuality | None = None
+    """Worst stretch and fold of the predicted skin."""
 
     def __post_init__(self) -> None:
         """Raises ValueError for a status that no relaxation has."""

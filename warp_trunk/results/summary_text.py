@@ -21,6 +21,7 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
     status, bsr = summary.ending, summary.bsr_deg
     lines = [
         f"{status.name}: {status.value}",
+        *(f"Warning: {warning}" for warning in summary.warnings),
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
         _skin(after),

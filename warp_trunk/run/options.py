@@ -64,8 +64,11 @@ class RunOptions:
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, before any work."""
-        if not abs(self.gravity) <= MOST_GRAVITY:  # nor is NaN
-            raise InputError(f"gravity: must be within {MOST_GRAVITY:g} m/s^2, not {self.gravity}; give 9.81")
+        if not 0.0 <= self.gravity <= MOST_GRAVITY:  # nor is NaN
+            raise InputError(
+                f"gravity: must be from 0 to {MOST_GRAVITY:g} m/s^2, for it pulls down by itself, not "
+                f"{self.gravity:g}; give 9.81"
+            )
 
 
 def parameters(options: RunOptions) -> dict[str, Any]:

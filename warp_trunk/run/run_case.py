@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
+from warp_trunk.case import check_case
 from warp_trunk.engine.simulation import Increment, simulate
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -30,6 +33,7 @@ from warp_trunk.results.summary_text import markdown
 from .options import RunOptions, parameters
 from .prepare import Prepared, prepare
 from .progress import Progress
+from .warnings import curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -55,7 +59,12 @@ class RunResult:
 
 
 def run_case(
-    case: Case, folder: str | Path, options: RunOptions | None = None, progress: Progress | None = None
+    case: Case,
+    folder: str | Path,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
+    *,
+    warnings: Sequence[str] | None = None,
 ) -> RunResult:
     """Mesh, simulate, measure and write a case, with a recording that grows by each increment.
 
@@ -64,10 +73,11 @@ def run_case(
         folder: where the result goes; checked before any long work, and kept from other processes.
         options: how; the defaults when left out.
         progress: what to tell it to; a log on standard error when left out.
+        warnings: what the check of the case found (`read_checked_case`); it is checked here when left out.
 
     Raises:
-        InputError: a folder that cannot be written or is in use, an interrupted simulation that was of another
-            case or other options, or a case or options that a stage refuses.
+        InputError: a folder that lies in a case, cannot be written or is in use, an interrupted simulation that is
+            of another case or other options, or a case or options that a stage refuses.
     """
     options = options or RunOptions()
     progress = progress or Progress()
@@ -76,11 +86,20 @@ def run_case(
     check_colours(case, options.record_colours)
     if options.live and not options.record:
         raise InputError("--live: shows what is recorded; leave --no-record out")
+    warnings = [
+        *(check_case(case) if warnings is None else warnings),
+        *curve_warnings(case.landmarks_before, case.planned_landmarks),
+        *option_warnings(
+            (case.tissue, *(() if case.layers is None else case.layers.tissues(case.tissue))), options.gravity
+        ),
+    ]
+    for warning in warnings:
+        progress.message(f"warning: {warning}")
     with locked(folder):
-        return _run(case, folder, options, progress)
+        return _run(case, folder, options, progress, warnings)
 
 
-def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> RunResult:
+def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warnings: list[str]) -> RunResult:
     start = time.perf_counter()
     case, trunk = _given(case, options, progress)
     checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), trunk))
@@ -91,6 +110,9 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
     else:
         partial(folder / RECORDING).unlink(missing_ok=True)  # of a run that was interrupted
     prepared = prepare(case, options, trunk, progress)
+    held = colliding_bones(prepared.trunk, prepared.bone_path)
+    if held:
+        progress.message(f"warning: {held[0]}; tissue cannot follow there")
     before = measure(case.skin, case.landmarks_before)
     recording = None
     if options.record:
@@ -113,6 +135,8 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
     finally:
         if recording is not None:
             recording.close()
+    last = increments[-1].relaxation
+    warnings = [*warnings, *ending_warnings(last, held, folded_tissue(prepared.trunk, prepared.bone_path))]
     summary = write_result(
         folder,
         case,
@@ -121,10 +145,11 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress) -> R
         increments,
         parameters=parameters(options),
         seconds={**progress.seconds, "total": progress.seconds.get("load", 0.0) + time.perf_counter() - start},
+        warnings=warnings,
         recording=None if recording is None or recording.failed else recording.path,
     )
     checkpoint.remove()
-    return RunResult(increments[-1].relaxation.status, before, after, summary, folder)
+    return RunResult(last.status, before, after, summary, folder)
 
 
 def _given(case: Case, options: RunOptions, progress: Progress) -> tuple[Case, TrunkMesh | None]:

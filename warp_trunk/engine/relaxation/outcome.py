@@ -38,10 +38,7 @@ class RelaxStatus(Enum):
     """Why a relaxation ended; the value is the sentence for the user."""
 
     CONVERGED = "the estimated distance to equilibrium fell below the tolerance"
-    STALLED = (
-        "the energy no longer falls although the estimated distance is above the tolerance; "
-        "use float64, a larger tolerance or more increments"
-    )
+    STALLED = "the energy no longer falls although the estimated distance is above the tolerance"
     STEP_LIMIT = "the most steps allowed were taken before the tolerance was reached"
     NOT_FINITE = "the energy at the start is not a finite number; check the input and the size of the increment"
 

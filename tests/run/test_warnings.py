@@ -1,0 +1,100 @@
+"""What stands on the console, in the summary and on the report's first page beside a result."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.marked_spine import before_and_after
+from support.small_trunk import made_up_increments, small_case
+from warp_trunk.cli import main
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
+from warp_trunk.meshing import TrunkBuild
+from warp_trunk.results import read_result
+from warp_trunk.run import prepare
+from warp_trunk.run import run_case as run
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.progress import Progress
+from warp_trunk.run.warnings import curve_warnings, ending_warnings, option_warnings
+
+LAST = made_up_increments(small_case()[1])[-1].relaxation
+
+
+def test_a_plan_that_enlarges_the_largest_curve_is_warned_of():
+    before, after = before_and_after()
+    assert curve_warnings(before, before) == []
+    bent = replace(after, points=after.points * [2.0, 1.0, 1.0])
+    (text,) = curve_warnings(before, bent)
+    assert text.startswith("The largest curve of the spine grows, from 40 to ")
+    assert curve_warnings(bent, before) == []
+
+
+@pytest.mark.parametrize(
+    ("tissue", "gravity", "named"),
+    [
+        (Tissue(), 0.0, []),
+        (Tissue(youngs_modulus=130.0, density=1090.0), 9.81, []),
+        (Tissue(youngs_modulus=10_000.0), 9.81, ["'youngs_modulus' is 10000 kPa, 0.5 to 500 is usual"]),
+        (Tissue(density=1.0), 981.0, ["'density' is 1 kg/m3", "gravity: is 981 m/s^2"]),
+    ],
+)
+def test_constants_that_no_tissue_has_are_warned_of_once(tissue, gravity, named):
+    found = option_warnings([tissue, tissue], gravity)
+    assert len(found) == len(named)
+    assert all(part in text for part, text in zip(named, found, strict=True))
+
+
+@pytest.mark.parametrize("gravity", [-9.81, float("nan"), 1e6])
+def test_gravity_that_pulls_up_is_refused(gravity):
+    with pytest.raises(InputError, match=r"gravity: must be from 0 to 1000 m/s\^2"):
+        RunOptions(gravity=gravity)
+
+
+def test_an_end_that_is_whole_needs_no_warning():
+    assert ending_warnings(LAST, [], ["the spline of the landmarks folds around here"]) == []
+
+
+@pytest.mark.parametrize("ending", [{"status": RelaxStatus.STALLED}, {"inverted_tets": 3}])
+def test_an_end_that_the_bones_cause_is_not_blamed_on_precision(ending):
+    last = replace(LAST, **ending)
+    (text,) = ending_warnings(last, ["bones collide at T8 and T9"], ["the spline folds"])
+    assert "bones collide at T8 and T9" in text
+    assert "float64" not in text
+    (text,) = ending_warnings(last, [], ["the spline folds around T8"])
+    assert "the spline folds around T8" in text
+    (text,) = ending_warnings(last, [], [])
+    assert ("use float64" in text) == (last.status is RelaxStatus.STALLED)
+
+
+def test_warnings_reach_console_and_summary(tmp_path, monkeypatch, capsys):
+    case, trunk = small_case()
+    monkeypatch.setattr(prepare, "make_trunk", lambda *_: TrunkBuild(trunk, False, 1.0, 2.0, 1, 4.0))
+    monkeypatch.setattr(run, "check_case", lambda case: ("landmarks_after: 'asis_left' moves by 7.0 mm.",))
+    monkeypatch.setattr(
+        run, "simulate", lambda model, path, options, watch, done: made_up_increments(trunk, options.increments)
+    )
+    options = RunOptions(device="cpu", gravity=981.0, rest="scan", record=False)
+    result = run.run_case(case, tmp_path / "out", options, Progress())
+    warnings = read_result(tmp_path / "out").summary.warnings
+    assert [text.split(":")[0] for text in warnings[:2]] == ["landmarks_after", "gravity"]
+    assert result.summary.warnings == warnings
+    assert all(f"warning: {text}" in capsys.readouterr().err for text in warnings[:1])
+
+
+def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
+    case, _ = small_case()
+    nowhere = replace(case.landmarks_before, points=np.zeros_like(case.landmarks_before.points))
+    with pytest.raises(InputError, match="landmarks_before: landmarks may not all lie in one plane"):
+        run.run_case(replace(case, landmarks_before=nowhere), tmp_path / "out")
+
+
+def test_a_result_never_lands_in_a_case(tmp_path, capsys):
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "case.toml").write_text("")
+    (tmp_path / "link").symlink_to(tmp_path / "case")
+    for place in ("case", "case/results/new", "link/there"):
+        assert main(["demo", "--out", str(tmp_path / place)]) == 2
+        assert "give --out a place outside it" in capsys.readouterr().err.splitlines()[-1]
+    assert sorted(path.name for path in (tmp_path / "case").iterdir()) == ["case.toml"]
