@@ -10,10 +10,11 @@ from .engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
 from .engine.sag_free import RestState, sag_free
 from .engine.simulation import Increment, SimulationOptions, simulate
 from .engine.tissue import Tissue
-from .engine.trunk_mesh import TrunkMesh, read_trunk, write_trunk
+from .engine.trunk_mesh import TrunkMesh
 from .errors import InputError
 from .geometry.surface import Surface
 from .io.surface_files import read_surface, write_surface
+from .io.trunk_file import read_trunk, write_trunk
 from .measures import (
     ApicalVertebra,
     BsrError,

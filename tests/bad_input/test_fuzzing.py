@@ -27,11 +27,11 @@ from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import read_landmarks, write_landmarks
 from warp_trunk.case.layer_table import read_numbers
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.engine.trunk_mesh import read_trunk
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume, write_volume
 from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.meshing import cache
 from warp_trunk.meshing.layers.labels import labels_from_mesh
 from warp_trunk.preparation.reconstruction import read_film

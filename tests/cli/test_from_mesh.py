@@ -14,8 +14,8 @@ from support.small_trunk import boned_case, box_mesh
 from warp_trunk.cli import main
 from warp_trunk.cli import simulate as simulate_command
 from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, OK
-from warp_trunk.engine.trunk_mesh import read_trunk
 from warp_trunk.io.surface_files import read_surface
+from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.results import checkpoint
 
 SHORT = ["--increments=3", "--device=cpu", "--threads=1"]

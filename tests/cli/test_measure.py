@@ -11,9 +11,10 @@ from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.cli.exit_status import BAD_INPUT, OK
-from warp_trunk.engine.trunk_mesh import TrunkMesh, write_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
+from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.measures import compare_skins, measure
 
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from support.synthetic import shell_trunk
-from warp_trunk.engine.trunk_mesh import check_trunk, read_trunk, tet_volumes, write_trunk
+from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
 from warp_trunk.errors import InputError
+from warp_trunk.io.trunk_file import read_trunk, write_trunk
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ import warp as wp
 
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.engine.trunk_mesh import write_trunk
+from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.run import run_case as run
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress

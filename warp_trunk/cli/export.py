@@ -9,11 +9,11 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.engine.trunk_mesh import read_trunk
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.exchange import ENDINGS, write_volume
 from warp_trunk.io.file_access import check_place
+from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.results import read_summary
 from warp_trunk.results.folder import TRUNK
 

@@ -15,11 +15,11 @@ from tyro.conf import Positional
 
 from warp_trunk.case import Case, read_case
 from warp_trunk.case.header import read_header
-from warp_trunk.engine.trunk_mesh import read_trunk
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
 from warp_trunk.io.surface_files import read_surface
+from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
 from warp_trunk.measures.table import comparison_text, measures_text

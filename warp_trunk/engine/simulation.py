@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import warp as wp
@@ -18,8 +18,13 @@ from .model import Model
 from .relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStep
 from .state import State, to_mesh_order
 
-if TYPE_CHECKING:
-    from warp_trunk.bone_motion.bone_path import BonePath
+
+class BonePath(Protocol):
+    """Where the nodes are moved to, those on bone above all."""
+
+    def at(self, load_factor: float) -> np.ndarray:
+        """Displacement from before surgery at a load factor in [0, 1] [mm], in mesh order, shape (nodes, 3)."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +111,10 @@ def simulate(
             of another model or other options.
     """
     options = options or SimulationOptions()
-    if bone_path.displacement.shape != (len(model.order), 3):
+    shape = bone_path.at(1.0).shape
+    if shape != (len(model.order), 3):
         raise InputError(
-            f"bone_path: has {len(bone_path.displacement)} nodes but the trunk has {len(model.order)}; "
+            f"bone_path: has {shape[0]} nodes but the trunk has {len(model.order)}; "
             "make the path from the nodes of this trunk"
         )
     if [increment.number for increment in done] != list(range(1, len(done) + 1)) or (

@@ -12,11 +12,12 @@ import numpy as np
 
 from warp_trunk.case.landmarks import write_landmarks
 from warp_trunk.case.places import refuse_case
-from warp_trunk.engine.trunk_mesh import TrunkMesh, write_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
 from warp_trunk.io.surface_files import write_surface
+from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.measures import measure
 from warp_trunk.measures.skin_quality import skin_quality
 

@@ -14,10 +14,11 @@ from warp_trunk.case.layers import Layers
 from warp_trunk.engine.model import EnergyName, build_model
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, read_trunk, tet_volumes, write_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
+from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.meshing.layers import layered
 from warp_trunk.meshing.layers.depth import part_negative, real_skin
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, read_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
@@ -17,6 +17,7 @@ from warp_trunk.geometry.surface_checks import check_solid
 from warp_trunk.meshing.bone_surface import nearest_bone
 from warp_trunk.meshing.tetrahedra import oriented
 
+from ..trunk_file import read_trunk
 from ..volume_files import read_mesh
 
 OFF_SURFACE = 10.0

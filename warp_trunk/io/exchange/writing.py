@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.engine.trunk_mesh import TrunkMesh, as_meshio, write_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
+from ..trunk_file import as_meshio, write_trunk
 from .abaqus import write_abaqus
 from .febio import write_febio
 
