@@ -57,16 +57,16 @@ def outside_curve(problem: Problem, setting: Setting, limit: float) -> Iterator[
     def energy_and_gradient(x: np.ndarray) -> tuple[float, np.ndarray]:
         nonlocal evaluations
         evaluations += 1
-        host[: model.free] = x.reshape(-1, 3)
+        host[model.free] = x.reshape(-1, 3)
         state.displacement.assign(host)
         state.evaluate()
-        gradient = state.gradient.numpy()[: model.free].astype(np.float64)
+        gradient = state.gradient.numpy()[model.free].astype(np.float64)
         return state.energy().total, gradient.ravel()
 
     def look(x: np.ndarray, status: str) -> None:
         nonlocal looking
         now = time.perf_counter()
-        host[: model.free] = x.reshape(-1, 3)
+        host[model.free] = x.reshape(-1, 3)
         displacement = to_mesh_order(model, wp.array(host, dtype=model.vec3, device="cpu"))
         found.append(
             {
@@ -95,7 +95,7 @@ def outside_curve(problem: Problem, setting: Setting, limit: float) -> Iterator[
             following *= 2
             look(x, "STEP_LIMIT")
 
-    free = host[: model.free].astype(np.float64).ravel()
+    free = host[model.free].astype(np.float64).ravel()
     options = {"maxcor": MEMORY, "maxiter": 10**9, "maxfun": 10**9, "ftol": 0.0, "gtol": 0.0}
     try:
         end = minimize(

@@ -61,7 +61,7 @@ def test_refuses_tissue(name: str, value: float) -> None:
 
 
 def test_every_piece_with_three_bone_nodes_is_held() -> None:
-    assert build_model(two_blocks(3), device="cpu").free == 2 * len(BLOCK.nodes) - 9 - 3
+    assert build_model(two_blocks(3), device="cpu").free_nodes == 2 * len(BLOCK.nodes) - 9 - 3
 
 
 def test_a_corner_in_line_with_two_others_does_not_hold() -> None:
@@ -79,8 +79,8 @@ def test_a_corner_in_line_with_two_others_does_not_hold() -> None:
 def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
     model = build_model(mesh, device="cpu", threads=1)
     assert sorted(model.order) == list(range(len(mesh.nodes)))
-    assert not mesh.prescribed[model.order[: model.free]].any()
-    assert mesh.prescribed[model.order[model.free :]].all()
+    assert not mesh.prescribed[model.order[model.free]].any()
+    assert mesh.prescribed[model.order[model.prescribed]].all()
     np.testing.assert_array_equal(model.rest, mesh.nodes[model.order])
     ours = {tuple(tet) for tet in model.order[model.corners].tolist()}
     assert ours == {tuple(tet) for tet in mesh.tets.tolist()}

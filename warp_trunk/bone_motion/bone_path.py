@@ -49,7 +49,9 @@ class BonePath:
         return moved
 
 
-def spline_path(nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks) -> BonePath:
+def spline_path(
+    nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks, device: str = "cpu"
+) -> BonePath:
     """phi_t of eq. 4.5 of [2] for landmarks that move straight: node X goes to X + t (F(X) - X).
 
     A spline is linear in its targets. With landmarks at L(t) = L0 + t (L1 - L0), the one fitted on the trunk
@@ -62,13 +64,14 @@ def spline_path(nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after:
         nodes: rest positions, shape (nodes, 3) [mm].
         landmarks_before: landmarks at load factor 0.
         landmarks_after: the same landmarks at load factor 1.
+        device: where the spline is evaluated, the model's: 'cpu' or 'cuda:N'.
 
     Raises:
         InputError: names that differ, or landmarks on which no spline can be fitted (see `fit_spline`).
     """
     _check_names(landmarks_before, landmarks_after)
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
-    return BonePath(spline.displacement(nodes))
+    return BonePath(spline.displacement(nodes, device))
 
 
 def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], free: BonePath) -> BonePath:

@@ -13,8 +13,9 @@ from warp_trunk.errors import InputError
 
 from .energies.itmsm import Itmsm, make_itmsm
 from .energies.neo_hookean import NeoHookean, make_neo_hookean
+from .model_checks import check_mesh, check_tissues
 from .ordering import bisect
-from .parallel import Parallel
+from .parallel import Launch, Parallel
 from .rest_mesh import RestMesh
 from .tissue import Tissue
 from .trunk_mesh import TrunkMesh
@@ -26,7 +27,12 @@ WeightsName = Literal["count", "volume"]
 
 @dataclass(frozen=True)
 class Model:
-    """A trunk at rest and what its energy reads of it. Free nodes come first in every array."""
+    """A trunk at rest and what its energy reads of it.
+
+    It alone knows how nodes are numbered: the free ones first, then the prescribed ones, so that both are a
+    range of every array and a launch over the free nodes moves no prescribed one (the mappings U of eq. 4.3 of
+    [2]). Everything else asks for `free`, `prescribed`, `is_free` or a launch `over_free`.
+    """
 
     parallel: Parallel
     """Where the kernels run."""
@@ -38,8 +44,8 @@ class Model:
     """Gravity [m/s^2], downward; 0 leaves the term out."""
     order: np.ndarray
     """The mesh node of each model node, shape (nodes,)."""
-    free: int
-    """Number of free nodes; the prescribed ones follow."""
+    free_nodes: int
+    """Number of free nodes."""
     rest: np.ndarray
     """Positions at rest in model order [mm], shape (nodes, 3), float64, on the host."""
     corners: np.ndarray
@@ -77,11 +83,54 @@ class Model:
         """Which build of the kernels it needs: precision, and whether for CUDA."""
         return self.scalar, self.parallel.is_cuda
 
-    def array(self, values: np.ndarray | None, dtype: Any, shape: tuple[int, ...] | None = None) -> wp.array:
-        """A device array of the values, or of zeros."""
-        if values is None:
-            return wp.zeros(shape, dtype=dtype, device=self.device)
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.order)
+
+    @property
+    def free(self) -> slice:
+        """The free nodes, which relaxation moves, in every array over the nodes."""
+        return slice(0, self.free_nodes)
+
+    @property
+    def prescribed(self) -> slice:
+        """The nodes on bone, which surgery moves and relaxation holds."""
+        return slice(self.free_nodes, self.nodes)
+
+    def is_free(self, nodes: np.ndarray) -> np.ndarray:
+        """Which of some model nodes are free."""
+        return nodes < self.free_nodes
+
+    def over_free(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+        """Records a launch over the free nodes; see `Parallel.record`."""
+        return self.parallel.record(kernel, self.free_nodes, inputs, outputs)
+
+    def over_nodes(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+        """Records a launch over all nodes; see `Parallel.record`."""
+        return self.parallel.record(kernel, self.nodes, inputs, outputs)
+
+    def over_tets(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+        """Records a launch over the tetrahedra; the energy's arrays come first; see `Parallel.record`."""
+        return self.parallel.record(
+            kernel, len(self.corners), [self.tets, *self.elements.arguments, *inputs], outputs
+        )
+
+    def array(self, values: np.ndarray, dtype: Any) -> wp.array:
+        """The values on the device."""
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+    def zeros(self, dtype: Any, *shape: int) -> Any:
+        """A device array of zeros."""
+        return wp.zeros(shape, dtype=dtype, device=self.device)
+
+    def free_vectors(self) -> wp.array:
+        """Zero vectors of the free nodes, shape (free nodes,), vec3."""
+        return self.zeros(self.vec3, self.free_nodes)
+
+    def scanned(self) -> wp.array:
+        """Displacement from rest of the trunk before surgery [mm], shape (nodes,), vec3."""
+        return self.zeros(self.vec3, self.nodes) if self.scan is None else self.array(self.scan, self.vec3)
 
 
 def build_model(
@@ -125,11 +174,7 @@ def build_model(
     parallel = Parallel(device, threads)
     scalar = PRECISIONS[precision]
 
-    prescribed = trunk.prescribed
-    free_nodes = np.flatnonzero(~prescribed)
-    order = np.concatenate(
-        [free_nodes[bisect(trunk.nodes[free_nodes], max(1, len(free_nodes) // 8))[0]], np.flatnonzero(prescribed)]
-    )
+    order, free_nodes = number_nodes(trunk)
     number = np.empty(len(order), dtype=np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
     corners = number[trunk.tets]
@@ -147,7 +192,7 @@ def build_model(
         tissues=tissues,
         gravity=gravity,
         order=order,
-        free=len(free_nodes),
+        free_nodes=free_nodes,
         rest=rest.nodes,
         corners=corners,
         tets=rest.upload(corners, wp.vec4i),
@@ -155,83 +200,14 @@ def build_model(
     )
 
 
+def number_nodes(trunk: TrunkMesh) -> tuple[np.ndarray, int]:
+    """The mesh node of each model node, shape (nodes,), near ones together, and how many of them are free."""
+    free, prescribed = np.flatnonzero(~trunk.prescribed), np.flatnonzero(trunk.prescribed)
+    near = bisect(trunk.nodes[free], max(1, len(free) // 8))[0]
+    return np.concatenate([free[near], prescribed]), len(free)
+
+
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """InputError where the value is none of the choices."""
     if value not in choices:
         raise InputError(f"{name}: must be {' or '.join(choices)}, not '{value}'")
-
-
-def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
-    """InputError where the tetrahedra's labels and the tissues do not fit together."""
-    if not tissues:
-        raise InputError("tissue: there is none; give one, or one for each label of the mesh")
-    if trunk.tissue is None:
-        if len(tissues) > 1:
-            raise InputError(
-                f"tissue: {len(tissues)} are given but the mesh does not say which tetrahedron is of which; "
-                "label it (TrunkMesh.tissue) or give one tissue"
-            )
-        return
-    if trunk.tissue.ndim == 2:
-        if trunk.tissue.shape[1] != len(tissues):
-            raise InputError(
-                f"tissue: the mesh has parts of {trunk.tissue.shape[1]} tissues but {len(tissues)} are given; "
-                "give one tissue for each"
-            )
-        return
-    most = int(trunk.tissue.max())
-    if trunk.tissue.min() < 0 or most >= len(tissues) > 1:
-        raise InputError(
-            f"tissue: the mesh has labels from {trunk.tissue.min()} to {most} but {len(tissues)} tissues are "
-            "given; give one tissue for each label from 0"
-        )
-
-
-def check_mesh(trunk: TrunkMesh) -> None:
-    """InputError where the trunk cannot be a rest state, before anything is uploaded."""
-    if len(trunk.tets) == 0:
-        raise InputError("trunk: the mesh has no tetrahedron; give a mesh with soft tissue")
-    if not np.isfinite(trunk.nodes).all():
-        node = int(np.flatnonzero(~np.isfinite(trunk.nodes).all(axis=1))[0])
-        raise InputError(f"trunk: node {node} is not finite ({trunk.nodes[node]}); mesh the trunk again")
-    p = trunk.nodes[trunk.tets]
-    edges = p[:, 1:] - p[:, :1]
-    volume = np.einsum("ij,ij->i", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) / 6.0
-    worst = int(np.argmin(volume))
-    if volume[worst] <= 0.0:
-        raise InputError(
-            f"trunk: tetrahedron {worst} has volume {volume[worst]:.3g} mm^3 at rest; "
-            "every one needs a positive volume (check the order of its corners)"
-        )
-    loose = unheld_nodes(trunk)
-    if loose:
-        raise InputError(
-            f"trunk: {loose} free nodes belong to tissue that no bone holds, so it could move rigidly; "
-            "remove that piece or mark nodes of it as bone"
-        )
-
-
-def unheld_nodes(trunk: TrunkMesh) -> int:
-    """Number of free nodes in connected pieces of tissue whose prescribed nodes leave a rigid motion free."""
-    label = np.arange(len(trunk.nodes))
-    while True:
-        lowest = label[trunk.tets].min(axis=1)
-        new = label.copy()
-        np.minimum.at(new, trunk.tets.ravel(), np.repeat(lowest, 4))
-        new = new[new]
-        if np.array_equal(new, label):
-            break
-        label = new
-    used = np.zeros(len(trunk.nodes), dtype=bool)
-    used[trunk.tets] = True
-    free_pieces = np.unique(label[~trunk.prescribed])
-    unheld = [piece for piece in free_pieces if not holds(trunk.nodes[(label == piece) & trunk.prescribed & used])]
-    return int((np.isin(label, unheld) & ~trunk.prescribed).sum())
-
-
-def holds(points: np.ndarray) -> bool:
-    """Whether fixing these points (n, 3) leaves no rigid motion: three of them not in line."""
-    if len(points) < 3:
-        return False
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] > 1e-6 * spread[0])

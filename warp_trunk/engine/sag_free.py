@@ -58,7 +58,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     Raises:
         InputError: tissue so soft for this gravity that no rest state was found.
     """
-    if model.gravity == 0.0 or model.free == 0:
+    if model.gravity == 0.0 or model.free_nodes == 0:
         return RestState(model, 0.0, 0.0, 0, 0)
     scan = model.rest
     rest = scan.copy()
@@ -72,7 +72,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         state.displacement.assign(scan - rest)
         state.evaluate()
         spent += newton.propose(None, 1.0)[1]
-        rest[: model.free] -= newton.direction.numpy()
+        rest[model.free] -= newton.direction.numpy()
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break

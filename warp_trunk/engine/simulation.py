@@ -154,11 +154,11 @@ class Predictor:
     def __init__(self, state: State, bone_path: BonePath) -> None:
         model = state.model
         self.state, self.bone_path = state, bone_path
-        self._now = model.array(model.scan, model.vec3, (len(model.order),))
-        self._last = model.array(None, model.vec3, (len(model.order),))
+        self._now = model.scanned()
+        self._last = model.zeros(model.vec3, model.nodes)
         self._started = False
-        self._extrapolate = model.parallel.record(
-            loop_kernels(*model.variant).extrapolate, model.free, [self._now, self._last], [state.displacement]
+        self._extrapolate = model.over_free(
+            loop_kernels(*model.variant).extrapolate, [self._now, self._last], [state.displacement]
         )
 
     def go_on(self, done: Sequence[Increment]) -> None:
@@ -170,15 +170,13 @@ class Predictor:
 
     def move(self, load_factor: float) -> None:
         """Changes the state to the expected one."""
-        state, model = self.state, self.state.model
+        state = self.state
         path = self.bone_path.at(load_factor)
         if self._started:
             wp.copy(self._last, self._now)
             wp.copy(self._now, state.displacement)
             self._extrapolate()
-            bones = path[model.order[model.free :]]
-            held = wp.array(bones, dtype=model.vec3, device=model.device)
-            wp.copy(state.displacement, held, dest_offset=model.free, count=len(bones))
+            state.hold(path)
         else:
             state.place(path)
         self._started = True

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -67,19 +66,18 @@ class State:
             start: the state whose inverted tetrahedra are not new; its own last evaluation when left out.
         """
         self.model = model
-        nodes, tets, ranges = len(model.order), len(model.corners), model.parallel.ranges
-        self.displacement = model.array(model.scan, model.vec3, (nodes,))
-        self._slabs: Any = model.array(None, model.vec3, (ranges, nodes))
+        ranges = model.parallel.ranges
+        self.displacement = model.scanned()
+        self._slabs = model.zeros(model.vec3, ranges, model.nodes)
         self.gradient = self._slabs[0]
-        self.inverted = model.array(None, wp.int8, (tets,))
-        self.sums = model.array(None, wp.float64, (ranges, COLUMNS))
-        self._evaluate = model.parallel.record(
+        self.inverted = model.zeros(wp.int8, len(model.corners))
+        self.sums = model.zeros(wp.float64, ranges, COLUMNS)
+        self._evaluate = model.over_tets(
             model.elements.kernels.gradient,
-            tets,
-            [model.tets, *model.elements.arguments, (start or self).inverted, self.displacement],
+            [(start or self).inverted, self.displacement],
             [self._slabs, self.inverted, self.sums],
         )
-        self._gather = model.parallel.record(slab_kernels(model.vec3).gather, nodes, [ranges], [self._slabs])
+        self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
 
     def evaluate(self) -> None:
         """Computes gradient, energies and inverted tetrahedra of the displacement, on the device."""
@@ -113,6 +111,12 @@ class State:
     def host_displacement(self) -> np.ndarray:
         """Displacement from before surgery in the mesh's own order [mm], shape (nodes, 3), float64."""
         return to_mesh_order(self.model, self.displacement)
+
+    def hold(self, displacement: np.ndarray) -> None:
+        """Sets the prescribed nodes alone, as `place`."""
+        bones = displacement[self.model.order[self.model.prescribed]]
+        held = self.model.array(bones, self.model.vec3)
+        wp.copy(self.displacement, held, dest_offset=self.model.prescribed.start, count=len(bones))
 
     def place(self, displacement: np.ndarray) -> None:
         """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""

@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 import warp as wp
 
-from warp_trunk.engine.parallel import choose_device
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.spline import spline_displacement, spline_gradient
 
@@ -46,11 +45,11 @@ class Spline:
         """Images of points, shape (m, 3) [mm] -> (m, 3) [mm], float64."""
         return points + self.displacement(points)
 
-    def displacement(self, points: np.ndarray) -> np.ndarray:
-        """How far each point moves, shape (m, 3) [mm] -> (m, 3) [mm], float64."""
-        out = wp.empty(len(points), dtype=_VECTOR, device=choose_device("auto"))
-        inputs = [*self._arrays(points), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
-        wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device=choose_device("auto"))
+    def displacement(self, points: np.ndarray, device: str = "cpu") -> np.ndarray:
+        """How far each point moves, shape (m, 3) [mm] -> (m, 3) [mm], float64; computed on a Warp device."""
+        out = wp.empty(len(points), dtype=_VECTOR, device=device)
+        inputs = [*self._arrays(points, device), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
+        wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device=device)
         return out.numpy().copy()
 
     def bending(self, points: np.ndarray) -> np.ndarray:
@@ -59,15 +58,15 @@ class Spline:
 
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """Gradient of the map at points, shape (m, 3) [mm] -> (m, 3, 3); a determinant <= 0 is a fold."""
-        out = wp.empty(len(points), dtype=_MATRIX, device=choose_device("auto"))
-        inputs = [*self._arrays(points), _MATRIX(*self.linear.ravel())]
-        wp.launch(spline_gradient, dim=len(points), inputs=inputs, outputs=[out], device=choose_device("auto"))
+        out = wp.empty(len(points), dtype=_MATRIX, device="cpu")
+        inputs = [*self._arrays(points, "cpu"), _MATRIX(*self.linear.ravel())]
+        wp.launch(spline_gradient, dim=len(points), inputs=inputs, outputs=[out], device="cpu")
         return out.numpy() + np.eye(3)
 
-    def _arrays(self, points: np.ndarray) -> list[wp.array]:
+    def _arrays(self, points: np.ndarray, device: str) -> list[wp.array]:
         shifted = np.asarray(points, dtype=np.float64) - self.origin
         host = (shifted, self.centres, self.weights)
-        return [wp.array(np.ascontiguousarray(a), dtype=_VECTOR, device=choose_device("auto")) for a in host]
+        return [wp.array(np.ascontiguousarray(a), dtype=_VECTOR, device=device) for a in host]
 
 
 def fit_spline(

@@ -11,6 +11,7 @@ from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.bone_path import BonePath, rigid_path, spline_path
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.parallel import choose_device
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.meshing import make_trunk
@@ -92,7 +93,7 @@ def _mesh(case: Case, options: RunOptions, progress: Progress | None) -> TrunkMe
 
 def _path(case: Case, trunk: TrunkMesh, options: RunOptions) -> tuple[TrunkMesh, BonePath]:
     """The path of the bones, and the mesh with joints that its bones can move in."""
-    spline = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks)
+    spline = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, choose_device(options.device))
     if options.bones == "spline":
         return trunk, spline
     motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after)

@@ -38,19 +38,17 @@ class BlockMatrix:
         mat33 = wp.types.matrix((3, 3), model.scalar)
         self.sparsity = sparsity or find_sparsity(model)
         size = self.sparsity.blocks
-        self.blocks = model.array(None, mat33, (ranges, size))
-        self.inverse_diagonal = model.array(None, mat33, (model.free,))
+        self.blocks = model.zeros(mat33, ranges, size)
+        self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
         self._clear = record(slab_kernels(mat33).clear, size, [ranges], [self.blocks])
-        self._add_curvature = record(
+        self._add_curvature = model.over_tets(
             curvature or model.elements.kernels.curvature,
-            len(model.corners),
-            [model.tets, *model.elements.arguments, self.sparsity.block_of, state.displacement],
+            [self.sparsity.block_of, state.displacement],
             [self.blocks],
         )
         self._gather = record(slab_kernels(mat33).gather, size, [ranges], [self.blocks])
-        self._invert_diagonal = record(
+        self._invert_diagonal = model.over_free(
             sparse_kernels(*model.variant).invert_diagonal,
-            model.free,
             [self.sparsity.diagonal, self.blocks, model.scalar(1.0)],
             [self.inverse_diagonal],
         )

@@ -17,7 +17,7 @@ class Conjugate:
 
     def __init__(self, state: State) -> None:
         model = state.model
-        self.direction = model.array(None, model.vec3, (model.free,))
+        self.direction = model.free_vectors()
         self._state = state
         self._descend = Descent(state, self.direction)
         self._edge = mean_edge(model)

@@ -48,25 +48,25 @@ class ConjugateGradient:
             most_iterations: the bound of a solve.
         """
         self.model = model = matrix.model
-        free, ranges = model.free, model.parallel.ranges
-        self.solution, self._earlier, r, z, p, q = (model.array(None, model.vec3, (free,)) for _ in range(6))
-        self._iteration, self._go_on = (model.array(None, wp.int32, (1,)) for _ in range(2))
+        ranges = model.parallel.ranges
+        self.solution, self._earlier, r, z, p, q = (model.free_vectors() for _ in range(6))
+        self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
-        self._limits, self._outcome = (model.array(None, wp.float64, (3,)) for _ in range(2))
-        extent = model.array(None, wp.float64, (ranges, PADDING))
+        self._limits, self._outcome = (model.zeros(wp.float64, 3) for _ in range(2))
+        extent = model.zeros(wp.float64, ranges, PADDING)
         r_dot_z, p_dot_q = self._r_dot_z.products, self._p_dot_q.products
         kernels = conjugate_gradient_kernels(*model.variant)
-        record, record_undivided = model.parallel.record, model.parallel.record_undivided
-        self._start = record(kernels.start, free, [gradient], [self.solution, r, p, self._earlier])
-        self._turn = record(kernels.turn, free, [ranges, self._iteration, r_dot_z, z], [p])
+        over_free, record_undivided = model.over_free, model.parallel.record_undivided
+        self._start = over_free(kernels.start, [gradient], [self.solution, r, p, self._earlier])
+        self._turn = over_free(kernels.turn, [ranges, self._iteration, r_dot_z, z], [p])
         self._multiply = matrix.multiply(p, q, self._p_dot_q)
-        self._advance = record(
-            kernels.advance, free, [ranges, self._iteration, r_dot_z, p_dot_q, p, q], [self.solution, r]
+        self._advance = over_free(
+            kernels.advance, [ranges, self._iteration, r_dot_z, p_dot_q, p, q], [self.solution, r]
         )
         self._count = record_undivided(kernels.count, 1, [], [self._iteration])
         self._precondition = preconditioner.apply(r, z, self._r_dot_z)
-        self._window = record(kernels.window, free, [self.solution], [self._earlier, extent])
+        self._window = over_free(kernels.window, [self.solution], [self._earlier, extent])
         self._decide = record_undivided(
             kernels.decide,
             1,

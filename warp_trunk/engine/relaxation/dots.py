@@ -24,9 +24,9 @@ class Dots:
     @classmethod
     def of(cls, model: Model, iteration: wp.array, rows: int) -> Dots:
         """Room for the products of some iterations, all zero."""
-        return cls(iteration, model.array(None, wp.float64, (rows, PADDING * model.parallel.ranges)))
+        return cls(iteration, model.zeros(wp.float64, rows, PADDING * model.parallel.ranges))
 
     @classmethod
     def unread(cls, model: Model) -> Dots:
         """For launches whose product nobody needs."""
-        return cls.of(model, model.array(None, wp.int32, (1,)), 1)
+        return cls.of(model, model.zeros(wp.int32, 1), 1)

@@ -26,7 +26,7 @@ class Gradient:
 
     def __init__(self, state: State) -> None:
         model = state.model
-        self.direction = model.array(None, model.vec3, (model.free,))
+        self.direction = model.free_vectors()
         self._state = state
         self._descend = Descent(state, self.direction)
         self._edge = mean_edge(model)
@@ -47,9 +47,9 @@ class Descent:
 
     def __init__(self, state: State, direction: wp.array) -> None:
         model = state.model
-        self._keep = model.array(None, wp.float64, (1,))
-        self._launch = model.parallel.record(
-            loop_kernels(*model.variant).descend, model.free, [state.gradient, self._keep], [direction]
+        self._keep = model.zeros(wp.float64, 1)
+        self._launch = model.over_free(
+            loop_kernels(*model.variant).descend, [state.gradient, self._keep], [direction]
         )
 
     def __call__(self, keep: float) -> None:
@@ -65,6 +65,6 @@ def mean_edge(model: Model) -> float:
 
 def first_length(state: State, edge: float) -> float:
     """A length that moves the node of largest gradient by a hundredth of a mean edge [mm]."""
-    gradient = state.gradient.numpy()[: state.model.free]
+    gradient = state.gradient.numpy()[state.model.free]
     steepest = float((gradient.astype("float64") ** 2).sum(axis=1).max(initial=0.0) ** 0.5)
     return 0.01 * edge / steepest if steepest > 0.0 else 1.0

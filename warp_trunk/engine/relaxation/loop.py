@@ -1,7 +1,7 @@
 """The projected loop: gradient, direction, line search, projection; it stops in mm or says why not.
 
-Projection is the layout of the arrays: free nodes come first and every launch of the loop ends before the
-prescribed ones, so a node on bone never moves by a bit (the mappings U of eq. 4.3 of [2]).
+Projection is the range of the launches: every step is taken over the free nodes of the model, so a node on
+bone never moves by a bit (the mappings U of eq. 4.3 of [2]).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Relaxer:
         self.model = model
         self.options = options or RelaxOptions()
         self.state = State(model)
-        if not model.free:
+        if not model.free_nodes:
             return
         self._trial = State(model, start=self.state)
         self._newton = Newton(self.state)
@@ -54,16 +54,13 @@ class Relaxer:
         direction = self._method.direction
         self._products = ProductReader(self.state, direction, self.state.gradient)
         self._trial_products = ProductReader(self._trial, direction, self.state.gradient)
-        self._length = model.array(None, wp.float64, (1,))
+        self._length = model.zeros(wp.float64, 1)
         self._rounding = ROUNDING[model.precision]
-        self._longest = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
+        self._longest = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
         kernels = loop_kernels(*model.variant)
-        self._find_longest = model.parallel.record(
-            kernels.longest, len(model.order), [self.state.displacement], [self._longest]
-        )
-        self._step = model.parallel.record(
+        self._find_longest = model.over_nodes(kernels.longest, [self.state.displacement], [self._longest])
+        self._step = model.over_free(
             kernels.step,
-            model.free,
             [self._length, self.state.displacement, direction],
             [self._trial.displacement],
         )
@@ -94,7 +91,7 @@ class Relaxer:
 
         if not math.isfinite(energy.total):
             return report(RelaxStatus.NOT_FINITE)
-        if not self.model.free:
+        if not self.model.free_nodes:
             estimate = 0.0
             return report(RelaxStatus.CONVERGED)
         self._trial.copy_from(self.state)  # the nodes that no step moves

@@ -44,7 +44,7 @@ class Multilevel:
         self.model = model = matrix.model
         self._inverse_diagonal = matrix.inverse_diagonal
         self._unread = Dots.unread(model)
-        points = model.rest[: model.free]
+        points = model.rest[model.free]
         spacings = choose_spacings(points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
         self._levels: list[_Level] = []
@@ -57,8 +57,8 @@ class Multilevel:
             level = _Level(
                 points=len(finer),
                 transfer=_Transfer(model, grid.interpolate(finer)),
-                residual=model.array(None, model.vec3, (size,)),
-                correction=model.array(None, model.vec3, (size + STRIP,)),  # room for a whole last strip
+                residual=model.zeros(model.vec3, size),
+                correction=model.zeros(model.vec3, size + STRIP),  # room for a whole last strip
                 inverse_diagonal=None if last else grid_diagonal(matrix, whole, size),
             )
             self._levels.append(level)
@@ -151,15 +151,15 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int) -> wp.array:
     """Inverse diagonal blocks of P^T H P, weighted, for P from the nodes to `size` vertices."""
     model = matrix.model
     mat33 = wp.types.matrix((3, 3), model.scalar)
-    diagonal: Any = model.array(None, mat33, (1, size))
+    diagonal = model.zeros(mat33, 1, size)
     wp.launch(
         multilevel_kernels(*model.variant).grid_diagonal,
-        dim=model.free,
+        dim=model.free_nodes,
         inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
         outputs=[diagonal[0]],
         device=model.device,
     )
-    inverse = model.array(None, mat33, (size,))
+    inverse = model.zeros(mat33, size)
     own = model.array(np.arange(size, dtype=np.int32), wp.int32)
     model.parallel.record(
         sparse_kernels(*model.variant).invert_diagonal, size, [own, diagonal, model.scalar(GRID_WEIGHT)], [inverse]
@@ -170,10 +170,10 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int) -> wp.array:
 def grid_matrix(matrix: BlockMatrix, whole: _Transfer, size: int) -> np.ndarray:
     """P^T H P, dense, shape (3 size, 3 size), float64."""
     model = matrix.model
-    dense = wp.zeros((3 * size, 3 * size), dtype=wp.float64, device=model.device)
+    dense = model.zeros(wp.float64, 3 * size, 3 * size)
     wp.launch(
         multilevel_kernels(*model.variant).grid_matrix,
-        dim=model.free,
+        dim=model.free_nodes,
         inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
         outputs=[dense],
         device=model.device,

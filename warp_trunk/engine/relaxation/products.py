@@ -43,12 +43,9 @@ class ProductReader:
 
     def __init__(self, state: State, direction: wp.array, previous: wp.array) -> None:
         model = state.model
-        self._products = model.array(None, wp.float64, (model.parallel.ranges, COLUMNS))
-        self._launch = model.parallel.record(
-            loop_kernels(*model.variant).products,
-            model.free,
-            [state.gradient, direction, previous],
-            [self._products],
+        self._products = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
+        self._launch = model.over_free(
+            loop_kernels(*model.variant).products, [state.gradient, direction, previous], [self._products]
         )
 
     def read(self) -> Products:

@@ -37,19 +37,20 @@ def find_sparsity(model: Model) -> Sparsity:
     """The pattern of the matrix: node pairs that share a tetrahedron, both free."""
     rows = np.repeat(model.corners, 4, axis=1).astype(np.int64)
     columns = np.tile(model.corners, (1, 4)).astype(np.int64)
-    both_free = (rows < model.free) & (columns < model.free)
-    own = np.arange(model.free, dtype=np.int64) * (model.free + 1)
-    key = np.concatenate([(rows * model.free + columns)[both_free], own])
+    both_free = model.is_free(rows) & model.is_free(columns)
+    size = model.free_nodes
+    own = np.arange(size, dtype=np.int64) * (size + 1)
+    key = np.concatenate([(rows * size + columns)[both_free], own])
     unique, inverse = np.unique(key, return_inverse=True)
     block_of = np.full(rows.shape, -1, dtype=np.int32)
-    block_of[both_free] = inverse[: len(inverse) - model.free]
-    row_start = np.searchsorted(unique, np.arange(model.free + 1, dtype=np.int64) * model.free).astype(np.int32)
+    block_of[both_free] = inverse[: len(inverse) - size]
+    row_start = np.searchsorted(unique, np.arange(size + 1, dtype=np.int64) * size).astype(np.int32)
     share = np.linspace(0, len(unique), model.parallel.ranges + 1)
-    bounds = np.searchsorted(row_start, share).clip(0, model.free)
-    bounds[0], bounds[-1] = 0, model.free
+    bounds = np.searchsorted(row_start, share).clip(0, size)
+    bounds[0], bounds[-1] = 0, size
     return Sparsity(
         row_start=model.array(row_start, wp.int32),
-        columns=model.array((unique % max(model.free, 1)).astype(np.int32), wp.int32),
+        columns=model.array((unique % max(size, 1)).astype(np.int32), wp.int32),
         diagonal=model.array(np.searchsorted(unique, own).astype(np.int32), wp.int32),
         block_of=model.array(block_of, vec16i),
         row_bounds=bounds,

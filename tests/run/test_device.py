@@ -1,0 +1,57 @@
+"""Every kernel of a simulation runs on the device that was asked for, and on no other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+from support.small_trunk import small_case
+from warp_trunk.engine.parallel import choose_device
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.prepare import prepare
+
+
+@pytest.fixture
+def devices_used(monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """The devices of all launches, as they are made."""
+    used: set[str] = set()
+    launch = wp.launch
+
+    def note(*arguments: Any, device: Any = None, **others: Any) -> Any:
+        used.add(str(wp.get_device(device)))
+        return launch(*arguments, device=device, **others)
+
+    monkeypatch.setattr(wp, "launch", note)
+    return used
+
+
+def end(device: str) -> np.ndarray:
+    """Where a small trunk ends, prepared and simulated on a device [mm]."""
+    case, trunk = small_case()
+    options = RunOptions(device=device, simulation=SimulationOptions(increments=2))
+    prepared = prepare(case, options, trunk)
+    assert prepared.model.device == device
+    *_, last = simulate(prepared.model, prepared.bone_path, options.simulation)
+    return last.displacement
+
+
+@pytest.mark.skipif("cpu" not in map(str, wp.get_devices()), reason="Warp has no CPU device on this machine")
+def test_the_cpu_is_taken_beside_a_cuda_device(monkeypatch: pytest.MonkeyPatch, devices_used: set[str]) -> None:
+    """Where there is a CUDA device, which `auto` would take, `cpu` gives the bits of a machine without one."""
+    alone = end("cpu")
+    monkeypatch.setattr(wp, "is_cuda_available", lambda: True)
+    monkeypatch.setattr(wp, "get_devices", lambda: ["cpu", "cuda:0"])
+    assert choose_device("auto") == "cuda:0"
+    devices_used.clear()
+    np.testing.assert_array_equal(end("cpu"), alone)
+    assert devices_used == {"cpu"}
+
+
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+def test_cuda_is_taken_where_it_is_asked_for(devices_used: set[str]) -> None:
+    end("cuda:0")
+    assert devices_used == {"cuda:0"}
