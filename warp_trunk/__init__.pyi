@@ -2,6 +2,7 @@
 
 from .bone_motion.articulation import bone_motions
 from .bone_motion.bone_path import BonePath, rigid_path, spline_path
+from .bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery, read_plan, write_plan
 from .case import Case, read_case, write_case
 from .case.landmarks import Landmarks, read_landmarks, write_landmarks
 from .case.layers import Layers
@@ -56,6 +57,7 @@ __all__ = [
     "Case",
     "CloseOptions",
     "CobbAngle",
+    "CurvePlan",
     "CutPlane",
     "DistanceStatistics",
     "DualTangent",
@@ -67,6 +69,8 @@ __all__ = [
     "Layers",
     "MeshOptions",
     "Model",
+    "Plan",
+    "PlannedSurgery",
     "Prepared",
     "Recording",
     "RelaxOptions",
@@ -106,11 +110,13 @@ __all__ = [
     "measure",
     "mirror_asymmetry",
     "phantom_case",
+    "plan_surgery",
     "predicted_skin",
     "prepare",
     "read_case",
     "read_film",
     "read_landmarks",
+    "read_plan",
     "read_result",
     "read_summary",
     "read_surface",
@@ -125,6 +131,7 @@ __all__ = [
     "triangulate",
     "write_case",
     "write_landmarks",
+    "write_plan",
     "write_result",
     "write_surface",
     "write_trunk",

@@ -21,6 +21,7 @@ from .export import Export
 from .fit_atlas import FitAtlas
 from .make_case import MakeCase
 from .measure import Measure
+from .plan import Plan
 from .register import Register
 from .report import Report
 from .simulate import Simulate
@@ -34,6 +35,7 @@ Command = (
     | Annotated[Export, subcommand("export")]
     | Annotated[FitAtlas, subcommand("fit-atlas")]
     | Annotated[Measure, subcommand("measure")]
+    | Annotated[Plan, subcommand("plan")]
     | Annotated[Register, subcommand("register")]
     | Annotated[Report, subcommand("report")]
     | Annotated[Simulate, subcommand("simulate")]

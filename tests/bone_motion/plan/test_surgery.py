@@ -1,0 +1,280 @@
+"""Planned surgeries: what is asked is met, measured here by formulas of this test's own."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from support.known_spine import known_spine
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import cobb_angles
+from warp_trunk.preparation.deformity import SpineCurve, correct
+from warp_trunk.preparation.phantom import straight_trunk
+
+NOTHING = Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+
+
+def case_of(landmarks: Landmarks, **films: Landmarks) -> Case:
+    return Case("spine", NOTHING, {}, landmarks, **films)
+
+
+@cache
+def imposed(kind: str = "thoracic", cobb: float = 60.0, direction: str = "right") -> Case:
+    """A scoliosis imposed on the landmarks of a straight trunk."""
+    curve = SpineCurve(kind=kind, cobb=cobb, direction=direction)
+    return case_of(correct(straight_trunk()[2], curve, 0.0))
+
+
+def axis(landmarks: Landmarks, level: str) -> np.ndarray:
+    return landmarks.point(f"{level}_superior_endplate") - landmarks.point(f"{level}_inferior_endplate")
+
+
+def angle_between(landmarks: Landmarks, upper: str, lower: str, plane: int) -> float:
+    """Angle between two vertebrae's axes in the coronal (plane 0: x, z) or sagittal (1: y, z) plane."""
+    u, v = (axis(landmarks, level)[[plane, 2]] for level in (upper, lower))
+    return math.degrees(math.acos(u @ v / math.hypot(*u) / math.hypot(*v)))
+
+
+def rotation(landmarks: Landmarks, level: str) -> float:
+    """Angle of the pedicles' line against the iliac spines', seen from above."""
+    left, right = (
+        0.5
+        * (
+            landmarks.point(f"{level}_{side}_pedicle_superior")
+            + landmarks.point(f"{level}_{side}_pedicle_inferior")
+        )
+        for side in ("left", "right")
+    )
+    line, pelvis = (left - right)[:2], (landmarks.point("asis_left") - landmarks.point("asis_right"))[:2]
+    return math.degrees(math.acos(line @ pelvis / math.hypot(*line) / math.hypot(*pelvis)))
+
+
+def plumb(landmarks: Landmarks) -> np.ndarray:
+    """T1 over the foot of L5, to the left and to the back."""
+    return (landmarks.of_bone("T1").points.mean(axis=0) - landmarks.point("L5_inferior_endplate"))[:2]
+
+
+def check_bodies_and_discs(before: Landmarks, after: Landmarks) -> None:
+    levels = before.vertebrae()
+    for level in levels:
+        one, other = (
+            np.linalg.norm(points[:, None] - points[None], axis=2)
+            for points in (before.of_bone(level).points, after.of_bone(level).points)
+        )
+        np.testing.assert_allclose(other, one, atol=1e-9)
+        assert (
+            np.linalg.det(
+                fit_rigid(before.of_bone(level).points, after.of_bone(level).points).rotation.as_matrix()
+            )
+            > 0
+        )
+    for upper, lower in pairwise(levels):
+        lengths = [
+            np.linalg.norm(marks.point(f"{upper}_inferior_endplate") - marks.point(f"{lower}_superior_endplate"))
+            for marks in (before, after)
+        ]
+        assert lengths[1] == pytest.approx(lengths[0], abs=0.5)
+    for name in ("asis_left", "asis_right"):
+        np.testing.assert_array_equal(after.point(name), before.point(name))
+
+
+@pytest.mark.parametrize("unfused", ["follow", "fixed"])
+def test_without_a_target_nothing_moves(unfused: str) -> None:
+    case = imposed()
+    surgery = plan_surgery(case, Plan(uiv="T4", liv="L1", unfused=unfused))
+    np.testing.assert_allclose(surgery.landmarks_after.points, case.landmarks_before.points, atol=1e-9)
+    assert surgery.height_gained == 0.0
+    assert surgery.warnings == ()
+
+
+def test_small_targets_move_little() -> None:
+    """The way from nothing to a correction has no jump: a tenth of a percent moves tenths of a millimetre."""
+    case = imposed()
+    surgery = plan_surgery(case, Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=1e-3),)))
+    moved = np.abs(surgery.landmarks_after.points - case.landmarks_before.points).max()
+    assert 0.01 < moved < 0.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "cobb", "direction"),
+    [
+        ("thoracic", 60.0, "right"),
+        ("thoracic", 40.0, "left"),
+        ("thoracolumbar", 45.0, "left"),
+        ("double_major", 75.0, "right"),
+    ],
+)
+def test_targets_are_met(kind: str, cobb: float, direction: str) -> None:
+    case = imposed(kind, cobb, direction)
+    before = case.landmarks_before
+    curves = [curve for curve in cobb_angles(before) if curve.angle > 0.7 * cobb]
+    assert len(curves) == (2 if kind == "double_major" else 1)
+    asked = tuple(CurvePlan(apex=curve.apex, correction=0.65, derotation=0.4) for curve in curves)
+    plan = Plan(
+        uiv="T3",
+        liv="L4",
+        curves=asked,
+        kyphosis_T5_T12=25.0,
+        lordosis_L1_L5=30.0,
+        balance="centre",
+        sva_after=10.0,
+    )
+    after = plan_surgery(case, plan).landmarks_after
+    for curve in curves:
+        assert angle_between(after, curve.upper, curve.lower, 0) == pytest.approx(0.35 * curve.angle, abs=0.5)
+        assert rotation(after, curve.apex) == pytest.approx(0.6 * rotation(before, curve.apex), abs=0.5)
+    assert angle_between(after, "T5", "T12", 1) == pytest.approx(25.0, abs=0.5)
+    assert angle_between(after, "L1", "L5", 1) == pytest.approx(30.0, abs=0.5)
+    np.testing.assert_allclose(plumb(after), [0.0, -10.0], atol=0.5)
+    check_bodies_and_discs(before, after)
+
+
+def test_values_after_are_met_and_the_rest_is_kept() -> None:
+    case = imposed()
+    before = case.landmarks_before
+    after = plan_surgery(
+        case, Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", cobb_after=21.0, rotation_after=5.0),))
+    ).landmarks_after
+    assert angle_between(after, "T5", "T12", 0) == pytest.approx(21.0, abs=0.5)
+    assert rotation(after, "T8") == pytest.approx(5.0, abs=0.5)
+    for upper, lower in (("T5", "T12"), ("L1", "L5")):
+        assert angle_between(after, upper, lower, 1) == pytest.approx(
+            angle_between(before, upper, lower, 1), abs=0.5
+        )
+    np.testing.assert_allclose(plumb(after), plumb(before), atol=0.5)
+    assert rotation(after, "T1") == pytest.approx(rotation(before, "T1"), abs=0.5)
+
+
+def test_fixed_segments_keep_their_rotation() -> None:
+    """Below the fusion nothing moves; above it the spine goes as one body with the uppermost fused vertebra."""
+    case = imposed()
+    before = case.landmarks_before
+    plan = Plan(uiv="T4", liv="L1", unfused="fixed", curves=(CurvePlan(apex="T8", correction=0.5),))
+    after = plan_surgery(case, plan).landmarks_after
+    for level in ("L1", "L2", "L5"):
+        np.testing.assert_allclose(after.of_bone(level).points, before.of_bone(level).points, atol=1e-9)
+    for level in ("T1", "T2", "T3"):
+        turned, top = (
+            fit_rigid(before.of_bone(b).points, after.of_bone(b).points).rotation for b in (level, "T4")
+        )
+        assert math.degrees((turned * top.inv()).magnitude()) < 1.0
+    assert angle_between(after, "T5", "T12", 0) == pytest.approx(30.0, abs=0.5)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_unfused_curve_corrects_by_its_share(share: float) -> None:
+    case = imposed()
+    lumbar = cobb_angles(case.landmarks_before)[-1]
+    plan = Plan(uiv="T4", liv="T12", spontaneous=share, curves=(CurvePlan(apex="T8", correction=0.65),))
+    after = plan_surgery(case, plan).landmarks_after
+    assert lumbar.upper == "T12"
+    left = angle_between(after, lumbar.upper, lumbar.lower, 0) / lumbar.angle
+    assert left == pytest.approx(1.0 - share, abs=0.02 if share else 1.0)
+
+
+def test_unfused_curve_corrects_no_more_than_the_planned_one() -> None:
+    case = imposed()
+    lumbar = cobb_angles(case.landmarks_before)[-1]
+    plan = Plan(uiv="T4", liv="T12", spontaneous=0.9, curves=(CurvePlan(apex="T8", correction=0.2),))
+    after = plan_surgery(case, plan).landmarks_after
+    assert angle_between(after, lumbar.upper, lumbar.lower, 0) == pytest.approx(0.8 * lumbar.angle, abs=0.5)
+
+
+def test_imposed_curve_is_corrected_as_it_was_imposed() -> None:
+    """70 % of every curve, all levels fused: what `correct` does by taking 70 % of the imposed curve away.
+
+    Seen from the side it changes the angles, as a vertebra that is upright leans less; the plan asks for them.
+    """
+    straight = straight_trunk()[2]
+    true = correct(straight, SpineCurve(cobb=60.0), 0.7)
+    before = imposed().landmarks_before
+    curves = tuple(CurvePlan(apex=c.apex, correction=0.7, derotation=0.7) for c in cobb_angles(before))
+    plan = Plan(
+        uiv="T1", liv="L5", curves=curves,
+        kyphosis_T5_T12=angle_between(true, "T5", "T12", 1),
+        lordosis_L1_L5=angle_between(true, "L1", "L5", 1),
+    )  # fmt: skip
+    after = plan_surgery(case_of(before), plan).landmarks_after
+    assert np.linalg.norm(after.points - true.points, axis=1).max() < 3.0
+    for level in true.vertebrae():
+        off = fit_rigid(after.of_bone(level).points, true.of_bone(level).points).rotation.magnitude()
+        assert math.degrees(off) < 2.0
+
+
+def test_height_gained_is_that_of_a_straightened_arc() -> None:
+    """Vertebrae and discs keep their lengths, so a spine bent in the coronal plane gains what its cosines lost."""
+    tilts = {"T1": 0.0, "T5": 30.0, "T9": 0.0, "T12": -30.0, "L4": 0.0}
+    before = known_spine(to_left=tilts)
+    case = case_of(before)
+    asked = tuple(CurvePlan(apex=c.apex, cobb_after=0.0) for c in cobb_angles(before))
+    surgery = plan_surgery(case, Plan(uiv="T1", liv="L5", curves=asked))
+    lengths = 26.0 * 16 + 20.0
+    top, foot = "T1_superior_endplate", "L5_inferior_endplate"
+    tall = surgery.landmarks_after.point(top)[2] - surgery.landmarks_after.point(foot)[2]
+    assert tall == pytest.approx(lengths, abs=1.0)
+    assert surgery.height_gained == pytest.approx(tall - (before.point(top)[2] - before.point(foot)[2]), abs=1e-9)
+
+
+def test_other_bones_follow_and_the_pelvis_stays() -> None:
+    before = imposed().landmarks_before
+    names = (*before.names, "sternum_top", "sacrum_tip")
+    front = before.of_bone("T4").points.mean(axis=0) - np.array([0.0, 120.0, 0.0])
+    points = np.vstack([before.points, front, [0.0, 90.0, 900.0]])
+    case = case_of(Landmarks(names, points))
+    after = plan_surgery(
+        case, Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.5),))
+    ).landmarks_after
+    assert np.linalg.norm(after.point("sternum_top") - points[-2]) > 3.0
+    np.testing.assert_array_equal(after.point("sacrum_tip"), points[-1])
+
+
+def test_planned_case_holds_the_plan_and_nothing_of_another_surgery() -> None:
+    case = replace(imposed(), actual_skin=NOTHING)
+    surgery = plan_surgery(case, Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.5),)))
+    planned = surgery.planned_case(case)
+    assert planned.landmarks_after is surgery.landmarks_after
+    assert planned.actual_skin is None
+    assert case.landmarks_after is None
+
+
+def test_curve_that_grows_is_told() -> None:
+    case = imposed()
+    surgery = plan_surgery(case, Plan(uiv="T2", liv="L4", curves=(CurvePlan(apex="T8", cobb_after=75.0),)))
+    assert any("grows from 60.0 to 75.0" in text for text in surgery.warnings)
+
+
+@pytest.mark.parametrize(
+    ("plan", "rule"),
+    [
+        (Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="L3", correction=0.5),)), "outside the fusion"),
+        (Plan(uiv="T4", liv="L5", curves=(CurvePlan(apex="L5", correction=0.5),)), "in no curve of this spine"),
+        (
+            Plan(
+                uiv="T4",
+                liv="L1",
+                curves=(CurvePlan(apex="T8", correction=0.5), CurvePlan(apex="T9", correction=0.5)),
+            ),
+            "give each curve once",
+        ),
+        (Plan(uiv="C6", liv="L1"), "'C6' has no landmarks"),
+    ],
+)
+def test_what_the_spine_does_not_have_is_refused(plan: Plan, rule: str) -> None:
+    with pytest.raises(InputError, match=rule):
+        plan_surgery(imposed(), plan)
+
+
+def test_missing_vertebra_is_refused() -> None:
+    before = imposed().landmarks_before
+    rows = [i for i, name in enumerate(before.names) if not name.startswith("T7_")]
+    some = Landmarks(tuple(before.names[i] for i in rows), before.points[rows])
+    with pytest.raises(InputError, match="between T6 and T8"):
+        plan_surgery(case_of(some), Plan(uiv="T4", liv="L1"))

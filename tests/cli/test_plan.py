@@ -1,0 +1,93 @@
+"""warp-trunk plan: a case before surgery and an intention make a case that can be simulated."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warp_trunk.bone_motion.plan import read_plan
+from warp_trunk.case import read_case, write_case
+from warp_trunk.cli import main
+from warp_trunk.preparation.phantom import phantom_case
+
+TEXT = """\
+uiv = "T4"
+liv = "L1"
+[[curve]]
+apex = "T8"
+correction = 0.65
+derotation = 0.4
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A case without a plan, and plan.toml beside it."""
+    folder = tmp_path_factory.mktemp("plan")
+    write_case(folder / "case", dataclasses.replace(phantom_case(), landmarks_after=None))
+    (folder / "plan.toml").write_text(TEXT)
+    return folder
+
+
+def plan(folder: Path, out: str, *options: str) -> int:
+    return main(["plan", str(folder / "case"), "--out", str(folder / out), *options])
+
+
+def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert plan(folder, "planned", "--plan", str(folder / "plan.toml")) == 0
+    said = capsys.readouterr().out
+    planned = read_case(folder / "planned")
+    assert planned.landmarks_after is not None
+    record = json.loads((folder / "planned" / "plan.json").read_text())
+    assert [vertebra["level"] for vertebra in record["vertebrae"]] == list(planned.landmarks_before.vertebrae())
+    t8 = next(vertebra for vertebra in record["vertebrae"] if vertebra["level"] == "T8")
+    centres = [
+        marks.of_bone("T8").points.mean(axis=0) for marks in (planned.landmarks_before, planned.landmarks_after)
+    ]
+    np.testing.assert_allclose(t8["shift"], centres[1] - centres[0], atol=1e-9)
+    assert "T5-T12 right, planned" in said
+    assert "60.0 to 21.0" in said
+    assert f"warp-trunk simulate {folder / 'planned'}" in said
+
+
+def test_plan_that_was_written_makes_it_again(folder: Path) -> None:
+    options = ("--uiv", "T3", "--liv", "L2", "--curve", "T8,cobb_after=25", "--kyphosis-T5-T12", "30")
+    assert plan(folder, "first", *options) == 0
+    assert plan(folder, "again", "--plan", str(folder / "first" / "plan.toml")) == 0
+    first, again = (read_case(folder / name).planned_landmarks for name in ("first", "again"))
+    np.testing.assert_array_equal(again.points, first.points)
+
+
+def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
+    assert plan(folder, "other", "--plan", str(folder / "plan.toml"), "--liv", "L2") == 0
+    written = read_plan(folder / "other" / "plan.toml")
+    assert (written.uiv, written.liv, written.curves[0].correction) == ("T4", "L2", 0.65)
+
+
+@pytest.mark.parametrize(
+    ("options", "rule"),
+    [
+        (("--uiv", "T4"), "the curves are 21 degrees T1 to T5 with apex T3, 60 degrees T5 to T12"),
+        (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correctoin=0.5"), "did you mean 'curve.correction'?"),
+        (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction"), "must be a name, = and a number"),
+        (
+            ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=65"),
+            "must be 0 to 1, not 65.0; the nearest is 1",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], rule: str
+) -> None:
+    assert plan(folder, "refused", *options) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert rule in said[-1]
+    assert not (folder / "refused").exists()
+
+
+def test_case_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert plan(folder, "case", "--plan", str(folder / "plan.toml")) == 2
+    assert "is the case itself" in capsys.readouterr().err
+    assert read_case(folder / "case").landmarks_after is None

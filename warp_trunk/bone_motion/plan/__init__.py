@@ -1,0 +1,17 @@
+"""The surgeon's plan, and the rigid motion of every vertebra that meets it with the least motion."""
+
+from .plan_file import plan_text, read_plan, write_plan
+from .record import CurvePlan, Plan
+from .surgery import CurveMotion, PlannedSurgery, VertebraMotion, plan_surgery
+
+__all__ = [
+    "CurveMotion",
+    "CurvePlan",
+    "Plan",
+    "PlannedSurgery",
+    "VertebraMotion",
+    "plan_surgery",
+    "plan_text",
+    "read_plan",
+    "write_plan",
+]

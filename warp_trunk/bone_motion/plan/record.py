@@ -1,0 +1,124 @@
+"""A plan: which levels the surgeon fuses and what the spine should be after."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from warp_trunk.errors import InputError
+
+MOST_COBB = 120.0
+"""No curve is larger than this after surgery [degrees]."""
+MOST_OVER = 30.0
+"""No curve is planned further than this to the other side, nor its rotation [degrees]."""
+_RANGES = {
+    "kyphosis_T5_T12": (0.0, 90.0, "degrees"),
+    "lordosis_L1_L5": (0.0, 90.0, "degrees"),
+    "spontaneous": (0.0, 1.0, ""),
+    "sva_after": (-150.0, 150.0, "mm"),
+}
+_CHOICES = {"unfused": ("follow", "fixed"), "balance": ("keep", "centre")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvePlan:
+    """What is asked of one curve; what is left out is asked of nothing."""
+
+    apex: str
+    """A vertebra of the curve, whose rotation `derotation` and `rotation_after` are of; as a rule its apex."""
+    correction: float | None = None
+    """Share of the Cobb angle that surgery takes away, 0 to 1."""
+    cobb_after: float | None = None
+    """Or the Cobb angle after, between the end vertebrae before [degrees]; negative bends the other way."""
+    derotation: float | None = None
+    """Share of the apex' axial rotation that surgery takes away, 0 to 1."""
+    rotation_after: float | None = None
+    """Or that rotation after [degrees], to the side it has before; negative turns to the other side."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value out of range, or a target given twice."""
+        where = f"curve {self.apex}"
+        _check_level(self.apex, "curve: 'apex'")
+        for share, after, most in (
+            ("correction", "cobb_after", MOST_COBB),
+            ("derotation", "rotation_after", 60.0),
+        ):
+            if getattr(self, share) is not None and getattr(self, after) is not None:
+                raise InputError(f"{where}: '{share}' and '{after}' say the same; give one of them")
+            _check_range(self, share, 0.0, 1.0, "", where)
+            _check_range(self, after, -MOST_OVER, most, "degrees", where)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What the surgeon intends. Angles are between vertebral axes, from endplate centre to endplate centre."""
+
+    uiv: str
+    """Upper instrumented vertebra, the highest that is fused."""
+    liv: str
+    """Lower instrumented vertebra, the lowest that is fused."""
+    curves: tuple[CurvePlan, ...] = ()
+    """What is asked of each curve; of the others nothing is."""
+    kyphosis_T5_T12: float | None = None  # noqa: N815 - the clinic's name
+    """Thoracic kyphosis after [degrees], seen from the side; kept when left out."""
+    lordosis_L1_L5: float | None = None  # noqa: N815
+    """Lumbar lordosis after [degrees], seen from the side; kept when left out."""
+    unfused: Literal["follow", "fixed"] = "follow"
+    """Segments outside the fusion: they follow with least motion, or keep their rotation."""
+    spontaneous: float | None = None
+    """Share of a curve outside the fusion that corrects by itself, 0 to 1; never more than the planned curves
+    are corrected. What bent out on films of side bending when left out, without films a half."""
+    balance: Literal["keep", "centre"] = "keep"
+    """Where T1 stands in the coronal plane: as far beside the sacrum as before, or over it."""
+    sva_after: float | None = None
+    """How far T1 stands in front of the sacrum after [mm]; as far as before when left out."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for levels that are none, a value out of range, or two curves of one apex."""
+        _check_level(self.uiv, "plan: 'uiv'")
+        _check_level(self.liv, "plan: 'liv'")
+        if rank(self.uiv) >= rank(self.liv):
+            raise InputError(
+                f"plan: 'uiv' must lie above 'liv', but {self.uiv} is not above {self.liv}; change them"
+            )
+        for name, (low, high, unit) in _RANGES.items():
+            _check_range(self, name, low, high, unit, "plan")
+        for name, allowed in _CHOICES.items():
+            if getattr(self, name) not in allowed:
+                raise InputError(f"plan: '{name}' must be {' or '.join(allowed)}, not {getattr(self, name)!r}")
+        apices = [curve.apex for curve in self.curves]
+        twice = [apex for apex in apices if apices.count(apex) > 1]
+        if twice:
+            raise InputError(f"plan: the curve of {twice[0]} is planned twice; give each curve once")
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything is asked for; without a target nothing moves."""
+        asked = [value for curve in self.curves for value in list(dataclasses.asdict(curve).values())[1:]]
+        asked += [self.kyphosis_T5_T12, self.lordosis_L1_L5, self.sva_after]
+        return self.balance == "centre" or any(value is not None for value in asked)
+
+
+def rank(level: str) -> tuple[int, int]:
+    """Sorts levels from top to bottom."""
+    return "CTL".index(level[0]), int(level[1:])
+
+
+def _check_level(level: object, what: str) -> None:
+    if not (isinstance(level, str) and re.fullmatch(r"[CTL][1-9]\d?", level)):
+        raise InputError(f"{what} must be a vertebra such as T4 or L1, not {level!r}; correct it")
+
+
+def _check_range(record: object, name: str, low: float, high: float, unit: str, where: str) -> None:
+    value = getattr(record, name)
+    if value is None:
+        return
+    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if not number or not low <= value <= high:
+        nearest = f"; the nearest is {min(max(value, low), high):g}" if number else ""
+        raise InputError(
+            f"{where}: '{name}' must be {low:g} to {high:g} {unit}".rstrip() + f", not {value}{nearest}"
+        )

@@ -1,0 +1,120 @@
+"""warp-trunk plan"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
+from warp_trunk.bone_motion.plan import plan_surgery, read_plan, write_plan
+from warp_trunk.bone_motion.plan.plan_file import curve_of_text
+from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_record, surgery_text
+from warp_trunk.case import read_case, write_case
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.measures import cobb_angles
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.progress import Progress
+from warp_trunk.run.run_case import run_case
+
+from .crossing_file import crossings_written
+from .ending import report_ending
+from .exit_status import OK
+
+PLAN, RECORD = "plan.toml", "plan.json"
+"""What a planned case holds beside the files of a case."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Plan a surgery: from the landmarks before it and an intention to the place of every vertebra after."""
+
+    case: Positional[Path]
+    """Case folder; it needs no landmarks_after."""
+    out: Path
+    """Case folder to write, with landmarks_after.csv, plan.toml and plan.json."""
+    plan: Path | None = None
+    """plan.toml with the intention; an option given here takes the place of what it says."""
+    uiv: str | None = None
+    """Upper instrumented vertebra, such as T4."""
+    liv: str | None = None
+    """Lower instrumented vertebra, such as L1."""
+    curve: tuple[str, ...] = ()
+    """Each curve as its apex and what is asked of it: T8,correction=0.65,derotation=0.4 (or cobb_after and
+    rotation_after in degrees)."""
+    kyphosis_T5_T12: float | None = None  # noqa: N815
+    """Thoracic kyphosis after [degrees]; kept when left out."""
+    lordosis_L1_L5: float | None = None  # noqa: N815
+    """Lumbar lordosis after [degrees]; kept when left out."""
+    unfused: Literal["follow", "fixed"] | None = None
+    """Segments outside the fusion follow (the default) or keep their rotation."""
+    spontaneous: float | None = None
+    """Share of an unfused curve that corrects by itself, 0 to 1; from films of side bending, 0.5 without."""
+    balance: Literal["keep", "centre"] | None = None
+    """Where T1 stands in the coronal plane: as before (the default), or over the sacrum."""
+    sva_after: float | None = None
+    """How far T1 stands in front of the sacrum after [mm]; kept when left out."""
+    predict: bool = False
+    """Simulate the planned case too, into results/ and the name of the planned folder, and print what becomes of
+    the back."""
+    options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
+    """How it is simulated."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the planned case and prints what the plan asks for."""
+        check_out(self.out, self.case)
+        with Progress() as progress:
+            with progress.stage("load", f"reading {self.case}"):
+                case = read_case(self.case)
+            surgery = plan_surgery(case, self._intention(case.landmarks_before))
+            planned = surgery.planned_case(case)
+            with progress.stage("write", f"writing {self.out}"):
+                write_case(self.out, planned)
+                write_plan(self.out / PLAN, surgery.plan)
+                with atomic_write(self.out / RECORD) as unfinished:
+                    text = json.dumps(surgery_record(surgery), indent=2, allow_nan=False)
+                    unfinished.write_text(text + "\n", encoding="utf-8")
+            print(surgery_text(surgery))
+            print(f"\nPlanned case written to {self.out}")
+            if not self.predict:
+                print(f"Simulate it: warp-trunk simulate {self.out}")
+                return OK
+            out = Path("results") / self.out.resolve().name
+            with crossings_written(out):
+                result = run_case(planned, out, self.options, progress)
+        print(f"\n{back_text(result.before, result.after)}\n")
+        return report_ending(result)
+
+    def _intention(self, before: Any) -> SurgicalPlan:
+        """The plan of the file with the options of the command in place of what it says."""
+        given: dict[str, Any] = {
+            name: value
+            for name in ("uiv", "liv", "kyphosis_T5_T12", "lordosis_L1_L5", "unfused", "spontaneous", "balance",
+                         "sva_after")
+            if (value := getattr(self, name)) is not None
+        }  # fmt: skip
+        if self.curve:
+            given["curves"] = tuple(curve_of_text(text) for text in self.curve)
+        if self.plan is not None:
+            return replace(read_plan(self.plan), **given)
+        if "uiv" not in given or "liv" not in given:
+            curves = ", ".join(
+                f"{c.angle:.0f} degrees {c.upper} to {c.lower} with apex {c.apex}" for c in cobb_angles(before)
+            )
+            raise InputError(
+                f"plan: give --plan plan.toml, or --uiv, --liv and --curve; the curves are {curves or 'none'}"
+            )
+        return SurgicalPlan(**given)
+
+
+def check_out(out: Path, case: Path) -> None:
+    """Raise InputError where a planned case would take the place of a case that no plan wrote."""
+    if (out / "case.toml").exists() and not (out / PLAN).exists():
+        what = "is the case itself" if out.resolve() == case.resolve() else "holds another case"
+        raise InputError(f"{out}: {what}, which a plan does not overwrite; give --out a folder of its own")
