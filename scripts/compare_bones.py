@@ -33,7 +33,8 @@ from warp_trunk import (
 )
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.preparation.deformity import find_landmarks, impose
+from warp_trunk.preparation.deformity import impose
+from warp_trunk.preparation.landmark_finder import find_landmarks
 
 CURVE, CORRECTION = SpineCurve(cobb=60.0), 0.7
 
@@ -43,7 +44,7 @@ def main(folder: str, tets: int = 225_000) -> None:
     straight = read_surface(Path(folder) / "skin.ply")
     bones = {path.stem: read_surface(path) for path in sorted((Path(folder) / "bones").glob("*.ply"))}
     case = make_case(straight, bones, CURVE, CORRECTION)
-    goal, bones_after, _ = impose(straight, bones, find_landmarks(bones), CURVE.corrected(CORRECTION))
+    goal, bones_after, _ = impose(straight, bones, find_landmarks(bones).complete(), CURVE.corrected(CORRECTION))
     landmarks = (case.landmarks_before, case.planned_landmarks)
     print("bone                   spline: from rigid, rms / max [mm]   edges shorter / longer [%]")
     for name, bone in case.bones.items():

@@ -41,6 +41,7 @@ from .meshing import MeshOptions, build_trunk
 from .meshing.joints import free_joints
 from .meshing.layers import layered
 from .preparation.deformity import SpineCurve, make_case
+from .preparation.landmark_finder import FoundLandmarks, FoundVertebra, find_landmarks
 from .preparation.phantom import TrunkSize, phantom_case
 from .preparation.reconstruction import Film, fit_atlas, read_film, register_skin, triangulate
 from .preparation.scanning import CloseOptions, CutPlane, align_parts, close_skin
@@ -63,6 +64,8 @@ __all__ = [
     "DualTangent",
     "Film",
     "FlankAsymmetry",
+    "FoundLandmarks",
+    "FoundVertebra",
     "Increment",
     "InputError",
     "Landmarks",
@@ -103,6 +106,7 @@ __all__ = [
     "cobb_angles",
     "compare_skins",
     "curves_after",
+    "find_landmarks",
     "fit_atlas",
     "free_joints",
     "layered",

@@ -11,7 +11,7 @@ from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.preparation.deformity import find_landmarks
+from warp_trunk.preparation.landmark_finder import find_landmarks
 
 
 def assert_equal(one: Case, other: Case) -> None:
@@ -178,7 +178,7 @@ def test_the_anatomy_passes_and_its_xiphoid_pokes_out(tmp_path):
     if not folder or not Path(folder, "skin.ply").is_file():
         pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply")
     bones = {path.stem: read_surface(path) for path in sorted(Path(folder, "bones").glob("*.ply"))}
-    landmarks = find_landmarks(bones)
+    landmarks = find_landmarks(bones).complete()
     write_case(tmp_path, Case("anatomy", read_surface(Path(folder, "skin.ply")), bones, landmarks, landmarks))
     assert len(read_case(tmp_path).bones) == len(bones)
     with pytest.raises(InputError, match=r"sternum\.ply: reaches 0\.7 mm outside .*skin\.ply"):

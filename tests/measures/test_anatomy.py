@@ -10,7 +10,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import compare_skins, measure, mirror_asymmetry
-from warp_trunk.preparation.deformity.bone_landmarks import find_landmarks
+from warp_trunk.preparation.landmark_finder import find_landmarks
 
 TWIST = 20.0
 """Clockwise, over the height of the trunk above the pelvis [degrees]."""
@@ -23,7 +23,7 @@ def anatomy():
         pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
     files = [path for path in Path(folder, "bones").glob("*.ply") if path.stem[0] in "TL" or "hip" in path.stem]
     bones = {path.stem: read_surface(path) for path in files}
-    return read_surface(Path(folder, "skin.ply")), find_landmarks(bones)
+    return read_surface(Path(folder, "skin.ply")), find_landmarks(bones).complete()
 
 
 def twist(points, bottom, top):

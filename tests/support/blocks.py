@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE
 
 Box = tuple[tuple[int, int, int], tuple[int, int, int]]
 """Lowest and highest corner [mm], even numbers."""

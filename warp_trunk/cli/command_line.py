@@ -19,6 +19,7 @@ from .demo import Demo
 from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
 from .export import Export
 from .fit_atlas import FitAtlas
+from .landmarks import FindLandmarks
 from .make_case import MakeCase
 from .measure import Measure
 from .plan import Plan
@@ -34,6 +35,7 @@ Command = (
     | Annotated[MakeCase, subcommand("make-case")]
     | Annotated[Export, subcommand("export")]
     | Annotated[FitAtlas, subcommand("fit-atlas")]
+    | Annotated[FindLandmarks, subcommand("landmarks")]
     | Annotated[Measure, subcommand("measure")]
     | Annotated[Plan, subcommand("plan")]
     | Annotated[Register, subcommand("register")]

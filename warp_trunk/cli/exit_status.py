@@ -1,4 +1,4 @@
 """How a command ends, for the shell."""
 
-OK, NOT_CONVERGED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-"""Exit statuses."""
+OK, NOT_CONVERGED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
+"""Exit statuses; INCOMPLETE where a command did what it could and named what it could not."""

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
-from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE, find_landmarks
+from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, BONES, LANDMARKS = straight_trunk()
@@ -114,7 +114,7 @@ def anatomy() -> tuple[Surface, dict[str, Surface], Landmarks]:
     if not folder or not Path(folder).is_dir():
         pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
     bones = {path.stem: read_surface(path) for path in sorted(Path(folder, "bones").glob("*.ply"))}
-    return read_surface(Path(folder, "skin.ply")), bones, find_landmarks(bones)
+    return read_surface(Path(folder, "skin.ply")), bones, find_landmarks(bones).complete()
 
 
 @pytest.mark.parametrize("kind", ["thoracic", "thoracolumbar", "double_major"])

@@ -10,7 +10,8 @@ from warp_trunk.case import Case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import check_solid
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.preparation.deformity import SpineCurve, find_landmarks, make_case
+from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, _, _ = straight_trunk()
@@ -23,7 +24,7 @@ def test_case_holds_the_curve_and_its_correction() -> None:
     assert case.name == "double_major 40 degrees, 70 % corrected"
     assert case.actual_skin is None
     assert case.landmarks_before.names == case.landmarks_after.names
-    straight = find_landmarks(BONES)
+    straight = find_landmarks(BONES).complete()
     gone = [
         np.abs(marks.points - straight.points).max() for marks in (case.landmarks_before, case.landmarks_after)
     ]

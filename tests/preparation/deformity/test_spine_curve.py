@@ -4,9 +4,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 
 KINDS = ("thoracic", "thoracolumbar", "double_major")

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, bone_of
+from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, VERTEBRAE, bone_of
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, enclosed_volume
-from warp_trunk.preparation.deformity.bone_landmarks import VERTEBRAE
 from warp_trunk.preparation.phantom.bones import skeleton
 
 BONES, LANDMARKS = skeleton()

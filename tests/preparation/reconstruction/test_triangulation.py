@@ -9,7 +9,7 @@ from support.biplanar import biplanar
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.preparation.deformity import find_landmarks
+from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.preparation.reconstruction import Film, read_film, triangulate
 from warp_trunk.preparation.reconstruction.films import project, projection_matrix
@@ -89,7 +89,7 @@ def test_on_real_anatomy_it_is_better_than_the_papers_error() -> None:
     bones = {
         path.stem: read_surface(path) for path in (Path(os.environ["WARP_TRUNK_ANATOMY"]) / "bones").iterdir()
     }
-    landmarks = find_landmarks(bones)
+    landmarks = find_landmarks(bones).complete()
     found = triangulate(*biplanar(landmarks, noise=1.0), limit=8.0)
     error = np.linalg.norm(found.landmarks.points - landmarks.points, axis=1)
     assert error.mean() < 2.1

@@ -1,12 +1,13 @@
 """Named points on bones, and the files of spreadsheets and of 3D Slicer that hold them."""
 
 from .files import landmark_file, read_landmarks
-from .record import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
+from .record import ASIS, VERTEBRA_POINTS, VERTEBRAE, Landmarks, bone_of
 from .table import COLUMNS, write_landmarks
 
 __all__ = [
     "ASIS",
     "COLUMNS",
+    "VERTEBRAE",
     "VERTEBRA_POINTS",
     "Landmarks",
     "bone_of",

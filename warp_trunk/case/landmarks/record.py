@@ -11,6 +11,9 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
+VERTEBRAE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
+"""Thoracic and lumbar vertebrae from the top down."""
+
 VERTEBRA_POINTS = (
     "superior_endplate",
     "inferior_endplate",

@@ -1,8 +1,7 @@
 """The scoliotic curve of a spine, imposed on straight anatomy and corrected as by surgery."""
 
-from .bone_landmarks import find_landmarks
 from .deformity import correct, impose
 from .imposed_case import make_case
 from .spine_curve import SpineCurve
 
-__all__ = ["SpineCurve", "correct", "find_landmarks", "impose", "make_case"]
+__all__ = ["SpineCurve", "correct", "impose", "make_case"]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from warp_trunk.case import Case
 from warp_trunk.geometry.surface import Surface
 
-from .bone_landmarks import find_landmarks
+from ..landmark_finder import find_landmarks
 from .deformity import correct, impose
 from .spine_curve import SpineCurve
 
@@ -34,7 +34,7 @@ def make_case(
         InputError: bones without landmarks to find (`find_landmarks`), a curve that folds the trunk
             (`impose`), or a fraction outside [0, 1].
     """
-    straight = find_landmarks(bones)
+    straight = find_landmarks(bones).complete()
     after = correct(straight, curve, correction)
     deformed, moved, before = impose(skin, bones, straight, curve)
     return Case(

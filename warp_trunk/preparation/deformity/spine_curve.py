@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
-
-from .bone_landmarks import VERTEBRAE
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

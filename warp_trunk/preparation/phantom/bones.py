@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks
 from warp_trunk.geometry.surface import Surface
 
-from ..deformity.bone_landmarks import VERTEBRAE
 from .shapes import rod, tube
 from .skin import section_at
 

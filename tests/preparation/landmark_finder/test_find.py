@@ -1,0 +1,200 @@
+"""Landmarks found on bones whose landmarks are known: blocks upright and in curves, and the real anatomy."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.blocks import VERTEBRA, blocks, moved, skeleton, spine_and_hips
+from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks, read_surface
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, bone_of
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.measures.axial_rotation import axial_rotation
+from warp_trunk.measures.spine import spine_of
+from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
+
+SPINE = spine_and_hips()
+
+
+def known_spine() -> Landmarks:
+    """Those of `spine_and_hips`, by its blocks; pedicles are as wide and high wherever they are cut."""
+    six = np.array([[0, -45, 20], [0, -45, 0], [11, -29, 18], [11, -29, 10], [-11, -29, 18], [-11, -29, 10]])
+    points = [0.8 * six + [0.0, 50.0, 440.0 - 20.0 * i] for i in range(len(VERTEBRAE))]
+    return Landmarks(tuple(f"{b}_{p}" for b in VERTEBRAE for p in VERTEBRA_POINTS), np.vstack(points))
+
+
+def test_points_of_a_vertebra_of_known_shape() -> None:
+    found = find_landmarks(skeleton()).complete()
+    assert found.names == (*(f"T7_{point}" for point in VERTEBRA_POINTS), "asis_left", "asis_right")
+    np.testing.assert_allclose(found.points[:2], [[0, -45, 520], [0, -45, 500]], atol=0.1)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for end, height in (("superior", 518.0), ("inferior", 510.0)):
+            x, y, z = found.point(f"T7_{side}_pedicle_{end}")
+            assert sign * x == pytest.approx(11.0, abs=0.2)
+            assert -30.0 < y < -18.0
+            assert z == pytest.approx(height, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        SpineCurve(kind="thoracic", cobb=90.0),
+        SpineCurve(kind="thoracolumbar", cobb=45.0, direction="left"),
+        SpineCurve(kind="double_major", cobb=75.0, apical_rotation=40.0),
+    ],
+    ids=lambda curve: curve.kind,
+)
+def test_curved_spine_of_known_landmarks(curve: SpineCurve) -> None:
+    straight = known_spine()
+    poses = vertebra_poses(straight, curve)
+    curved = {n: Surface(poses[n](b.vertices), b.faces) if n in poses else b for n, b in SPINE.items()}
+    found = find_landmarks(curved).complete()
+    known = np.vstack([poses[name](straight.of_bone(name).points) for name in VERTEBRAE])
+    turns = np.array([poses[name].matrix for name in VERTEBRAE])
+    off = np.einsum("vpi,vij->vpj", (found.points[:-2] - known).reshape(-1, 6, 3), turns)
+    assert np.abs(off[:, :2]).max() < 0.3
+    assert np.abs(off[:, 2:, [0, 2]]).max() < 0.3
+    assert off[:, 2:, 1].min() > -1.0  # anywhere along the pedicle, which is 10 mm long
+    assert off[:, 2:, 1].max() < 9.0
+    turned, right = (
+        axial_rotation(spine_of(Landmarks(straight.names, points)), np.array([1.0, 0.0]))
+        for points in (found.points[:-2], known)
+    )
+    for name in VERTEBRAE:
+        assert turned[name] == pytest.approx(right[name], abs=0.7)
+
+
+@pytest.mark.parametrize("degrees", [-25.0, 15.0])
+def test_points_turn_with_a_vertebra_that_leans_forward_or_back(degrees: float) -> None:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    lean = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    upright = skeleton()
+    leaning = {**upright, "T7": moved(upright["T7"], lean, [0.0, 0.0, 0.0])}
+    there, here = (find_landmarks(bones).landmarks.points[:6] for bones in (leaning, upright))
+    assert np.linalg.norm(there - here @ lean.T, axis=1).max() < 0.3
+
+
+def test_iliac_spine_is_not_the_pubis() -> None:
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        x, y, z = find_landmarks(skeleton()).landmarks.point(f"asis_{side}")
+        assert y == -80.0
+        assert z > 80.0
+        assert sign * x >= 80.0
+
+
+def test_missing_bones_are_named_and_the_others_found() -> None:
+    bones = {name: bone for name, bone in SPINE.items() if name not in ("hip_right", "T9")}
+    found = find_landmarks(bones)
+    assert set(found.unsure) == {"T9", "asis_left", "asis_right"}
+    assert "between T1 and L5" in found.unsure["T9"]
+    assert "'hip_right' is missing" in found.unsure["asis_left"]
+    assert found.landmarks.vertebrae() == tuple(name for name in VERTEBRAE if name != "T9")
+    with pytest.raises(InputError, match=r"no landmarks on 'T9'.*no surface"):
+        found.complete()
+    with pytest.raises(InputError, match="any of T1 to L5 is missing"):
+        find_landmarks({name: bone for name, bone in skeleton().items() if name != "T7"})
+
+
+def without_faces(surface: Surface) -> Surface:
+    return Surface(surface.vertices, surface.faces[20:])
+
+
+def together(one: Surface, other: Surface) -> Surface:
+    return Surface(
+        np.vstack([one.vertices, other.vertices]), np.vstack([one.faces, other.faces + len(one.vertices)])
+    )
+
+
+def of_blocks(*boxes) -> Surface:
+    return moved(blocks(boxes), 0.8 * np.eye(3), [0.0, 50.0, 440.0 - 20.0 * 6])  # where T7 is
+
+
+FUSED = (
+    *(((a[0], a[1], a[2] - up), (b[0], b[1], b[2] - up)) for up in (0, 24) for a, b in VERTEBRA),
+    ((-16, -60, -6), (16, -30, 2)),  # bone in place of the disc
+)
+ONE_PEDICLE = (*VERTEBRA[:2], *VERTEBRA[3:])
+NO_ARCH = (VERTEBRA[0],)
+NO_CANAL = (*VERTEBRA, ((-16, -30, 0), (16, -10, 20)))
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (of_blocks(*ONE_PEDICLE), "pedicle"),
+        (of_blocks(*NO_ARCH), "no canal"),
+        (of_blocks(*NO_CANAL), "no canal"),
+        (of_blocks(*FUSED), "two vertebrae fused"),
+        (without_faces(SPINE["T7"]), "hole"),
+        (together(SPINE["T7"], SPINE["T8"]), "2 pieces"),
+    ],
+    ids=["one pedicle", "no arch", "no canal", "fused", "hole", "two pieces"],
+)
+def test_vertebra_that_cannot_be_told_is_named_and_the_others_found(broken: Surface, reason: str) -> None:
+    near = {name: SPINE[name] for name in ("hip_left", "hip_right", "T5", "T6", "T8", "T9")}
+    found = find_landmarks({**near, "T7": broken})
+    assert reason in found.unsure["T7"]
+    assert list(found.unsure) == ["T7"]
+    assert list(found.vertebrae) == ["T5", "T6", "T8", "T9"]
+
+
+def test_exchanged_names_are_told() -> None:
+    found = find_landmarks({**SPINE, "T7": SPINE["T8"], "T8": SPINE["T7"]})
+    assert set(found.unsure) == {"T7", "T8"}
+    assert "names exchanged" in found.unsure["T7"]
+
+
+def test_confidence_of_a_vertebra() -> None:
+    found = find_landmarks({"T7": SPINE["T7"], "T8": SPINE["T8"]})
+    vertebra = found.vertebrae["T7"]
+    assert vertebra.asymmetry < 0.3
+    assert vertebra.off_curve < 1.0
+    assert vertebra.height == pytest.approx(16.0, abs=0.1)
+    assert vertebra.pedicle_areas == pytest.approx((0.64 * 48.0, 0.64 * 48.0), abs=2.0)
+    np.testing.assert_allclose(vertebra.axes, np.eye(3), atol=0.01)
+
+
+def anatomy() -> Path:
+    folder = os.environ.get("WARP_TRUNK_ANATOMY")
+    if not folder or not Path(folder).is_dir():
+        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
+    return Path(folder)
+
+
+def test_real_anatomy() -> None:
+    bones = {path.stem: read_surface(path) for path in sorted((anatomy() / "bones").glob("*.ply"))}
+    found = find_landmarks(bones).complete()
+    assert len(found.names) == 17 * 6 + 2
+    for name, point in zip(found.names, found.points, strict=True):
+        if "pedicle" not in name:  # those lie on the outline of the pedicle, or within the root of a process
+            bone = bones[bone_of(name, bones) or ""]
+            assert abs(SurfaceDistance(bone).at(point[None])[0]) < 0.05, name
+    superior, inferior = (
+        np.array([found.point(f"{bone}_{end}_endplate") for bone in VERTEBRAE]) for end in ("superior", "inferior")
+    )
+    assert (superior[:, 2] > inferior[:, 2] + 10.0).all()
+    assert (inferior[:-1, 2] > superior[1:, 2]).all()  # discs
+    for bone in VERTEBRAE:
+        left, right = (found.point(f"{bone}_{side}_pedicle_superior") for side in ("left", "right"))
+        assert 12.0 < left[0] - right[0] < 60.0
+        assert abs(left[2] - right[2]) < 3.0  # this spine is its own mirror image, but for the meshing
+        assert left[1] > superior[VERTEBRAE.index(bone), 1]
+    left, right = found.point("asis_left"), found.point("asis_right")
+    assert 200.0 < left[0] - right[0] < 320.0
+    # above the hip joints, below the top of the crest
+    assert 60.0 < left[2] - bones["hip_left"].vertices[:, 2].min() < 180.0
+
+
+def test_curves_imposed_on_real_anatomy() -> None:
+    from check_landmarks import CURVES, compare, imposed, spine_and_hips
+
+    bones = spine_and_hips(anatomy())
+    straight = find_landmarks(bones).complete()
+    for curve in CURVES:
+        errors = compare(*imposed(bones, straight, curve))
+        assert not errors.unsure
+        assert errors.mean <= 1.0
+        assert errors.most <= 2.5
+        assert errors.largest <= 4.0
+        assert errors.rotation <= 2.0

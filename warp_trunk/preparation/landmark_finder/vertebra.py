@@ -1,0 +1,197 @@
+"""The six landmarks of one vertebra, whichever way it is turned."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.section import enclosed_area
+from warp_trunk.geometry.surface import Surface
+
+from .frame import Frame, centroid, coronal, last_crossing, outline, sagittal
+from .record import FoundVertebra, UnsureError
+from .symmetry import SymmetryPlane, symmetry_plane
+
+_MOST_ASYMMETRY = 2.5
+"""Of a vertebra whose left and right can be told [mm]."""
+_MOST_OFF_CURVE = 40.0
+"""Of a vertebra whose top can be told [deg]: a lordotic L5 leans by 25 against the line to L4."""
+_PITCHES = np.radians(np.arange(-35.0, 36.0, 1.0))
+_BESIDE = 0.12
+"""Sections beside the median one, at this and twice this part of the body's depth: still inside the body."""
+_BEHIND = 0.35
+"""Pedicles are looked for as far behind the body as this part of its depth."""
+_RISE = 1.1
+"""Where the section of a pedicle has grown by this, the narrowest place is passed."""
+_FLAT = 1.02
+"""Sections larger by no more than this are as narrow as the narrowest; of them the middle one is taken."""
+_WIDEST = 1.3
+"""Width of a pedicle over its height; what lies further from the canal belongs to the transverse process."""
+_NEIGHBOURS_BODY = 0.3
+"""A second part in front of the canal with this share of the body's area is another body."""
+
+
+def find_vertebra(surface: Surface, left: np.ndarray, up: np.ndarray) -> FoundVertebra:
+    """The landmarks of a vertebra of which only the rough directions are known.
+
+    The plane in which the vertebra is most nearly its own mirror image is its median plane; its section is
+    parted by the canal into the body and the spinous process. The vertebra's axis is across its endplates there
+    and beside. Endplate centres are where the axis leaves the body's outline. Pedicle points are where the
+    direction of the axis leaves the narrowest section of each pedicle, through its centroid; both sections lie
+    in one plane across the vertebra, so that rotation is that of the whole bone and not of two small points.
+
+    Args:
+        surface: one vertebra.
+        left: unit vector within 60 degrees of the vertebra's left, shape (3,).
+        up: unit vector within 30 degrees of its axis, shape (3,).
+
+    Raises:
+        UnsureError: what could not be told.
+    """
+    plane = symmetry_plane(surface, left, up)
+    if plane.residual > _MOST_ASYMMETRY:
+        raise UnsureError(
+            f"its left and right differ by {plane.residual:.1f} mm (median), at most {_MOST_ASYMMETRY:g} is a "
+            "vertebra's; is it whole, alone and in one piece?"
+        )
+    try:
+        frame = _upright(surface, plane, up)
+        points, areas = _six(frame.inside(surface))
+    except InputError as fault:  # a section that does not close
+        raise UnsureError(str(fault)) from None
+    off_curve = float(np.degrees(np.arccos(min(1.0, frame.axes[2] @ up))))
+    if off_curve > _MOST_OFF_CURVE:
+        raise UnsureError(f"its endplates are {off_curve:.0f} degrees off the curve of the spine")
+    return FoundVertebra(
+        points=frame.outside(points),
+        axes=frame.axes,
+        asymmetry=plane.residual,
+        off_curve=off_curve,
+        pedicle_areas=areas,
+    )
+
+
+def _upright(surface: Surface, plane: SymmetryPlane, up: np.ndarray) -> Frame:
+    """Axes in the median plane and across the endplates, of which `up` says roughly the last."""
+    up = up - (up @ plane.normal) * plane.normal
+    up /= np.linalg.norm(up)
+    middle = surface.vertices.mean(axis=0)
+    middle += (plane.offset - plane.normal @ middle) * plane.normal
+    rough = Frame(np.stack([plane.normal, np.cross(up, plane.normal), up]), middle)
+    return rough.pitched(_pitch(rough.inside(surface)))
+
+
+def _body(local: Surface, left: float = 0.0) -> np.ndarray:
+    """Outline of the body, (k, 2) of back and up, in a sagittal section."""
+    parts = sagittal(local, left)
+    if not parts:
+        raise UnsureError("its median plane misses it")
+    return min(parts, key=lambda part: part[:, 0].mean())
+
+
+def _pitch(local: Surface) -> float:
+    """How far the axis across the endplates leans to the back from the third axis [rad]."""
+    body = _body(local)
+    behind = [part for part in sagittal(local, 0.0) if part is not body and part[:, 0].min() > body[:, 0].mean()]
+    if len(behind) == 0:
+        raise UnsureError("no canal between its body and its spinous process in the median section")
+    points = outline(body)
+    back = np.column_stack([np.cos(_PITCHES), -np.sin(_PITCHES)])
+    up = np.column_stack([np.sin(_PITCHES), np.cos(_PITCHES)])
+    boxes = np.ptp(points @ back.T, axis=0) * np.ptp(points @ up.T, axis=0)
+    pitch = _across_endplates(points, float(_PITCHES[boxes.argmin()]))
+    depth, wall = float(np.ptp(points[:, 0])), points[:, 0].max()
+    found = [pitch]
+    for left in _BESIDE * depth * np.array([-2.0, -1.0, 1.0, 2.0]):
+        beside = outline(_body(local, float(left)))
+        found.append(_across_endplates(beside[beside[:, 0] < wall], pitch))  # not the pedicles behind it
+    return float(np.median(found))
+
+
+def _across_endplates(points: np.ndarray, pitch: float) -> float:
+    """The mean direction across lines through the upper and the lower endplate in least squares [rad].
+
+    points: of the outline of a body, back and up, shape (n, 2); pitch: where to start [rad].
+    """
+    for _ in range(10):
+        back, up = points @ [np.cos(pitch), -np.sin(pitch)], points @ [np.sin(pitch), np.cos(pitch)]
+        low, high = back.min(), back.max()
+        inner = (back > low + 0.15 * (high - low)) & (back < high - 0.15 * (high - low))
+        middle = (up.min() + up.max()) / 2.0
+        plates = [inner & (up > middle), inner & (up < middle)]
+        if min(plate.sum() for plate in plates) < 3:
+            raise UnsureError("its body shows no two endplates in the median section")
+        step = np.arctan(np.mean([np.polyfit(back[plate], up[plate], 1)[0] for plate in plates]))
+        pitch -= step
+        if abs(step) < 1e-5:
+            break
+    return pitch
+
+
+def _six(local: Surface) -> tuple[np.ndarray, tuple[float, float]]:
+    """Landmarks (6, 3) of an upright vertebra and the areas of its pedicles' sections [mm2]."""
+    body = _body(local)
+    _refuse_second_body(local, body)
+    low, high = body.min(axis=0), body.max(axis=0)
+    middle = (low + high) / 2.0
+    direction = np.array([0.0, 1.0])
+    ends = [last_crossing(body, middle, sign * direction) for sign in (1.0, -1.0)]
+    found = [np.array([0.0, *end]) for end in ends]
+    depth, pedicles = _pedicles(local, low, high)
+    for pedicle in pedicles:
+        centre = centroid(pedicle)
+        for sign in (1.0, -1.0):
+            left, up = last_crossing(pedicle, centre, sign * direction)
+            found.append(np.array([left, depth, up]))
+    areas = [abs(enclosed_area(pedicle)) for pedicle in pedicles]
+    return np.array(found), (areas[0], areas[1])
+
+
+def _refuse_second_body(local: Surface, body: np.ndarray) -> None:
+    size = abs(enclosed_area(body))
+    for part in sagittal(local, 0.0):
+        other = (part[:, 0].mean() - body[:, 0].mean()) < 0.5 * np.ptp(body[:, 0])
+        apart = abs(part[:, 1].mean() - body[:, 1].mean()) > 1.0
+        if other and apart and abs(enclosed_area(part)) > _NEIGHBOURS_BODY * size:
+            raise UnsureError("it shows two bodies, one above the other; give each vertebra its own surface")
+
+
+def _pedicles(local: Surface, low: np.ndarray, high: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
+    """Where behind the body the pedicles are narrowest, both together, and their sections there.
+
+    low, high: corners of the body's outline, back and up.
+    """
+    reach = _BEHIND * (high[0] - low[0])
+    sections: list[tuple[float, tuple[np.ndarray, np.ndarray]]] = []
+    sizes: list[float] = []
+    missing = {"left", "right"}
+    for depth in high[0] + np.arange(0.5, reach, 0.5):
+        parts = coronal(local, float(depth))
+        left, right = (_pedicle(parts, side, low[1], high[1]) for side in (1.0, -1.0))
+        missing -= {word for word, part in (("left", left), ("right", right)) if part is not None}
+        if left is None or right is None:
+            if sections:
+                break  # the arch begins
+            continue
+        size = abs(enclosed_area(left)) + abs(enclosed_area(right))
+        if sizes and size > _RISE * min(sizes):
+            break
+        sections.append((float(depth), (left, right)))
+        sizes.append(size)
+    if not sections:
+        which = f"{min(missing)} pedicle" if len(missing) == 1 else "pedicles"
+        raise UnsureError(f"no {which} behind its body; is the arch joined to the body?")
+    narrow = np.flatnonzero(np.array(sizes) < _FLAT * min(sizes))
+    return sections[narrow[len(narrow) // 2]]
+
+
+def _pedicle(parts: list[np.ndarray], side: float, bottom: float, top: float) -> np.ndarray | None:
+    """The part of a coronal section next to the canal on one side, at the height of the body's upper half."""
+    beside = [part for part in parts if (side * part[:, 0]).min() > 0.0]
+    level = [part for part in beside if part[:, 1].min() < top and part[:, 1].max() > (bottom + top) / 2.0]
+    if not level:
+        return None
+    part = outline(min(level, key=lambda part: (side * part[:, 0]).min()))
+    from_middle, height = side * part[:, 0], np.ptp(part[:, 1])
+    widest = np.minimum(from_middle, from_middle.min() + _WIDEST * height)
+    return np.column_stack([side * widest, part[:, 1]])
