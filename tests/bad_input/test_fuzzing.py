@@ -1,25 +1,23 @@
 """No file, however broken, makes a reader do anything but read it or refuse it in one line.
 
-WARP_TRUNK_FUZZ sets how many damaged files each reader gets; with it they differ from run to run.
+The same damage on every machine; `pytest -m search` tries new damage, see docs/testing.md.
 """
 
 from __future__ import annotations
 
-import os
 import resource
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from support.biplanar import biplanar
+from support.draws import Draws, fresh_seeds
 from support.mutations import damaged
-from support.report_results import _model, write_small_result
+from support.report_results import result_model, write_small_result
 from support.small_case import small_case
 from support.small_trunk import boned_case, made_up_increments
 from support.small_trunk import small_case as small_trunk_case
@@ -40,7 +38,6 @@ from warp_trunk.preparation.scanning import read_transform
 from warp_trunk.results import read_result
 from warp_trunk.results.checkpoint import Checkpoint
 
-EXAMPLES = int(os.environ.get("WARP_TRUNK_FUZZ", "0"))
 VTK = Path(__file__).parents[1] / "support" / "vtk_files"
 PYRAMID = read_surface(VTK / "ascii.vtp")
 
@@ -83,7 +80,7 @@ def labelled_file(path: Path) -> None:
 
 
 def cached_file(path: Path) -> None:
-    os.environ["WARP_TRUNK_CACHE"] = str(path.parent)
+    """In the cache folder, which is the folder of the path."""
     cache.store_cached("0" * 64, boned_case()[1])
 
 
@@ -92,7 +89,7 @@ def checkpoint_file(path: Path) -> None:
 
 
 def read_checkpoint(path: Path) -> object:
-    return Checkpoint(path.parents[1], {}).increments(_model())
+    return Checkpoint(path.parents[1], {}).increments(result_model())
 
 
 def record_file(path: Path) -> None:
@@ -105,7 +102,7 @@ def read_record(path: Path) -> object:
     """The same with the damage inside, where no checksum tells it."""
     packed = path.parent / "checkpoint" / "increment_01.npz"
     record = np.array(path.read_bytes().decode("latin-1"))
-    np.savez(packed, displacement=np.zeros_like(_model().rest), record=record)
+    np.savez(packed, displacement=np.zeros_like(result_model().rest), record=record)
     return read_checkpoint(packed)
 
 
@@ -160,37 +157,50 @@ def gigabytes() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e9
 
 
-@pytest.mark.parametrize("reader", READERS)
-def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path, monkeypatch, reader):
-    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
+def read_damaged(reader: str, folder: Path, seeds: Iterable[int]) -> None:
+    """Each seed damages the reader's good file in its own way; all are read or refused in one line."""
     name, write, read = READERS[reader]
-    path = tmp_path / name
+    path = folder / name
     write(path)
     good = path.read_bytes()
     read(path)  # as it is, it is read
+    for seed in seeds:
+        path.write_bytes(damaged(Draws(seed), good))
+        try:
+            read_or_refused(path, folder, read)
+        except BaseException as error:
+            error.add_note(f"{reader}: damaged by seed {seed}")
+            raise
 
-    @settings(
-        max_examples=EXAMPLES or 15,
-        derandomize=not EXAMPLES,
-        database=None,
-        deadline=20_000 if EXAMPLES else None,  # [ms]; nothing may hang, but the machine may be busy
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(st.data())
-    def check(data: st.DataObject) -> None:
-        path.write_bytes(data.draw(damaged(good)))
-        before, said = gigabytes(), str(tmp_path)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            try:
-                found = read(path)
-            except InputError as error:
-                found, said = None, str(error)
-        if isinstance(found, Surface):
-            assert np.isfinite(found.vertices).all()
-            assert 0 <= found.faces.min() <= found.faces.max() < len(found.vertices)
-        assert (str(tmp_path) in said, len(said.splitlines())) == (True, 1)
-        assert len(said) < 1000
-        assert gigabytes() - before < 1.0
 
-    check()
+def read_or_refused(path: Path, folder: Path, read: Callable[[Path], object]) -> None:
+    before, said, found = gigabytes(), str(folder), None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            found = read(path)
+        except InputError as error:
+            said = str(error)
+    if isinstance(found, Surface):
+        assert np.isfinite(found.vertices).all()
+        assert 0 <= found.faces.min() <= found.faces.max() < len(found.vertices)
+    assert (str(folder) in said, len(said.splitlines())) == (True, 1)
+    assert len(said) < 1000
+    assert gigabytes() - before < 1.0
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_damaged_file_is_read_or_refused_in_one_line(
+    reader: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
+    read_damaged(reader, tmp_path, range(15))
+
+
+@pytest.mark.search
+@pytest.mark.parametrize("reader", READERS)
+def test_search_for_damage_that_is_neither_read_nor_refused(
+    reader: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
+    read_damaged(reader, tmp_path, fresh_seeds())

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.model import Model, build_model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import write_result
@@ -15,7 +15,8 @@ from .small_trunk import made_up_increments, small_case
 
 
 @cache
-def _model():
+def result_model() -> Model:
+    """What these results were simulated with."""
     _, trunk = small_case()
     return build_model(trunk, gravity=0.0, device="cpu", precision="float64", threads=1)
 
@@ -50,5 +51,7 @@ def write_small_result(
             replace(marks, points=marks.points + up) for marks in (case.landmarks_before, case.landmarks_after)
         ]
         case = replace(case, landmarks_before=lifted[0], landmarks_after=lifted[1])
-    write_result(folder, replace(case, name=name), trunk, _model(), increments, parameters={"tolerance": 0.01})
+    write_result(
+        folder, replace(case, name=name), trunk, result_model(), increments, parameters={"tolerance": 0.01}
+    )
     return folder
