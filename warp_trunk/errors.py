@@ -11,3 +11,9 @@ class InputError(ValueError):
     def __str__(self) -> str:
         """One line, also where a name or a value in it holds line breaks or what no terminal can show."""
         return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), super().__str__())
+
+
+def expect(value: object, kind: type, name: str, cure: str) -> None:
+    """Raise InputError, which begins with `name`, for a value of another type; `cure` says where to get one."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} must be of type {kind.__name__}, not {type(value).__name__}; {cure}")

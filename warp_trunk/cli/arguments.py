@@ -6,12 +6,40 @@ import contextlib
 import io
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import tyro
 from tyro.conf import OmitArgPrefixes
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from warp_trunk.errors import InputError
+from warp_trunk.io.file_access import number
+
+from .typos import explained
+
+_registry = ConstructorRegistry()
+
+
+@_registry.primitive_rule
+def _whole_numbers(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:
+    """Whole numbers may be written as 1e5, too."""
+    if info.type is not int:
+        return None
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="INT",
+        instance_from_str=lambda words: whole_number(words[0]),
+        is_instance=lambda value: isinstance(value, int),
+        str_from_instance=lambda value: [str(value)],
+    )
+
+
+def whole_number(text: str) -> int:
+    """A whole number, also one written as 1e5 or 2.0; ValueError for any other text."""
+    value = number(text)
+    if not value.is_integer():  # nor is infinity or NaN
+        raise ValueError(f"not a whole number: '{text}'")
+    return int(value)
 
 
 def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
@@ -29,12 +57,23 @@ def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
                 prog="warp-trunk",
                 description="Predict how the trunk of a scoliosis patient looks after spine surgery.",
                 args=list(arguments),
+                registry=_registry,
                 **options,
             )
     except SystemExit as end:
         if not end.code:
             raise
-        raise InputError(one_line(said.getvalue())) from None
+        line = one_line(said.getvalue())
+        raise InputError(explained(arguments, line, named_commands(command)) or line) from None
+
+
+def named_commands(command: Any) -> dict[str, Any]:
+    """The class of each command of a union by its name; none for a single command."""
+    found = {}
+    for one in get_args(command):
+        if names := [part.name for part in get_args(one)[1:] if hasattr(part, "name")]:
+            found[names[0]] = get_args(one)[0]
+    return found
 
 
 def one_line(box: str) -> str:
@@ -42,7 +81,7 @@ def one_line(box: str) -> str:
     plain_box = re.sub(r"\x1b\[[0-9;]*m", "", box)  # colours, on a terminal
     rows = [row.strip(" │") for row in plain_box.splitlines()]
     rows = [row for row in rows if row and row[0] not in "╭╰"]
-    if len(rows) > 1 and _is_rule(rows[1]):
+    if "╭" not in plain_box and len(rows) > 1 and _is_rule(rows[1]):
         rows = rows[2:]  # where the terminal has no box characters, the title stands over a rule
     end = next((i for i, row in enumerate(rows) if _is_rule(row)), len(rows))
     hint = [f"({row})" for row in rows[end:] if row.startswith("Available subcommands")]

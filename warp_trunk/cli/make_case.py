@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from warp_trunk.case import write_case
+from warp_trunk.case.places import refuse_case
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.run.progress import Progress
@@ -42,6 +43,7 @@ class MakeCase:
         curve = SpineCurve(
             kind=self.curve, cobb=self.cobb, apical_rotation=self.rotation, direction=self.direction
         )
+        refuse_case(self.out)
         with Progress() as progress:
             with progress.stage("load", f"reading the skin and the bones of {self.bones}"):
                 bones = read_bones(self.bones)

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 import warp as wp
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 from warp_trunk.kernels.loop import loop_kernels
 
 from .model import Model
@@ -37,6 +37,7 @@ class SimulationOptions:
     """How the tissue is relaxed after each increment."""
 
     def __post_init__(self) -> None:
+        expect(self.increments, int, f"increments: {self.increments}", "give a whole number such as 10")
         if not 1 <= self.increments <= 10_000:
             raise InputError(f"increments: must be from 1 to 10000, not {self.increments}")
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 
 from .apical import ApicalVertebra, apical_vertebrae
 from .axial_rotation import axial_rotation
@@ -126,6 +126,11 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
         InputError: no ASIS among the landmarks, or `before` with another number of vertices, or a skin that is
             open at a level.
     """
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.surface import Surface
+
+    expect(skin, Surface, "measure: 'skin'", "read it with read_surface")
+    expect(landmarks, Landmarks, "measure: 'landmarks'", "give those of the case, or read_landmarks")
     change = None
     if before is not None:
         if before.vertices.shape != skin.vertices.shape:

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_volume
 
@@ -110,6 +110,11 @@ def make_trunk(
     cannot be met.
     """
     options = options or MeshOptions()
+    expect(skin, Surface, "build_trunk: 'skin'", "read it with read_surface")
+    if not bones:
+        raise InputError("build_trunk: 'bones' is empty; give the surface of each bone by its name")
+    for name, bone in bones.items():
+        expect(bone, Surface, f"build_trunk: bone '{name}'", "read it with read_surface")
     tell = progress or (lambda what: None)
     start = time.perf_counter()
     settings = {name: value for name, value in asdict(options).items() if name != "cache"}

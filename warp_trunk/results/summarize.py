@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.skin_quality import SkinQuality
 
 from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms
@@ -62,7 +63,9 @@ def summarize(
         terms=tuple(model.elements.terms),
         increments=tuple(_increment(increment) for increment in increments),
         bsr_deg=RotationSummary(before=before.bsr, after=after.bsr, actual=None if actual is None else actual.bsr),
-        cobb_deg=CobbSummary(before=before.cobb, after=after.cobb),
+        cobb_deg=CobbSummary(
+            before=before.cobb, after=after.cobb, followed=curves_after(before.cobb, case.planned_landmarks)
+        ),
         seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
         peak_memory_mb=peak_memory(),
         versions=versions(),

@@ -84,7 +84,10 @@ class CobbSummary:
     before: tuple[CobbAngle, ...]
     """Before surgery."""
     after: tuple[CobbAngle, ...]
-    """As planned."""
+    """As planned, each between the vertebrae that end it then."""
+    followed: tuple[float | None, ...] = ()
+    """Angle of each curve before [degrees], as planned, between the vertebrae that ended it before; see
+    `curves_after`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warp_trunk.measures import CobbAngle, TrunkMeasures
+from warp_trunk.measures.cobb import curves_after
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -25,8 +27,7 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
         _skin(after),
-        f"Cobb angles before: {_curves(before.cobb)}",
-        f"Cobb angles after:  {_curves(after.cobb)}",
+        f"Cobb angles: {_curves(before.cobb, summary.cobb_deg.followed)}",
         "",
         "Back surface rotation [degrees]; positive: the right side of the back stands further back",
         "level  before   after" + ("  actual" if bsr.actual else ""),
@@ -57,7 +58,7 @@ def markdown(case: Case, last: Increment, before: TrunkMeasures, after: TrunkMea
             "",
             _skin(after),
             "",
-            f"Cobb angles before: {_curves(before.cobb)}; after: {_curves(after.cobb)}.",
+            f"Cobb angles: {_curves(before.cobb, curves_after(before.cobb, case.planned_landmarks))}.",
             "",
             "Back surface rotation in degrees; positive: the right side of the back stands further back.",
             "",
@@ -74,9 +75,14 @@ def _skin(after: TrunkMeasures) -> str:
     return f"The skin moves by up to {after.skin_change_max:.1f} mm, {after.skin_change_mean:.1f} mm on average."
 
 
-def _curves(curves: tuple[CobbAngle, ...]) -> str:
-    named = [f"{c.angle:.0f}° {c.upper} to {c.lower}, convex to the {c.convex}" for c in curves]
-    return "; ".join(named) or "none of 10° or more"
+def _curves(curves: Sequence[CobbAngle], after: Sequence[float | None]) -> str:
+    """Each curve before surgery and as planned, between the same two vertebrae, as the report has it."""
+    named = [
+        f"{curve.angle:.0f}° to {'?' if angle is None else f'{angle:.0f}°'}, {curve.upper} to {curve.lower}, "
+        f"convex to the {curve.convex}"
+        for curve, angle in zip(curves, after, strict=True)
+    ]
+    return "; ".join(named) or "none of 10° or more before surgery"
 
 
 def _number(angle: float | None) -> str:

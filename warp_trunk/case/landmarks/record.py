@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 
 VERTEBRAE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
 """Thoracic and lumbar vertebrae from the top down."""
@@ -41,6 +41,7 @@ class Landmarks:
 
     def __post_init__(self) -> None:
         """Raises InputError for a name given twice, or another number of names than of points."""
+        expect(self.points, np.ndarray, "landmarks: points", "give numpy.array(points, dtype=float)")
         if self.points.shape != (len(self.names), 3):
             raise InputError(
                 f"landmarks: points must have shape ({len(self.names)}, 3), one for each name, "

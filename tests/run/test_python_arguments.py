@@ -1,0 +1,36 @@
+"""What a script may give in place of what is asked: one sentence, as on the command line."""
+
+import numpy as np
+import pytest
+
+from support.small_case import small_case
+from warp_trunk import InputError, SimulationOptions, build_trunk, measure
+from warp_trunk.case.landmarks import Landmarks
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (
+            lambda: SimulationOptions(increments=2.5),
+            "increments: 2.5 must be of type int, not float; give",
+        ),
+        (
+            lambda: Landmarks(("a", "b"), [[0.0, 0, 0], [1.0, 0, 0]]),
+            r"landmarks: points .*ndarray, not list",
+        ),
+        (lambda: build_trunk("path", {}), "build_trunk: 'skin' must be of type Surface, not str; read it with"),
+        (lambda: build_trunk(small_case().skin, {}), "build_trunk: 'bones' is empty; give the surface of each"),
+        (
+            lambda: build_trunk(small_case().skin, {"T7": "T7.ply"}),
+            "build_trunk: bone 'T7' must be of type",
+        ),
+        (lambda: measure(small_case().skin, small_case().skin), "measure: 'landmarks' must be of type Landmarks"),
+        (lambda: measure("skin.ply", small_case().landmarks_before), "measure: 'skin' must be of type Surface"),
+        (lambda: Landmarks(("a",), np.zeros((2, 3))), r"points must have shape \(1, 3\)"),
+    ],
+)
+def test_another_type_is_told_in_one_sentence(wrong, said):
+    with pytest.raises(InputError, match=said) as error:
+        wrong()
+    assert "\n" not in str(error.value)
