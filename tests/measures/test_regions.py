@@ -7,7 +7,8 @@ import pytest
 
 from support.trunk_shapes import ASIS, ellipse, rotation, spine, tube
 from warp_trunk.errors import InputError
-from warp_trunk.measures.regions import regions_of, vertex_normals
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.measures.regions import regions_of
 
 RADIUS = 100.0
 LEVELS = {"T4": 350.0, "T5": 310.0, "T12": 230.0, "L1": 190.0, "L5": 70.0}
@@ -66,7 +67,7 @@ def test_area_of_the_vertices_is_that_of_the_surface(cylinder):
     skin, regions = cylinder
     a, b, c = (skin.vertices[skin.faces[:, k]] for k in range(3))
     assert regions.area.sum() == pytest.approx(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    normals = vertex_normals(skin)[0][360:-722]
+    normals = vertex_normals(skin)[360:-722]
     outward = skin.vertices[360:-722] * [1.0, 1.0, 0.0] / RADIUS
     np.testing.assert_allclose(normals, outward, atol=0.01)
 

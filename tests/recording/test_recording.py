@@ -14,10 +14,11 @@ from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.engine.relaxation import RelaxStep
 from warp_trunk.engine.state import Energy
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.normals import MovingNormals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.recording.colours import COLOURS
-from warp_trunk.recording.drawing import BarPlot, Normals
+from warp_trunk.recording.drawing import BarPlot
 from warp_trunk.recording.numbers import table
 from warp_trunk.recording.stream import Stream, within
 
@@ -170,7 +171,7 @@ def test_normals_of_a_sphere_point_away_from_its_centre():
 
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=70.0)
     vertices = sphere.vertices.astype(np.float32)
-    normals = Normals(sphere.faces, len(vertices))(vertices)
+    normals = MovingNormals(sphere.faces, len(vertices))(vertices)
     np.testing.assert_allclose(normals, sphere.vertices / 70.0, atol=1e-2)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .normals import area_vectors, unit
 from .surface import Surface
 from .surface_checks import crossings
 
@@ -131,12 +132,10 @@ def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:
 
 
 def _with_planes(vertices: np.ndarray, faces: np.ndarray) -> _Working:
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    normal = np.cross(b - a, c - a)
-    double = np.linalg.norm(normal, axis=1)
-    normal /= np.maximum(double, 1e-300)[:, None]
-    offset = -np.einsum("fi,fi->f", normal, a)
-    area = double / 6.0  # a third for each corner
+    vectors = area_vectors(vertices, faces)
+    normal = unit(vectors)
+    offset = -np.einsum("fi,fi->f", normal, vertices[faces[:, 0]])
+    area = np.linalg.norm(vectors, axis=1) / 3.0  # a third for each corner
     count = len(vertices)
 
     def gather(values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import warp as wp
 
 from warp_trunk.kernels.distance_field import signed_distance
 
+from .search_tree import search_tree
 from .surface import Surface
 
 Box = tuple[slice, slice, slice]
@@ -62,13 +63,8 @@ class SurfaceDistance:
         """Build the search tree of a surface; positions are kept about its middle, in float32."""
         self.lower = surface.vertices.min(axis=0)
         self.upper = surface.vertices.max(axis=0)
-        self._middle = 0.5 * (self.lower + self.upper)
         self._size = float(np.linalg.norm(self.upper - self.lower))
-        self._mesh = wp.Mesh(
-            points=wp.array(surface.vertices - self._middle, dtype=wp.vec3, device="cpu"),
-            indices=wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu"),
-            support_winding_number=True,
-        )
+        self._tree = search_tree(surface, winding_number=True)
 
     def at(self, points: np.ndarray, reach: float | None = None) -> np.ndarray:
         """Signed distance [mm] of points (n, 3); NaN where the surface is farther away than reach [mm]."""
@@ -77,17 +73,17 @@ class SurfaceDistance:
     def nearest(self, points: np.ndarray, reach: float | None = None) -> Nearest:
         """Where the surface is nearest to points (n, 3), if within reach [mm]."""
         if reach is None:
-            off = np.abs(points - self._middle).max(initial=0.0)
+            off = np.abs(points - self._tree.middle).max(initial=0.0)
             reach = 2.0 * (self._size + float(off)) + 1.0
         distance, face, nearest = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _NEAREST)
         wp.launch(
             signed_distance,
             dim=len(points),
-            inputs=[self._mesh.id, wp.array(points - self._middle, dtype=wp.vec3, device="cpu"), reach],
+            inputs=[self._tree.mesh.id, self._tree.local(points), reach],
             outputs=[distance, face, nearest],
             device="cpu",
         )
-        return Nearest(distance.numpy(), face.numpy(), nearest.numpy() + self._middle)
+        return Nearest(distance.numpy(), face.numpy(), nearest.numpy() + self._tree.middle)
 
     def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
         """Signed distance [mm] in a block of a grid, cut off at -band and +band.

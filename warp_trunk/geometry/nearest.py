@@ -9,6 +9,7 @@ import warp as wp
 
 from warp_trunk.kernels.nearest import nearest_on_mesh
 
+from .search_tree import search_tree
 from .surface import Surface
 
 _INT: Any = wp.int32
@@ -17,17 +18,13 @@ _VEC3: Any = wp.vec3
 
 def nearest(surface: Surface, points: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """The nearest triangle to each point, -1 if none is within reach [mm], and its corners' weights (n, 3)."""
-    middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
-    mesh = wp.Mesh(
-        points=wp.array(surface.vertices - middle, dtype=wp.vec3, device="cpu"),
-        indices=wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu"),
-    )
+    tree = search_tree(surface)
     face: Any = wp.empty(len(points), dtype=_INT, device="cpu")
     weights: Any = wp.empty(len(points), dtype=_VEC3, device="cpu")
     wp.launch(
         nearest_on_mesh,
         dim=len(points),
-        inputs=[mesh.id, wp.array(points - middle, dtype=wp.vec3, device="cpu"), reach],
+        inputs=[tree.mesh.id, tree.local(points), reach],
         outputs=[face, weights],
         device="cpu",
     )

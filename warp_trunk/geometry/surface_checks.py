@@ -10,6 +10,8 @@ import warp as wp
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.crossing import crossing_faces
 
+from .normals import area_vectors
+from .search_tree import search_tree
 from .surface import Surface
 
 _INT: Any = wp.int32
@@ -37,15 +39,13 @@ def crossings(surface: Surface) -> np.ndarray:
     At most one pair for each first face; none if the surface does not cross itself. Faces that lie on each
     other in one plane are not found.
     """
-    middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
-    centred = np.ascontiguousarray(surface.vertices - middle)
-    corners = wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu")
-    mesh = wp.Mesh(points=wp.array(centred, dtype=wp.vec3, device="cpu"), indices=corners)
+    mesh, middle = search_tree(surface)
+    exact = wp.array(surface.vertices - middle, dtype=wp.vec3d, device="cpu")
     crossed: Any = wp.empty(len(surface.faces), dtype=_INT, device="cpu")
     wp.launch(
         crossing_faces,
         dim=len(surface.faces),
-        inputs=[mesh.id, wp.array(centred, dtype=wp.vec3d, device="cpu"), corners, _SLACK],
+        inputs=[mesh.id, exact, mesh.indices, _SLACK],
         outputs=[crossed],
         device="cpu",
     )
@@ -117,7 +117,8 @@ def _check_spread(surface: Surface, name: str) -> None:
         )
     a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
     longest = np.max([np.sum(edge**2, axis=1) for edge in (a - b, b - c, c - a)], axis=0)
-    flat = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) <= _FLAT * longest)
+    double = 2.0 * np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
+    flat = np.flatnonzero(double <= _FLAT * longest)
     if flat.size:
         raise InputError(
             f"{name}: triangles must have an area, but {flat.size} have none, the first number {flat[0]} near "

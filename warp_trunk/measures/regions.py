@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.normals import area_vectors, vertex_normals
 
 from .spine import asis_axis, spine_of
 
@@ -80,7 +81,9 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
     level = _nearest_level(skin.vertices[:, 2], centroids[:, 2])
     number = {name: i for i, names in enumerate(BANDS.values()) for name in names}
     bands = np.array([*(number[spine.levels[i]] for i in known), -1])
-    normals, area = vertex_normals(skin)
+    third = np.repeat(np.linalg.norm(area_vectors(skin.vertices, skin.faces), axis=1) / 3.0, 3)
+    area = np.bincount(skin.faces.reshape(-1), third, len(skin.vertices))
+    normals = vertex_normals(skin)
     upward = np.argsort(centroids[:, 2])
     heights, line = centroids[upward, 2], centroids[upward, :2]
     middle = np.column_stack([np.interp(skin.vertices[:, 2], heights, line[:, axis]) for axis in (0, 1)])
@@ -93,16 +96,6 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
         normals=normals,
         area=area,
     )
-
-
-def vertex_normals(skin: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (n, 3) of the vertices, and a third of the area [mm2] of the triangles around each (n,)."""
-    a, b, c = (skin.vertices[skin.faces[:, k]] for k in range(3))
-    doubled = np.cross(b - a, c - a)
-    corners, count = skin.faces.reshape(-1), len(skin.vertices)
-    total = np.column_stack([np.bincount(corners, np.repeat(doubled[:, k], 3), count) for k in range(3)])
-    size = np.repeat(np.linalg.norm(doubled, axis=1) / 6.0, 3)
-    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-12)[:, None], np.bincount(corners, size, count)
 
 
 def _nearest_level(height: np.ndarray, centroids: np.ndarray) -> np.ndarray:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .regions import Regions, regions_of, vertex_normals
+from warp_trunk.geometry.normals import vertex_normals
+
+from .regions import Regions, regions_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -76,9 +78,7 @@ def skin_distance(skin: Surface, other: Surface, landmarks: Landmarks) -> SkinDi
     nearest = SurfaceDistance(other).nearest(skin.vertices)
     away = nearest.point - skin.vertices
     straight = np.abs(_cosine(away, regions.normals)) > _SAME_WAY
-    facing = vertex_normals(other)[0][other.faces[nearest.face]].mean(
-        axis=1
-    )  # a triangle of a scan is mostly noise
+    facing = vertex_normals(other)[other.faces[nearest.face]].mean(axis=1)  # a triangle of a scan is mostly noise
     counted = (straight | (np.abs(nearest.distance) < _TOUCHING)) & (_cosine(facing, regions.normals) > _SAME_WAY)
     in_region = np.logical_or.reduce(list(regions.masks.values()))
     return SkinDistance(nearest.distance.astype(np.float64), counted & in_region, regions)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.normals import area_vectors, unit
 
 from .spine import asis_axis, spine_of
 
@@ -106,9 +107,7 @@ def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _angles(surface: Surface, pairs: np.ndarray) -> np.ndarray:
     """Angle between the normals of two neighbouring triangles [degrees], from 0, shape (pairs,)."""
-    a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal = unit(area_vectors(surface.vertices, surface.faces))
     one, other = normal[pairs[:, 0]], normal[pairs[:, 1]]
     sine = np.linalg.norm(np.cross(one, other), axis=1)  # exact for small angles, where the cosine is not
     return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", one, other)))

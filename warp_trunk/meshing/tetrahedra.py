@@ -10,6 +10,7 @@ import numpy as np
 from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 
@@ -103,12 +104,12 @@ def cavity_points(bones: Surface) -> np.ndarray:
         faces = bones.faces[inside[bones.faces[:, 0]]]
         surface = Surface(bones.vertices[inside], number[faces].astype(np.int32))
         a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
-        normal = np.cross(b - a, c - a)
-        double = np.linalg.norm(normal, axis=1)
-        largest = np.argsort(-double)[:500]
-        inward = -normal[largest] / double[largest, None]
+        normal = area_vectors(surface.vertices, surface.faces)
+        area = np.linalg.norm(normal, axis=1)
+        largest = np.argsort(-area)[:500]
+        inward = -normal[largest] / area[largest, None]
         start = (a + b + c)[largest] / 3.0
-        size = np.sqrt(double[largest])[:, None]
+        size = np.sqrt(2.0 * area[largest])[:, None]
         tries = np.concatenate([start + depth * size * inward for depth in (0.02, 0.1, 0.3, 0.6, 1.0, 2.0)])
         distance = SurfaceDistance(surface).at(tries)
         deepest = int(distance.argmin())

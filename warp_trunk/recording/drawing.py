@@ -22,30 +22,6 @@ BAR = 0.26
 """Height of a bar, where levels are 1 apart and three bars share one."""
 
 
-class Normals:
-    """Unit normals of a mesh whose vertices move: the mean of the triangles at a vertex, weighted by area."""
-
-    def __init__(self, faces: np.ndarray, vertices: int) -> None:
-        from scipy.sparse import csr_array
-
-        self._corners = faces.T.copy()
-        triangle = np.repeat(np.arange(len(faces)), 3)
-        ones = np.ones(faces.size, np.float32)
-        self._sum = csr_array((ones, (faces.ravel(), triangle)), shape=(vertices, len(faces)))
-
-    def __call__(self, vertices: np.ndarray) -> np.ndarray:
-        """Normals of vertices (n, 3) float32, the same shape and type."""
-        a, b, c = (vertices.take(corner, axis=0) for corner in self._corners)
-        (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
-        area = np.empty_like(a)
-        area[:, 0] = uy * vz - uz * vy
-        area[:, 1] = uz * vx - ux * vz
-        area[:, 2] = ux * vy - uy * vx
-        normals = self._sum @ area
-        length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-        return normals / np.maximum(length, np.float32(1e-12))[:, None]
-
-
 def degrees(angle: float | None, sign: str = "+") -> str:
     """An angle [degrees] as a text; 'missing' where there is none."""
     return "missing" if angle is None else f"{round(angle, 1) + 0.0:{sign}.1f}°"  # never -0.0

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from warp_trunk.geometry.normals import MovingNormals
+
 from . import drawing
 from .colours import COLOURS, ColourName
 
@@ -42,10 +44,10 @@ class Scene:
 
         self._rr, self._log, self._case, self._trunk, self._level = rr, log, case, trunk, level
         self._most = most
-        self._skin_normals = drawing.Normals(case.skin.faces, len(case.skin.vertices))
+        self._skin_normals = MovingNormals(case.skin.faces, len(case.skin.vertices))
         self._bone_nodes, bone_faces = np.unique(trunk.bone_faces, return_inverse=True)
         self._bone_faces = bone_faces.reshape(-1, 3).astype(np.int32)
-        self._bone_normals = drawing.Normals(self._bone_faces, len(self._bone_nodes))
+        self._bone_normals = MovingNormals(self._bone_faces, len(self._bone_nodes))
         log("/", rr.ViewCoordinates.LBU, static=True)
         for name in most:
             self._triangles(f"now/skin/{name}", case.skin.faces, None)
@@ -55,7 +57,7 @@ class Scene:
     def still(self, when: str, skin: Surface, displacement: np.ndarray, landmarks: np.ndarray) -> None:
         """Logs a trunk that does not move, `before` or `target`, without a time."""
         same = skin.faces is self._case.skin.faces
-        normals = self._skin_normals if same else drawing.Normals(skin.faces, len(skin.vertices))
+        normals = self._skin_normals if same else MovingNormals(skin.faces, len(skin.vertices))
         self._triangles(f"{when}/skin", skin.faces, drawing.SKIN)
         self._move(f"{when}/skin", np.array(skin.vertices, np.float32), normals, static=True)
         self._triangles(f"{when}/bones", self._bone_faces, drawing.BONE)
@@ -116,7 +118,7 @@ class Scene:
         mesh = self._rr.Mesh3D.from_fields(triangle_indices=faces.astype(np.uint32), albedo_factor=colour)
         self._log(path, mesh, static=True)
 
-    def _move(self, path: str, vertices: np.ndarray, normals: drawing.Normals, *, static: bool) -> None:
+    def _move(self, path: str, vertices: np.ndarray, normals: MovingNormals, *, static: bool) -> None:
         mesh = self._rr.Mesh3D.from_fields(vertex_positions=vertices, vertex_normals=normals(vertices))
         self._log(path, mesh, static=static)
 

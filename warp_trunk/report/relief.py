@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.regions import vertex_normals
 from warp_trunk.measures.spine import asis_axis
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window) -> Relief:
     beside = face < 0
     corners = skin.faces[face]
     depth = np.einsum("ijk,ijk->ij", weights, vertices[:, 1][corners])
-    normal = np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, skin.faces))[0][corners])
+    normal = np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, skin.faces))[corners])
     depth[beside], normal[beside] = np.nan, np.nan
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()])
@@ -126,18 +126,16 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     """The face seen in each pixel, -1 for none, and the weights of its corners (rows, columns, 3)."""
     import warp as wp
 
+    from warp_trunk.geometry.search_tree import search_tree
     from warp_trunk.kernels.depth import first_hit
 
     near, far = vertices[:, 1].max() + 1.0, vertices[:, 1].min() - 1.0
-    mesh = wp.Mesh(
-        wp.array(vertices, dtype=wp.vec3, device="cpu"),
-        wp.array(faces.ravel(), dtype=wp.int32, device="cpu"),
-    )
+    mesh, middle = search_tree(Surface(vertices, faces))
     shape = (len(seen.z), len(seen.x))
     face = wp.zeros(shape, dtype=wp.int32, device="cpu")
     weights = wp.zeros(shape, dtype=wp.vec3, device="cpu")
     right, down, forward = wp.vec3(-seen.pixel, 0.0, 0.0), wp.vec3(0.0, 0.0, -seen.pixel), wp.vec3(0.0, -1.0, 0.0)
-    corner = wp.vec3(float(seen.x[0]), float(near), float(seen.z[0]))
+    corner = wp.vec3(*(np.array([seen.x[0], near, seen.z[0]]) - middle))
     wp.launch(
         first_hit,
         dim=shape,

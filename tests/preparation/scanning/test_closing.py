@@ -10,12 +10,12 @@ from support.partial_scans import scan
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.phantom.phantom import straight_trunk
 from warp_trunk.preparation.scanning import CloseOptions, CutPlane, align_parts, check_parts, close_skin
-from warp_trunk.preparation.scanning.overlap import vertex_areas
 
 ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")
 OPTIONS = CloseOptions(edge_length=12.0)

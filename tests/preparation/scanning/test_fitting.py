@@ -4,9 +4,9 @@ from scipy.spatial import Delaunay
 
 from support.synthetic import sphere
 from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.scanning.fitting import fit_to_points
-from warp_trunk.preparation.scanning.overlap import vertex_areas
 
 
 def measured(radius, count=6000, noise=0.0, seed=0):

@@ -9,9 +9,10 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
 
-from .overlap import covered_by, reach_of, vertex_areas
+from .overlap import covered_by, reach_of
 from .transforms import moved
 
 _ROUNDS = 30

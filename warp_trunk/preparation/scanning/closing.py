@@ -12,13 +12,14 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.distance_field import Grid
 from warp_trunk.geometry.isosurface import one_solid, zero_surface
+from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid
 
 from .cutting import CutPlane, cut_flat, cut_within, goes_on_beyond
 from .fitting import fit_to_points
 from .openings import Opening, find_openings, patches, rim_of
-from .overlap import covered_by, reach_of, vertex_areas
+from .overlap import covered_by, reach_of
 from .parts import check_parts
 from .winding import sheet_samples, winding_field
 

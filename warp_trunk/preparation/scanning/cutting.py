@@ -10,9 +10,8 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
-
-from .overlap import vertex_areas
 
 _SHORTEST = 0.6
 """Edges that a cut leaves shorter than this part of the edge length are collapsed."""
@@ -140,8 +139,7 @@ def _cut(surface: Surface, plane: CutPlane, near: np.ndarray, edge_length: float
 def _slide(surface: Surface, plane: CutPlane, near: np.ndarray, least: float) -> Surface:
     """Slide vertices along the surface until none is nearer to the plane than `least` [mm]: no slivers then."""
     away = plane.distance(surface.vertices)
-    normal = vertex_areas(surface)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    normal = vertex_normals(surface)
     along = plane.unit - (normal @ plane.unit)[:, None] * normal
     climb = along @ plane.unit
     moves = near & (np.abs(away) < least) & (climb > 0.1)

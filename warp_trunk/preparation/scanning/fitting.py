@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
-
-from .overlap import vertex_areas
 
 _FACING = 0.5
 """Points whose normal is turned further than 60 degrees from the surface's belong to another fold of it."""

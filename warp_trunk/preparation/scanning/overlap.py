@@ -4,19 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
 
 _FACING = 0.5
 """Sheets whose normals differ by more than 60 degrees do not cover each other."""
-
-
-def vertex_areas(surface: Surface) -> np.ndarray:
-    """A third of the area vectors [mm^2] of the triangles around each vertex, shape (vertices, 3)."""
-    a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
-    sixth = np.repeat(np.cross(b - a, c - a) / 6.0, 3, axis=0)
-    corner = surface.faces.reshape(-1)
-    columns = [np.bincount(corner, sixth[:, k], minlength=len(surface.vertices)) for k in range(3)]
-    return np.stack(columns, axis=1)
 
 
 def boundary_vertices(surface: Surface) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.geometry.distance_field import Grid
+from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
 
 
@@ -19,7 +20,7 @@ def sheet_samples(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndar
     corners = surface.vertices[surface.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     splits = np.maximum(np.ceil(longest / spacing), 1).astype(int)
-    area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = area_vectors(surface.vertices, surface.faces)
     points, areas, owners = [], [], []
     for count in np.unique(splits):
         of_count = np.flatnonzero(splits == count)

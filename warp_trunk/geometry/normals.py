@@ -1,0 +1,54 @@
+"""Normals and areas of triangles and of the vertices between them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .surface import Surface
+
+
+def area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Outward normal of each triangle (faces, 3), of the length of its area [mm^2]; zero for one without area."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """The vectors (n, 3) at length 1; one without length stays as it is."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)[:, None]
+
+
+def vertex_areas(surface: Surface) -> np.ndarray:
+    """A third of the area vectors [mm^2] of the triangles around each vertex, shape (vertices, 3)."""
+    third = np.repeat(area_vectors(surface.vertices, surface.faces) / 3.0, 3, axis=0)
+    corner, count = surface.faces.reshape(-1), len(surface.vertices)
+    return np.column_stack([np.bincount(corner, third[:, k], minlength=count) for k in range(3)])
+
+
+def vertex_normals(surface: Surface) -> np.ndarray:
+    """Unit normals of the vertices: the mean of the triangles at each, weighted by area, shape (vertices, 3)."""
+    return unit(vertex_areas(surface))
+
+
+class MovingNormals:
+    """Vertex normals of a mesh whose vertices move, in float32: what does not change is made once."""
+
+    def __init__(self, faces: np.ndarray, vertices: int) -> None:
+        from scipy.sparse import csr_array  # heavy
+
+        self._corners = faces.T.copy()
+        triangle = np.repeat(np.arange(len(faces)), 3)
+        ones = np.ones(faces.size, np.float32)
+        self._sum = csr_array((ones, (faces.ravel(), triangle)), shape=(vertices, len(faces)))
+
+    def __call__(self, vertices: np.ndarray) -> np.ndarray:
+        """Normals of vertices (n, 3) float32, the same shape and type."""
+        a, b, c = (vertices.take(corner, axis=0) for corner in self._corners)
+        (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
+        area = np.empty_like(a)
+        area[:, 0] = uy * vz - uz * vy
+        area[:, 1] = uz * vx - ux * vz
+        area[:, 2] = ux * vy - uy * vx
+        normals = self._sum @ area
+        length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
+        return normals / np.maximum(length, np.float32(1e-12))[:, None]

@@ -1,0 +1,34 @@
+"""Warp's search tree of a surface, which the kernels that look for the nearest, a hit or a crossing are given."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import warp as wp
+
+from .surface import Surface
+
+
+class SearchTree(NamedTuple):
+    """A surface about its own middle, where float32 is finest."""
+
+    mesh: wp.Mesh
+    """The triangles on the CPU, their vertices less `middle`."""
+    middle: np.ndarray
+    """The middle of the box around the surface [mm], shape (3,)."""
+
+    def local(self, points: np.ndarray) -> wp.array:
+        """Points (n, 3) [mm] as the tree has them, float32."""
+        return wp.array(points - self.middle, dtype=wp.vec3, device="cpu")
+
+
+def search_tree(surface: Surface, *, winding_number: bool = False) -> SearchTree:
+    """Build the tree of a surface; with `winding_number` it can tell inside from outside."""
+    middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
+    mesh = wp.Mesh(
+        points=wp.array(surface.vertices - middle, dtype=wp.vec3, device="cpu"),
+        indices=wp.array(surface.faces.reshape(-1), dtype=wp.int32, device="cpu"),
+        support_winding_number=winding_number,
+    )
+    return SearchTree(mesh, middle)
