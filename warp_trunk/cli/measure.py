@@ -15,6 +15,7 @@ from tyro.conf import Positional
 
 from warp_trunk.case import Case, read_case
 from warp_trunk.case.header import read_header
+from warp_trunk.case.places import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
@@ -24,8 +25,9 @@ from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
 from warp_trunk.measures.table import comparison_text, measures_text
 from warp_trunk.measures.volume import tissue_volume_change
-from warp_trunk.results import partial
+from warp_trunk.results import partial, read_result
 from warp_trunk.results.folder import PREDICTED_SKIN, TRUNK
+from warp_trunk.results.summary import SUMMARY
 from warp_trunk.run.progress import Progress
 
 from .exit_status import OK
@@ -37,8 +39,8 @@ class Measure:
 
     skin: Positional[Path]
     """A closed surface in mm and LPS axes (in those of the case if it lies in its folder), or a result folder."""
-    case: Path
-    """Case folder: its landmarks say where the vertebrae are."""
+    case: Path | None = None
+    """Case folder: its landmarks say where the vertebrae are. A result holds its own, so it needs none."""
     against: Path | None = None
     """The actual skin after surgery, closed; it may have triangles of its own."""
     when: Literal["before", "after"] | None = None
@@ -51,12 +53,14 @@ class Measure:
         file = self.skin / PREDICTED_SKIN if self.skin.is_dir() else self.skin
         stem = self.out or file.with_name(f"{file.stem}_measures")
         stem = stem / "measures" if stem.is_dir() else stem
+        if self.out is not None:
+            refuse_case(self.out)
         check_writable(stem)
         with Progress() as progress:
-            with progress.stage("load", f"reading {file} and {self.case}"):
+            with progress.stage("load", f"reading {file}"):
+                case = patient_of(file, self.case)
                 skin = read_skin(file, self.case)
                 actual = None if self.against is None else read_skin(self.against, self.case)
-                case = read_case(self.case)
                 check_place(file, skin, case)
                 if self.against is not None and actual is not None:
                     check_place(self.against, actual, case)
@@ -103,14 +107,41 @@ def tissue_change(file: Path, skin: Surface) -> float | None:
     return tissue_volume_change(trunk, displacement)
 
 
-def read_skin(path: Path, case_folder: Path) -> Surface:
+def patient_of(file: Path, folder: Path | None) -> Case:
+    """The case whose landmarks go with a skin: that of the result it lies in, else of a folder.
+
+    Raises:
+        InputError: neither is there, or the folder is of another patient than the result.
+    """
+    own = None
+    if (file.parent / SUMMARY).is_file():
+        result = read_result(file.parent)
+        before, after = result.landmarks_before, result.landmarks_after
+        own = Case(result.summary.case, result.skin_before, {}, before, after)
+    if folder is None:
+        if own is None:
+            raise InputError(f"{file}: does not lie in a result, which holds its landmarks; give --case CASE")
+        return own
+    case = read_case(folder)
+    if own is None:
+        return case
+    mine, its = own.landmarks_before, case.landmarks_before
+    if mine.names != its.names or np.abs(mine.points - its.points).max() > 1e-3:
+        raise InputError(
+            f"{folder}: is not the case of the result {file.parent}: their landmarks before surgery differ; "
+            "leave --case out, the result holds its own landmarks"
+        )
+    return own
+
+
+def read_skin(path: Path, case_folder: Path | None) -> Surface:
     """A skin of the patient in LPS and mm, closed and oriented outward.
 
     Raises:
         InputError: it cannot be read, or it is open or inside out.
     """
     surface = read_surface(path)
-    if case_folder.resolve() in path.resolve().parents:
+    if case_folder is not None and case_folder.resolve() in path.resolve().parents:
         header = read_header(case_folder / "case.toml")
         surface = header.axes.surface_to_lps(surface, header.units)
     fault = manifold_fault(surface)
