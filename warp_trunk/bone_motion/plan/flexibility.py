@@ -40,8 +40,7 @@ def flexibility_of(curves: Sequence[CobbAngle], films: Sequence[Landmarks]) -> d
     """The flexibility index of each curve by its apex: the share of its Cobb angle that bends out.
 
     (Cobb standing - Cobb bending) / Cobb standing, between the end vertebrae of standing, on the film where the
-    curve is smallest (definition as in Cheung and Luk, J Bone Joint Surg Am 1997, 79:1144, there for the fulcrum).
-    A curve whose end vertebrae no film shows has none.
+    curve is smallest. A curve whose end vertebrae no film shows has none.
     """
     found: dict[str, float] = {}
     bent = [curves_after(curves, film) for film in films]

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from .record import CurvePlan, Plan
 
 HALF = 0.5
-"""Share of an unfused curve that corrects by itself where nothing is known of it; see docs/planning.md."""
+"""Share of an unfused curve that corrects by itself where nothing is known of it: lumbar curves went from 43.9 to
+22.0 degrees after selective thoracic fusion (24 patients; Ishikawa et al., J Orthop Sci 2015, 20:31)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,56 @@
+"""plan.toml: what is written is read, and what is wrong is named."""
+
+from pathlib import Path
+
+import pytest
+
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan, write_plan
+from warp_trunk.errors import InputError
+
+FULL = Plan(
+    uiv="T4",
+    liv="L1",
+    curves=(
+        CurvePlan(apex="T8", correction=0.65, derotation=1.0 / 3.0),
+        CurvePlan(apex="L2", cobb_after=-2.0, rotation_after=7.3),
+    ),
+    kyphosis_T5_T12=30.0,
+    lordosis_L1_L5=41.7,
+    unfused="fixed",
+    spontaneous=0.4,
+    balance="centre",
+    sva_after=-12.5,
+)
+
+
+@pytest.mark.parametrize("plan", [FULL, Plan(uiv="T2", liv="L4")])
+def test_plan_comes_back(tmp_path: Path, plan: Plan) -> None:
+    write_plan(tmp_path / "plan.toml", plan)
+    assert read_plan(tmp_path / "plan.toml") == plan
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ('uiv = "T4"', "'liv' is missing"),
+        ('uiv = "T4"\nliv = "L1"\nkyphosis = 30', "unknown key 'kyphosis'; did you mean 'kyphosis_T5_T12'?"),
+        ('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorection = 0.5', "did you mean 'curve.correction'?"),
+        ('uiv = "T4"\nliv = "L1"\n[[curve]]\ncorrection = 0.5', "a curve has no 'apex'"),
+        ('uiv = "T4"\nliv = "L1"\n[curve]\napex = "T8"', "'curve' must be tables"),
+        ('uiv = "T4"\nliv = "L1"\nspontaneous = "half"', "'spontaneous' must be a number, not 'half' (str)"),
+        ("uiv = 4\nliv = 5", "'uiv' must be text, not 4"),
+        ('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 65', "must be 0 to 1, not 65"),
+        ("uiv", "cannot be read as TOML"),
+    ],
+)
+def test_what_is_wrong_names_the_file(tmp_path: Path, text: str, rule: str) -> None:
+    (tmp_path / "plan.toml").write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_plan(tmp_path / "plan.toml")
+    assert str(caught.value).startswith(str(tmp_path / "plan.toml"))
+    assert rule in str(caught.value)
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"plan\.toml: there is no such file"):
+        read_plan(tmp_path / "plan.toml")

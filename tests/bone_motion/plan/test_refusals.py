@@ -1,0 +1,125 @@
+"""Targets that no spine can meet: one line that names the target and the nearest, which then is met."""
+
+import re
+
+import numpy as np
+import pytest
+
+from support.known_spine import known_spine
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
+from warp_trunk.bone_motion.plan.least_motion import limits_of, rim_gaps
+from warp_trunk.bone_motion.plan.posture import Placed, posture_of
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+
+SPINE = known_spine(
+    to_left={"T1": 0.0, "T5": 30.0, "T9": 0.0, "T12": -30.0, "L4": 0.0},
+    back={"T1": -20.0, "T5": -15.0, "T12": 15.0, "L1": 15.0, "L5": -15.0},
+    turned={"T4": 0.0, "T8": 18.0, "T12": 0.0},
+)
+CASE = Case("spine", Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32)), {}, SPINE)
+
+
+def refusal(plan: Plan) -> str:
+    with pytest.raises(InputError) as caught:
+        plan_surgery(CASE, plan)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def nearest(text: str) -> float:
+    found = re.search(r"the nearest is (-?[\d.]+)", text)
+    assert found is not None, text
+    return float(found[1])
+
+
+def test_segment_that_would_turn_too_far() -> None:
+    """Two discs alone cannot take 70 degrees of kyphosis; what they can take is named, and can be planned."""
+    plan = Plan(uiv="T8", liv="T10", unfused="fixed", kyphosis_T5_T12=85.0)
+    text = refusal(plan)
+    assert "kyphosis_T5_T12 85 degrees cannot be met" in text
+    reached = nearest(text)
+    assert 30.0 <= reached < 85.0
+
+
+@pytest.mark.parametrize("share", [0.98, 1.0])
+def test_nearest_can_be_met(share: float) -> None:
+    """A fusion with nothing that follows cannot be straightened wholly and keep T1 where it is."""
+    plan = Plan(uiv="T5", liv="T12", unfused="fixed", curves=(CurvePlan(apex="T9", correction=share),))
+    text = refusal(plan)
+    assert "curve T9: Cobb angle after" in text
+    reached = nearest(text)
+    assert 60.0 * (1.0 - share) < reached < 60.0
+    plan_surgery(
+        CASE, Plan(uiv="T5", liv="T12", unfused="fixed", curves=(CurvePlan(apex="T9", cobb_after=reached + 1.0),))
+    )
+
+
+def test_target_of_segments_that_stay() -> None:
+    text = refusal(Plan(uiv="T4", liv="T12", unfused="fixed", lordosis_L1_L5=40.0))
+    assert "lordosis_L1_L5 40 degrees cannot be met" in text
+    assert nearest(text) == pytest.approx(30.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("bend", "overlaps"), [(15.0, False), (16.5, True)])
+def test_disc_that_would_overlap(bend: float, overlaps: bool) -> None:
+    """A disc of 6 mm turns by half; rims of 22 mm radius meet where 6 cos(b / 2) = 22 sin b, at 15.7 degrees."""
+    wide = known_spine().points.copy()
+    for row, name in enumerate(SPINE.names):
+        wide[row, 0] += 10.0 * (("left_pedicle" in name) - float("right_pedicle" in name))
+    posture = posture_of(Landmarks(SPINE.names, wide))
+    change = posture.still
+    change[:8, 1] = -bend  # T8 and all above lean forward against T9
+    excess = limits_of(posture).excess(Placed(posture, change))
+    assert bool(excess.max() > 0.0) is overlaps
+
+
+def test_height_of_a_disc_at_its_rim() -> None:
+    """Against the least height over points on both rims."""
+    posture = posture_of(SPINE)
+    change = np.random.default_rng(3).normal(scale=6.0, size=posture.angles.shape)
+    placed = Placed(posture, change)
+    circle = np.linspace(0.0, 2.0 * np.pi, 20000)
+    for row, gap in enumerate(rim_gaps(placed)):
+        upper, lower, disc = placed.axes[row], placed.axes[row + 1], placed.discs[row]
+        least = []
+        for normal, across, sign in ((lower, upper, 1.0), (upper, lower, -1.0)):
+            side = np.cross(across, [1.0, 0.0, 0.0])
+            side /= np.linalg.norm(side)
+            rim = 12.0 * (np.outer(np.cos(circle), side) + np.outer(np.sin(circle), np.cross(across, side)))
+            least.append(float((sign * (sign * disc + rim) @ normal).min()))
+        assert gap == pytest.approx(min(least), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("fields", "rule"),
+    [
+        ({"kyphosis_T5_T12": -5.0}, "'kyphosis_T5_T12' must be 0 to 90 degrees, not -5.0; the nearest is 0"),
+        ({"lordosis_L1_L5": 95.0}, "must be 0 to 90 degrees, not 95.0; the nearest is 90"),
+        ({"spontaneous": 1.5}, "'spontaneous' must be 0 to 1, not 1.5"),
+        ({"sva_after": float("nan")}, "'sva_after' must be -150 to 150 mm, not nan"),
+        ({"uiv": "L3"}, "'uiv' must lie above 'liv', but L3 is not above L1"),
+        ({"uiv": "4"}, "'uiv' must be a vertebra such as T4 or L1, not '4'"),
+        ({"unfused": "free"}, "'unfused' must be follow or fixed, not 'free'"),
+        ({"curves": (CurvePlan(apex="T8"), CurvePlan(apex="T8"))}, "the curve of T8 is planned twice"),
+    ],
+)
+def test_plan_that_none_can_mean(fields: dict[str, object], rule: str) -> None:
+    with pytest.raises(InputError, match=re.escape(rule)):
+        Plan(**({"uiv": "T4", "liv": "L1"} | fields))  # pyright: ignore[reportArgumentType]  # what is wrong is the test
+
+
+@pytest.mark.parametrize(
+    ("fields", "rule"),
+    [
+        ({"cobb_after": 130.0}, "'cobb_after' must be -30 to 120 degrees, not 130.0; the nearest is 120"),
+        ({"correction": 0.5, "cobb_after": 20.0}, "'correction' and 'cobb_after' say the same; give one of them"),
+        ({"derotation": True}, "'derotation' must be 0 to 1, not True"),
+        ({"apex": None}, "'apex' must be a vertebra such as T4 or L1, not None"),
+    ],
+)
+def test_curve_that_none_can_mean(fields: dict[str, object], rule: str) -> None:
+    with pytest.raises(InputError, match=re.escape(rule)):
+        CurvePlan(**({"apex": "T8"} | fields))  # pyright: ignore[reportArgumentType]  # what is wrong is the test
