@@ -7,8 +7,8 @@ from typing import Any
 
 import warp as wp
 
-DISTANCE, AREA, VOLUME, GRAVITY, INVERTED, NEWLY_INVERTED, SHAPE = range(7)
-"""Columns of the sums: the terms of every energy, and counts of tetrahedra."""
+INVERTED, NEWLY_INVERTED, FIRST_TERM = range(3)
+"""Columns of the sums: counts of tetrahedra, then the terms of an energy in an order of its own."""
 COLUMNS = 8
 """Eight doubles fill a cache line, so that two threads never write to the same one."""
 

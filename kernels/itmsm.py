@@ -10,21 +10,14 @@ import warp as wp
 
 from .area import area_curvature, area_term
 from .distance import distance_curvature, distance_term
-from .elements import (
-    AREA,
-    DISTANCE,
-    GRAVITY,
-    INVERTED,
-    NEWLY_INVERTED,
-    VOLUME,
-    add_curvature,
-    add_gradient,
-    vec16i,
-)
+from .elements import FIRST_TERM, INVERTED, NEWLY_INVERTED, add_curvature, add_gradient, vec16i
 from .geometry import relative_volume_change
 from .gravity import gravity_term
 from .reduction import adder
 from .volume import volume_gradients, volume_term
+
+DISTANCE, AREA, VOLUME, GRAVITY = range(FIRST_TERM, FIRST_TERM + 4)
+"""Columns of its terms."""
 
 
 @cache

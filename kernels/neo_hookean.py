@@ -9,19 +9,13 @@ from typing import Any
 
 import warp as wp
 
-from .elements import (
-    GRAVITY,
-    INVERTED,
-    NEWLY_INVERTED,
-    SHAPE,
-    VOLUME,
-    add_curvature,
-    add_gradient,
-    vec16i,
-)
+from .elements import FIRST_TERM, INVERTED, NEWLY_INVERTED, add_curvature, add_gradient, vec16i
 from .gravity import gravity_term
 from .reduction import adder
 from .stable_neo_hookean import bounded_turn, cofactor, cofactor_of_sum, dilation, neo_hookean, stretch
+
+VOLUME, GRAVITY, SHAPE = range(FIRST_TERM, FIRST_TERM + 3)
+"""Columns of its terms."""
 
 
 @wp.func

@@ -44,7 +44,7 @@ def test_energies_are_those_of_numpy(precision: str, tolerance: float, gravity: 
     expected = Reference(TRUNK, Tissue(), gravity).energies(displacement)
     assert inverted == 0
     for term in ("distance", "area", "volume", "gravity"):
-        assert getattr(energy, term) == pytest.approx(expected[term], rel=tolerance, abs=1e-12)
+        assert energy.terms.get(term, 0.0) == pytest.approx(expected[term], rel=tolerance, abs=1e-12)
 
 
 @pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-5), ("float64", 1e-12)])
@@ -63,7 +63,7 @@ def test_energies_of_a_layered_continuum_are_those_of_numpy(
     state.evaluate()
     energy, reference = state.energy(), Continuum(trunk, tissues, gravity)
     for term, value in reference.energies(displacement).items():
-        assert getattr(energy, term) == pytest.approx(value, rel=tolerance, abs=1e-12)
+        assert energy.terms.get(term, 0.0) == pytest.approx(value, rel=tolerance, abs=1e-12)
     found, wanted = np.empty_like(TRUNK.nodes), reference.gradient(displacement)
     found[model.order] = state.gradient.numpy()
     np.testing.assert_allclose(found, wanted, atol=tolerance * np.abs(wanted).max())

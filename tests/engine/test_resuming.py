@@ -35,7 +35,9 @@ def bent() -> BonePath:
 def stored(increment: Increment, model: Model) -> Increment:
     """As from a file: the numbers, on the device of another model."""
     copy = increment.from_rest.copy()
-    return Increment(model, increment.number, increment.load_factor, copy, increment.relaxation, increment.seconds)
+    return Increment(
+        model, increment.number, increment.load_factor, copy, increment.relaxation, seconds=increment.seconds
+    )
 
 
 @pytest.mark.parametrize(
@@ -68,7 +70,11 @@ def test_goes_on_to_the_last_bit_from_every_increment(method: Method, precision:
 def test_refuses_increments_of_something_else() -> None:
     model, options = new_model(), SimulationOptions(increments=2)
     first, second = simulate(model, bent(), options)
-    for done in ([first, second], [second], [Increment(model, 1, 0.5, np.zeros((3, 3)), first.relaxation, 1.0)]):
+    for done in (
+        [first, second],
+        [second],
+        [Increment(model, 1, 0.5, np.zeros((3, 3)), first.relaxation, seconds=1.0)],
+    ):
         with pytest.raises(InputError, match="done"):
             next(simulate(model, bent(), options, None, done))
     with pytest.raises(InputError, match="done"):

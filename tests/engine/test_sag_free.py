@@ -117,4 +117,4 @@ def test_gravity_has_the_energy_of_the_masses_where_they_are() -> None:
     state.evaluate()
     mass = 1000e-9 * tet_volumes(at_rest(model).nodes, BARE.tets)
     heights = BARE.nodes[BARE.tets][:, :, 2].mean(axis=1)
-    assert state.energy().gravity == pytest.approx(GRAVITY * mass @ heights, rel=1e-12)
+    assert state.energy().terms["gravity"] == pytest.approx(GRAVITY * mass @ heights, rel=1e-12)

@@ -11,8 +11,8 @@ import pytest
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.engine.energies.energy import Energy
 from warp_trunk.engine.relaxation import RelaxStep
-from warp_trunk.engine.state import Energy
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import MovingNormals
 from warp_trunk.geometry.surface import Surface
@@ -202,7 +202,7 @@ def test_steps_have_a_timeline_of_their_own(tmp_path):
         def host_displacement(self):
             return self.at
 
-    energy = Energy(distance=4.0, area=3.0, volume=2.0, gravity=0.0)
+    energy = Energy({"distance": 4.0, "area": 3.0, "volume": 2.0})
     with start_recording(path, case, trunk, steps=True) as recording:
         for increment in increments:
             for part in (0.25, 0.75):

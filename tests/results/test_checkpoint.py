@@ -12,9 +12,9 @@ import pytest
 from support.small_trunk import made_up_increments, small_case
 from warp_trunk.case import Case
 from warp_trunk.case.layers import Layers
+from warp_trunk.engine.energies.energy import Energy
 from warp_trunk.engine.model import Model, build_model
 from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
-from warp_trunk.engine.state import Energy
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import Checkpoint, fingerprint_of, unfinished
@@ -43,7 +43,7 @@ def written(folder: Path, count: int = 3) -> Checkpoint:
 
 
 def test_increments_come_back_to_the_last_bit(model: Model, tmp_path: Path) -> None:
-    energy = Energy(distance=0.1 + 0.2, area=1e-300, volume=2.0 / 3.0, gravity=-1.0, shape=0.0)
+    energy = Energy({"distance": 0.1 + 0.2, "area": 1e-300, "volume": 2.0 / 3.0, "gravity": -1.0})
     history = (
         RelaxStep(energy, np.inf, 0.5, 12, seconds=0.1),
         RelaxStep(energy, 1.0 / 3.0, 1.0, 3, seconds=0.2),

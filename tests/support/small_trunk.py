@@ -8,8 +8,8 @@ import numpy as np
 from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.engine.energies.energy import Energy
 from warp_trunk.engine.relaxation import Relaxation, RelaxStatus
-from warp_trunk.engine.state import Energy
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
@@ -123,7 +123,7 @@ def made_up_increments(trunk, count=3, status=None):
     for number in range(1, count + 1):
         relaxation = Relaxation(
             status=status or RelaxStatus.CONVERGED,
-            energy=Energy(distance=1.0 * number, area=2.0 * number, volume=3.0 * number, gravity=0.0),
+            energy=Energy({"distance": 1.0 * number, "area": 2.0 * number, "volume": 3.0 * number}),
             steps=4,
             linear_iterations=50 * number,
             evaluations=6,

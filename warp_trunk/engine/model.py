@@ -11,8 +11,8 @@ import warp as wp
 
 from warp_trunk.errors import InputError
 
-from .energies.itmsm import Itmsm, make_itmsm
-from .energies.neo_hookean import NeoHookean, make_neo_hookean
+from .energies.by_name import ENERGIES, EnergyName
+from .energies.energy import TetEnergy
 from .model_checks import check_mesh, check_tissues
 from .ordering import bisect
 from .parallel import Launch, Parallel
@@ -21,7 +21,6 @@ from .tissue import Tissue
 from .trunk_mesh import TrunkMesh
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
-EnergyName = Literal["itmsm", "neo-hookean"]
 WeightsName = Literal["count", "volume"]
 
 
@@ -52,7 +51,7 @@ class Model:
     """Nodes of the tetrahedra in model numbers, shape (tets, 4), int32, on the host."""
     tets: wp.array
     """The same on the device, shape (tets,), vec4i."""
-    elements: Itmsm | NeoHookean
+    elements: TetEnergy
     """What the energy reads of every tetrahedron, on the device, and its kernels."""
     scan: np.ndarray | None = None
     """Displacement from rest of the trunk before surgery, in model order [mm], shape (nodes, 3), 0 on bone; None
@@ -165,8 +164,6 @@ def build_model(
     check_choice("precision", precision, tuple(PRECISIONS))
     check_choice("energy", energy, get_args(EnergyName))
     check_choice("weights", weights, get_args(WeightsName))
-    if weights != "count" and energy != "itmsm":
-        raise InputError(f"weights: '{weights}' is a choice of the energy itmsm; leave it out with {energy}")
     if not np.isfinite(gravity):
         raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
     check_mesh(trunk)
@@ -182,10 +179,6 @@ def build_model(
     corners = corners[tet_order]
     label = trunk.tissue[tet_order] if trunk.tissue is not None and len(tissues) > 1 else None
     rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel.device)
-    if energy == "itmsm":
-        elements = make_itmsm(rest, weights, gravity, parallel.is_cuda)
-    else:
-        elements = make_neo_hookean(rest, gravity, parallel.is_cuda)
     return Model(
         parallel=parallel,
         scalar=scalar,
@@ -196,7 +189,7 @@ def build_model(
         rest=rest.nodes,
         corners=corners,
         tets=rest.upload(corners, wp.vec4i),
-        elements=elements,
+        elements=ENERGIES[energy](rest, gravity, weights),
     )
 
 

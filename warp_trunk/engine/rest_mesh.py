@@ -31,6 +31,11 @@ class RestMesh:
     device: str
     """'cpu' or 'cuda:N'."""
 
+    @property
+    def is_cuda(self) -> bool:
+        """Whether the device is a CUDA device."""
+        return self.device.startswith("cuda")
+
     @cached_property
     def positions(self) -> np.ndarray:
         """Corners of every tetrahedron [mm], shape (tets, 4, 3)."""

@@ -17,8 +17,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .energies.itmsm import Itmsm
-from .energies.neo_hookean import NeoHookean
+from .energies.energy import TetEnergy
 from .model import Model
 from .relaxation.newton import Newton
 from .rest_mesh import RestMesh
@@ -95,7 +94,7 @@ def mesh_at(model: Model, rest: np.ndarray) -> RestMesh:
     return RestMesh(rest, model.corners, model.tissues, None, model.scalar, model.device)
 
 
-def at_rest(model: Model, mesh: RestMesh) -> Itmsm | NeoHookean:
+def at_rest(model: Model, mesh: RestMesh) -> TetEnergy:
     """The model's elements for another rest state, in arrays of their own."""
     elements = model.elements
     measured = {

@@ -61,6 +61,7 @@ class Increment:
         load_factor: float,
         from_rest: wp.array | np.ndarray,
         relaxation: Relaxation,
+        *,
         seconds: float,
     ) -> None:
         """An increment that was simulated, of `from_rest` on the device or as it was stored."""
@@ -95,6 +96,7 @@ def simulate(
     options: SimulationOptions | None = None,
     watch: Callable[[RelaxStep, State], None] | None = None,
     done: Sequence[Increment] = (),
+    *,
     relaxer: Relaxer | None = None,
 ) -> Iterator[Increment]:
     """Moves the trunk along the path of its bones and yields it after every increment.
@@ -141,7 +143,8 @@ def simulate(
         final = number == options.increments
         relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0), watch)  # phi~ of eq. 4.3
         displacement = wp.clone(relaxer.state.displacement)
-        yield Increment(model, number, load_factor, displacement, relaxation, time.perf_counter() - start)
+        seconds = time.perf_counter() - start
+        yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
 
 
 class Predictor:

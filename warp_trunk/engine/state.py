@@ -2,48 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.elements import (
-    AREA,
-    COLUMNS,
-    DISTANCE,
-    GRAVITY,
-    INVERTED,
-    NEWLY_INVERTED,
-    SHAPE,
-    VOLUME,
-)
+from warp_trunk.kernels.elements import COLUMNS, INVERTED, NEWLY_INVERTED
 from warp_trunk.kernels.slabs import slab_kernels
 
+from .energies.energy import Energy
 from .model import Model
-
-
-@dataclass(frozen=True)
-class Energy:
-    """The terms of an energy, each with its factor, in the unit of the model's elements.
-
-    The energy itmsm, eq. 4.6 of [2], has distance, area and volume; the neo-Hookean one shape and volume.
-    """
-
-    distance: float
-    """Edges, eq. 4.8."""
-    area: float
-    """Faces, epsilon times eq. 4.9."""
-    volume: float
-    """Tetrahedra, theta times eq. 4.10; or lambda/2 (J - 1)^2 of a continuum."""
-    gravity: float
-    """alpha times eq. 4.7, or the potential m g z; with the sign of physics."""
-    shape: float = 0.0
-    """What a continuum's change of shape costs, the terms in mu."""
-
-    @property
-    def total(self) -> float:
-        """Their sum, which the relaxation makes least."""
-        return self.distance + self.area + self.volume + self.gravity + self.shape
 
 
 class State:
@@ -99,13 +65,11 @@ class State:
     def read(self) -> tuple[Energy, int, int]:
         """Energies, inverted and newly inverted tetrahedra of the last evaluation; reads the device once."""
         sums = self.sums.numpy().sum(axis=0)
-        energy = Energy(
-            distance=float(sums[DISTANCE]),
-            area=float(sums[AREA]),
-            volume=float(sums[VOLUME]),
-            gravity=float(sums[GRAVITY]) + self.model.elements.gravity_at_rest,
-            shape=float(sums[SHAPE]),
-        )
+        elements = self.model.elements
+        terms = {name: float(sums[elements.columns[name]]) for name in elements.terms}
+        if "gravity" in terms:
+            terms["gravity"] += elements.gravity_at_rest
+        energy = Energy(terms)
         return energy, int(sums[INVERTED]), int(sums[NEWLY_INVERTED])
 
     def host_displacement(self) -> np.ndarray:

@@ -11,21 +11,22 @@ from warp_trunk.results.summary_text import RESEARCH
 from . import drawing
 
 if TYPE_CHECKING:
-    from warp_trunk.engine.state import Energy
+    from warp_trunk.engine.energies.energy import Energy
     from warp_trunk.measures import TrunkMeasures
 
     from .scene import Log
 
 TERMS = {
-    "edges": ("distance", (86, 180, 233)),
-    "faces": ("area", (230, 159, 0)),
+    "distance": ("edges", (86, 180, 233)),
+    "area": ("faces", (230, 159, 0)),
     "shape": ("shape", (86, 180, 233)),
     "volume": ("volume", (0, 158, 115)),
     "gravity": ("gravity", (204, 121, 167)),
     "total": ("total", (225, 225, 225)),
 }
-"""Terms of the energies as the plot calls them: the field of `Energy`, and a colour. Those that are not used are
-left out; edges and shape belong to different energies."""
+"""What the plot calls a term of an energy, and its colour; edges and shape belong to different energies."""
+OTHER = (240, 228, 66)
+"""Colour of a term that has none."""
 
 
 class Numbers:
@@ -69,12 +70,13 @@ class Numbers:
     def relaxation(self, energy: Energy, estimated_error: float, linear_iterations: int) -> None:
         """Logs the energy by term, the error as its logarithm, and the work, after an increment or a step."""
         rr = self._rr
+        values = {**energy.terms, "total": energy.total}
         if not self._terms:
-            self._terms = [name for name, (field, _) in TERMS.items() if getattr(energy, field) != 0.0]
-            colours = [TERMS[name][1] for name in self._terms]
-            lines = rr.SeriesLines(names=self._terms, colors=colours, widths=[2.0] * len(colours))
+            self._terms = [name for name, value in values.items() if value != 0.0]
+            names, colours = zip(*(TERMS.get(name, (name, OTHER)) for name in self._terms), strict=True)
+            lines = rr.SeriesLines(names=list(names), colors=list(colours), widths=[2.0] * len(names))
             self._log("energy", lines, static=True)
-        self._log("energy", rr.Scalars([float(getattr(energy, TERMS[name][0])) for name in self._terms]))
+        self._log("energy", rr.Scalars([values[name] for name in self._terms]))
         if 0.0 < estimated_error < math.inf:
             self._log("error", rr.Scalars(math.log10(estimated_error)))
         self._log("linear_iterations", rr.Scalars(float(linear_iterations)))

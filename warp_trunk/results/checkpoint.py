@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from warp_trunk.engine.model import Model
 
 CHECKPOINT = "checkpoint"
-FORMAT = 2
+FORMAT = 3
 """Raised whenever a file would be read another way."""
 WORTH_WAITING = 1.0
 """An increment that took this long [s] is waited for until the disk has it; one lost in a power cut before is not
@@ -151,4 +151,6 @@ def _read(path: Path, model: Model) -> Increment:
             f"{path}: has {len(displacement)} nodes but the mesh has {len(model.rest)}; "
             "leave --resume out to start anew"
         )
-    return Increment(model, record.number, record.load_factor, displacement, record.relaxation, record.seconds)
+    return Increment(
+        model, record.number, record.load_factor, displacement, record.relaxation, seconds=record.seconds
+    )

@@ -17,10 +17,10 @@ from .versions import versions
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
+    from warp_trunk.engine.energies.energy import Energy
     from warp_trunk.engine.model import Model
     from warp_trunk.engine.relaxation import RelaxStep
     from warp_trunk.engine.simulation import Increment
-    from warp_trunk.engine.state import Energy
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.measures import TrunkMeasures
 
@@ -110,4 +110,4 @@ def _step(step: RelaxStep) -> StepSummary:
 
 
 def _terms(energy: Energy) -> Terms:
-    return {**dataclasses.asdict(energy), "total": energy.total}
+    return {**energy.terms, "total": energy.total}

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import pytest
 
+from warp_trunk.engine.energies.energy import Energy
 from warp_trunk.engine.relaxation.line_search import Trial, search
 from warp_trunk.engine.relaxation.products import Products
-from warp_trunk.engine.state import Energy
 
 
 def trial(length: float, energy: float, slope: float, newly_inverted: int = 0) -> Trial:
@@ -19,7 +19,7 @@ def trial(length: float, energy: float, slope: float, newly_inverted: int = 0) -
         previous_slope=0.0,
         previous_squared=0.0,
     )
-    return Trial(length, Energy(energy, 0.0, 0.0, 0.0), newly_inverted, newly_inverted, products)
+    return Trial(length, Energy({"distance": energy}), newly_inverted, newly_inverted, products)
 
 
 def along(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -9,10 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.itmsm import itmsm_kernels
+from warp_trunk.kernels.itmsm import AREA, DISTANCE, GRAVITY, VOLUME, itmsm_kernels
 
 from ..features import EDGES, FACES, face_areas, shared_by
 from ..rest_mesh import RestMesh
+from .energy import of_each
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,8 @@ class Itmsm:
 
     unit: ClassVar[str] = "k_D / 2"
     """Unit of the energy, that of the first tissue."""
+    columns: ClassVar[dict[str, int]] = {"distance": DISTANCE, "area": AREA, "volume": VOLUME, "gravity": GRAVITY}
+    """The column of the sums of each term."""
     kernels: SimpleNamespace
     """`gradient` and `curvature` of the terms that the scene uses."""
     terms: tuple[str, ...]
@@ -64,8 +68,24 @@ class Itmsm:
         """What the arrays of these names hold for a rest state; the weights are those of the first."""
         return measures(rest, "area" in self.terms)
 
+    def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Eq. 4.8 to 4.10 of [2]; see `TetEnergy`."""
 
-def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itmsm:
+        def lengths(p: np.ndarray) -> np.ndarray:
+            return np.linalg.norm(p[:, EDGES[:, 1]] - p[:, EDGES[:, 0]], axis=2)
+
+        def change(measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+            return (measure(moved) / measure(rest) - 1.0) ** 2
+
+        energy = (self.edge_weight.numpy()[tets] * change(lengths)).sum(axis=1)
+        if "area" in self.terms:
+            energy += (self.face_weight.numpy()[tets] * change(face_areas)).sum(axis=1)
+        if "volume" in self.terms:
+            energy += of_each(self.theta.numpy(), tets) * change(lambda p: np.linalg.det(p[:, 1:] - p[:, :1]))
+        return energy
+
+
+def make_itmsm(rest: RestMesh, gravity: float, weights: str) -> Itmsm:
     """Measures the rest state and uploads it.
 
     Every edge, face and tetrahedron weighs 1 (`count`, as the papers have it), or by the volume that it stands for
@@ -99,7 +119,7 @@ def make_itmsm(rest: RestMesh, weights: str, gravity: float, cuda: bool) -> Itms
     none = np.empty((0, 4))
     measured = measures(rest, used["area"])
     return Itmsm(
-        kernels=itmsm_kernels(scalar, cuda, len(theta) > 1, used["gravity"], used["area"], used["volume"]),
+        kernels=itmsm_kernels(scalar, rest.is_cuda, len(theta) > 1, used["gravity"], used["area"], used["volume"]),
         terms=tuple(name for name in used if used[name]),
         rest_edge=rest.upload(measured["rest_edge"], wp.types.vector(3, scalar)),
         rest_length=rest.upload(measured["rest_length"], vec6),

@@ -9,10 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.neo_hookean import neo_hookean_kernels
+from warp_trunk.errors import InputError
+from warp_trunk.kernels.neo_hookean import GRAVITY, SHAPE, VOLUME, neo_hookean_kernels
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
+from .energy import of_each
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,8 @@ class NeoHookean:
 
     unit: ClassVar[str] = "mJ"
     """Unit of the energy: N/mm^2 times mm^3."""
+    columns: ClassVar[dict[str, int]] = {"volume": VOLUME, "gravity": GRAVITY, "shape": SHAPE}
+    """The column of the sums of each term."""
     kernels: SimpleNamespace
     """`gradient` and `curvature`, with gravity if the scene has it."""
     terms: tuple[str, ...]
@@ -45,9 +49,20 @@ class NeoHookean:
         """What the arrays of these names hold for a rest state."""
         return measures(rest)
 
+    def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Stable neo-Hookean (Smith, de Goes and Kim 2018, eq. 14), zero at rest; see `TetEnergy`."""
+        mu, bulk = of_each(self.moduli.numpy().astype(np.float64), tets).T
+        f = np.linalg.solve(rest[:, 1:] - rest[:, :1], moved[:, 1:] - moved[:, :1])  # F transposed
+        square, j = np.einsum("tij,tij->t", f, f), np.linalg.det(f) - 1.0
+        y = (square - 3.0) / 4.0
+        shape = 0.75 * mu * (square / 2.0 - 1.5 - j) + 0.5 * mu * (y - np.log1p(y))
+        return self.rest_volume.numpy()[tets] * (shape + 0.5 * bulk * j**2)
 
-def make_neo_hookean(rest: RestMesh, gravity: float, cuda: bool) -> NeoHookean:
-    """Measures the rest state and uploads it."""
+
+def make_neo_hookean(rest: RestMesh, gravity: float, weights: str) -> NeoHookean:
+    """Measures the rest state and uploads it; InputError for weights, which a continuum has none of."""
+    if weights != "count":
+        raise InputError(f"weights: '{weights}' is a choice of the energy itmsm; leave it out with neo-hookean")
     scalar = rest.scalar
     layered = rest.label is not None
     measured = measures(rest)
@@ -55,8 +70,8 @@ def make_neo_hookean(rest: RestMesh, gravity: float, cuda: bool) -> NeoHookean:
     density = rest.by_tissue([tissue.density for tissue in rest.tissues])
     gravity_weight = 0.25 * gravity * density * 1e-9  # m/s^2 kg/m^3 = 1e-9 N/mm^3
     return NeoHookean(
-        kernels=neo_hookean_kernels(scalar, cuda, layered, gravity != 0.0),
-        terms=("shape", "volume", "gravity") if gravity else ("shape", "volume"),
+        kernels=neo_hookean_kernels(scalar, rest.is_cuda, layered, gravity != 0.0),
+        terms=("volume", "gravity", "shape") if gravity else ("volume", "shape"),
         shape_gradient=rest.upload(measured["shape_gradient"], wp.types.vector(3, scalar)),
         rest_volume=rest.upload(measured["rest_volume"], scalar),
         moduli=rest.upload(

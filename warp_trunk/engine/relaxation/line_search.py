@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ..state import Energy
+from ..energies.energy import Energy
 from .products import Products
 
 DECREASE = 1e-4
@@ -42,6 +42,7 @@ def search(
     reference: float,
     slope: float,
     slope_ratio: float | None,
+    *,
     rounding: float = 1e-9,
 ) -> tuple[Trial | None, int]:
     """A length along a descent direction that lowers the energy and inverts nothing.

@@ -115,7 +115,9 @@ class Relaxer:
                     return report(RelaxStatus.STALLED)
             slope = self._products.read().slope
             reference = max(energies[-method.memory :])
-            trial, attempts = search(self._attempt, length, reference, slope, method.slope_ratio, self._rounding)
+            trial, attempts = search(
+                self._attempt, length, reference, slope, method.slope_ratio, rounding=self._rounding
+            )
             evaluations += attempts
             if trial is None:
                 return report(RelaxStatus.CONVERGED if estimate <= tolerance else RelaxStatus.STALLED)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from warp_trunk.errors import InputError
 
-from ..state import Energy
+from ..energies.energy import Energy
 
 Method = Literal["newton", "conjugate", "gradient"]
 

@@ -1,0 +1,88 @@
+"""What the engine asks of an energy, and what it tells of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import warp as wp
+
+from ..rest_mesh import RestMesh
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The terms of an energy, each with its factor, in the energy's unit."""
+
+    terms: dict[str, float]
+    """By name, those that the scene uses. itmsm, eq. 4.6 of [2], has `distance` (edges), `area` (faces, with
+    epsilon) and `volume` (with theta), the neo-Hookean energy `volume` (lambda / 2 (J - 1)^2) and `shape` (the
+    terms in mu); both have `gravity`, with the sign of physics."""
+
+    @property
+    def total(self) -> float:
+        """Their sum, which the relaxation makes least."""
+        return sum(self.terms.values())
+
+
+class TetEnergy(Protocol):
+    """An energy over the tetrahedra of one trunk: what its kernels read, on the device; a frozen dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    unit: ClassVar[str]
+    """Unit of the energy."""
+    columns: ClassVar[dict[str, int]]
+    """The column of the sums in which its kernels add each of its terms."""
+
+    @property
+    def kernels(self) -> SimpleNamespace:
+        """`gradient` (with the energy), `curvature` (made positive semidefinite) and `true_curvature`."""
+        ...
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the terms that the scene uses, in the order in which they are added."""
+        ...
+
+    @property
+    def arguments(self) -> list[Any]:
+        """The first arguments of its kernels after the tetrahedra."""
+        ...
+
+    @property
+    def rest_volume(self) -> wp.array:
+        """Volumes at rest [mm^3], shape (tets,)."""
+        ...
+
+    @property
+    def gravity_weight(self) -> wp.array:
+        """Energy for each mm^3 of a tetrahedron and mm of height of a corner, shape (1,) or (tets,)."""
+        ...
+
+    @property
+    def gravity_at_rest(self) -> float:
+        """The gravity term of the trunk at rest, which the displacement's part adds to."""
+        ...
+
+    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
+        """What its arrays of these names hold for a rest state."""
+        ...
+
+    def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Energy of some tetrahedra on the host, without gravity, shape (n,), float64.
+
+        Edges and faces give each tetrahedron its share, so that over all of them it is the energy of the model.
+
+        Args:
+            tets: their numbers in the model, shape (n,).
+            rest: their corners at rest [mm], shape (n, 4, 3).
+            moved: their corners where they are [mm], likewise.
+        """
+        ...
+
+
+def of_each(values: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """The values of some tetrahedra, where one may stand for all."""
+    return values[tets] if len(values) > 1 else np.repeat(values, len(tets), axis=0)
