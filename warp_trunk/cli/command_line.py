@@ -16,6 +16,7 @@ from warp_trunk.errors import InputError
 from .arguments import parse
 from .close import Close
 from .demo import Demo
+from .doctor import Doctor
 from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
 from .export import Export
 from .fit_atlas import FitAtlas
@@ -32,6 +33,7 @@ from .view import View
 Command = (
     Annotated[Close, subcommand("close")]
     | Annotated[Demo, subcommand("demo")]
+    | Annotated[Doctor, subcommand("doctor")]
     | Annotated[MakeCase, subcommand("make-case")]
     | Annotated[Export, subcommand("export")]
     | Annotated[FitAtlas, subcommand("fit-atlas")]

@@ -1,0 +1,80 @@
+"""What `doctor` says of a machine, of one that lacks something, and the cure it names."""
+
+import os
+import webbrowser
+from pathlib import Path
+
+import pytest
+
+from warp_trunk.cli import main
+from warp_trunk.meshing.cache import cache_folder
+from warp_trunk.run import doctor
+from warp_trunk.run.doctor import examine, writable
+
+
+def findings(results: Path) -> dict[str, doctor.Finding]:
+    return {finding.name: finding for finding in examine(results)}
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> dict[str, doctor.Finding]:
+    return findings(tmp_path_factory.mktemp("here") / "results")
+
+
+def test_versions_processor_and_tetgen_are_found_where_the_tests_run(here) -> None:
+    for name in ("python", "warp-lang", "numpy", "tetgen", "rerun-sdk", "processor", "TetGen", "Rerun's viewer"):
+        assert here[name].found, name
+        assert not here[name].cure, here[name]
+    assert str(len(os.sched_getaffinity(0))) in here["processor"].found
+    assert "rerun" in here["Rerun's viewer"].found.lower()
+
+
+def test_cache_is_named_with_its_size(monkeypatch, tmp_path) -> None:
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "one.npz").write_bytes(bytes(3_000_000))
+    assert cache_folder() == tmp_path
+    found = findings(tmp_path)["meshes kept"]
+    assert f"{tmp_path}: 1 files, 3 MB" in found.found
+    assert not found.cure
+
+
+def test_folders_that_cannot_be_written_are_cured_and_results_are_needed(monkeypatch, tmp_path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "file" / "cache"))
+    found = findings(tmp_path / "file" / "results")
+    assert "WARP_TRUNK_CACHE" in found["meshes kept"].cure
+    assert not found["meshes kept"].needed
+    assert "--out" in found["results"].cure
+    assert found["results"].needed
+
+
+def test_a_machine_without_display_and_browser_is_told_what_to_do(monkeypatch, tmp_path) -> None:
+    def nothing(*_):
+        raise webbrowser.Error("could not locate runnable browser")
+
+    monkeypatch.setattr(webbrowser, "get", nothing)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    found = findings(tmp_path)
+    assert "view --web" in found["display"].cure
+    assert "report.html" in found["browser"].cure
+    assert not found["display"].needed
+    assert not found["browser"].needed
+
+
+def test_probing_a_folder_leaves_nothing_behind(tmp_path) -> None:
+    assert writable(tmp_path / "a" / "b")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_command_ends_with_status_1_only_where_something_needed_is_missing(tmp_path, capsys) -> None:
+    assert main(["doctor", "--results", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert said.rstrip().endswith("Ready.")
+    assert "MISSING" not in said
+    (tmp_path / "file").write_text("no folder")
+    assert main(["doctor", "--results", str(tmp_path / "file" / "results")]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    wrong = next(i for i, line in enumerate(lines) if line.startswith("MISSING"))
+    assert lines[wrong + 1].strip().startswith("-> ")

@@ -1,0 +1,31 @@
+"""warp-trunk doctor"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from warp_trunk.run.doctor import examine
+
+from .exit_status import NOT_READY, OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doctor:
+    """Look for all that the program needs on this machine, and say what to do about what is missing."""
+
+    results: Path = Path("results")
+    """Folder in which results are to be written."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Prints what was found; status 1 where something is missing without which nothing runs."""
+        ready = True
+        for finding in examine(self.results):
+            mark = "ok" if not finding.cure else "MISSING" if finding.needed else "note"
+            ready &= not (finding.cure and finding.needed)
+            print(f"{mark:<8}{finding.name:<20}{finding.found}")
+            if finding.cure:
+                print(f"{'':<8}{'':<20}-> {finding.cure}")
+        print("\nReady." if ready else "\nNot ready: see the lines marked MISSING.")
+        return OK if ready else NOT_READY
