@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +18,8 @@ from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 
+CHILD = Path(__file__).with_name("tetgen_child.py")
+"""The script that runs TetGen once."""
 _RUNS = 6
 """How often TetGen is run at most to meet the number asked for; one or two runs are usual."""
 _WITHIN = 0.15
@@ -168,28 +174,9 @@ def _tetgen(
     bound: float,
     quality: tuple[float, float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    import tetgen  # heavy
-
-    mesher = tetgen.TetGen(vertices, faces)
-    for point in holes:
-        mesher.add_hole(point.tolist())
-    leftovers = [Path("_skipped.node"), Path("_skipped.face")]  # TetGen writes them when it fails
-    leftovers = [path for path in leftovers if not path.exists()]
     try:
-        nodes, tets, *_ = mesher.tetrahedralize(
-            plc=True,
-            nobisect=True,  # no new nodes on the surfaces
-            quality=True,
-            minratio=quality[0],
-            mindihedral=quality[1],
-            optmaxdihedral=quality[2],
-            fixedvolume=bool(np.isfinite(bound)),
-            maxvolume=bound if np.isfinite(bound) else -1.0,
-            steinerleft=-1,
-        )
+        nodes, tets = run_tetgen(vertices=vertices, faces=faces, holes=holes, bound=bound, quality=quality)
     except RuntimeError as error:
-        for path in leftovers:
-            path.unlink(missing_ok=True)
         both = Surface(vertices, faces)
         pairs = crossings(both)
         if len(pairs):
@@ -208,7 +195,27 @@ def _tetgen(
             "skin: TetGen did not keep its vertices, which happens when two are at the same place; "
             "merge vertices that coincide"
         )
-    return nodes, oriented(nodes, tets.astype(np.int32))
+    return nodes, oriented(nodes, tets)
+
+
+def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and tetrahedra of a run of TetGen in a child process, to which all that is given goes by a file.
+
+    Raises:
+        RuntimeError: TetGen refuses the surfaces, or dies.
+    """
+    with tempfile.TemporaryDirectory(prefix="warp-trunk-") as folder:  # TetGen leaves files behind where it fails
+        source, result = Path(folder) / "given.npz", Path(folder) / "made.npz"
+        np.savez(source, **given)
+        command = [sys.executable, "-P", str(CHILD), str(source), str(result)]
+        ended = subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
+        if ended.returncode < 0:
+            raise RuntimeError(f"its process was ended by signal {-ended.returncode}")
+        if ended.returncode or not result.is_file():
+            told = ended.stderr.decode(errors="replace").strip().splitlines()
+            raise RuntimeError(told[-1] if told else f"its process ended with status {ended.returncode}")
+        with np.load(result) as made:
+            return made["nodes"], made["tets"]
 
 
 def oriented(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:

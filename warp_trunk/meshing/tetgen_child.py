@@ -1,0 +1,39 @@
+"""One run of TetGen, in a process of its own: what kills it does not take the program along.
+
+Run as a script, `python tetgen_child.py IN.npz OUT.npz`; it imports nothing of this package, so that it starts
+fast, and no main module again, so that scripts without a guard, notebooks and `python -c` can mesh.
+"""
+
+import sys
+
+import numpy as np
+import tetgen
+
+
+def main() -> None:
+    """Reads surfaces, holes and bounds, and writes nodes and tetrahedra; a refusal goes to standard error."""
+    given = np.load(sys.argv[1])
+    mesher = tetgen.TetGen(given["vertices"], given["faces"])
+    for point in given["holes"]:
+        mesher.add_hole(point.tolist())
+    bound = float(given["bound"])
+    ratio, smallest, largest = given["quality"].tolist()
+    try:
+        nodes, tets, *_ = mesher.tetrahedralize(
+            plc=True,
+            nobisect=True,  # no new nodes on the surfaces
+            quality=True,
+            minratio=ratio,
+            mindihedral=smallest,
+            optmaxdihedral=largest,
+            fixedvolume=bool(np.isfinite(bound)),
+            maxvolume=bound if np.isfinite(bound) else -1.0,
+            steinerleft=-1,
+        )
+    except RuntimeError as error:
+        sys.exit(" ".join(str(error).split()))
+    np.savez(sys.argv[2], nodes=nodes, tets=tets.astype(np.int32))
+
+
+if __name__ == "__main__":
+    main()
