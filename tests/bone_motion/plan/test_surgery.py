@@ -1,9 +1,12 @@
 """Planned surgeries: what is asked is met, measured here by formulas of this test's own."""
 
 import math
+import os
+import re
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,22 +18,35 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import cobb_angles
 from warp_trunk.preparation.deformity import SpineCurve, correct
+from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 
 NOTHING = Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
 
 
-def case_of(landmarks: Landmarks, **films: Landmarks) -> Case:
-    return Case("spine", NOTHING, {}, landmarks, **films)
+def case_of(landmarks: Landmarks) -> Case:
+    return Case("spine", NOTHING, {}, landmarks)
 
 
 @cache
-def imposed(kind: str = "thoracic", cobb: float = 60.0, direction: str = "right") -> Case:
+def straight(of: str) -> Landmarks:
+    """Landmarks of the phantom while it is straight, or of the anatomy."""
+    if of == "phantom":
+        return straight_trunk()[2]
+    folder = os.environ.get("WARP_TRUNK_ANATOMY")
+    if not folder or not Path(folder).is_dir():
+        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply and bones/")
+    files = [path for path in Path(folder, "bones").glob("*.ply") if re.fullmatch(r"[TL]\d+|hip_.*", path.stem)]
+    return find_landmarks({path.stem: read_surface(path) for path in sorted(files)}).complete()
+
+
+@cache
+def imposed(kind: str = "thoracic", cobb: float = 60.0, direction: str = "right", of: str = "phantom") -> Case:
     """A scoliosis imposed on the landmarks of a straight trunk."""
-    curve = SpineCurve(kind=kind, cobb=cobb, direction=direction)
-    return case_of(correct(straight_trunk()[2], curve, 0.0))
+    return case_of(correct(straight(of), SpineCurve(kind=kind, cobb=cobb, direction=direction), 0.0))
 
 
 def axis(landmarks: Landmarks, level: str) -> np.ndarray:
@@ -104,16 +120,18 @@ def test_small_targets_move_little() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "cobb", "direction"),
+    ("kind", "cobb", "direction", "of"),
     [
-        ("thoracic", 60.0, "right"),
-        ("thoracic", 40.0, "left"),
-        ("thoracolumbar", 45.0, "left"),
-        ("double_major", 75.0, "right"),
+        ("thoracic", 60.0, "right", "phantom"),
+        ("thoracic", 40.0, "left", "phantom"),
+        ("thoracolumbar", 45.0, "left", "phantom"),
+        ("double_major", 75.0, "right", "phantom"),
+        ("thoracic", 60.0, "right", "anatomy"),
+        ("double_major", 75.0, "right", "anatomy"),
     ],
 )
-def test_targets_are_met(kind: str, cobb: float, direction: str) -> None:
-    case = imposed(kind, cobb, direction)
+def test_targets_are_met(kind: str, cobb: float, direction: str, of: str) -> None:
+    case = imposed(kind, cobb, direction, of)
     before = case.landmarks_before
     curves = [curve for curve in cobb_angles(before) if curve.angle > 0.7 * cobb]
     assert len(curves) == (2 if kind == "double_major" else 1)
@@ -188,14 +206,14 @@ def test_unfused_curve_corrects_no_more_than_the_planned_one() -> None:
     assert angle_between(after, lumbar.upper, lumbar.lower, 0) == pytest.approx(0.8 * lumbar.angle, abs=0.5)
 
 
-def test_imposed_curve_is_corrected_as_it_was_imposed() -> None:
+@pytest.mark.parametrize("of", ["phantom", "anatomy"])
+def test_imposed_curve_is_corrected_as_it_was_imposed(of: str) -> None:
     """70 % of every curve, all levels fused: what `correct` does by taking 70 % of the imposed curve away.
 
     Seen from the side it changes the angles, as a vertebra that is upright leans less; the plan asks for them.
     """
-    straight = straight_trunk()[2]
-    true = correct(straight, SpineCurve(cobb=60.0), 0.7)
-    before = imposed().landmarks_before
+    true = correct(straight(of), SpineCurve(cobb=60.0), 0.7)
+    before = imposed(of=of).landmarks_before
     curves = tuple(CurvePlan(apex=c.apex, correction=0.7, derotation=0.7) for c in cobb_angles(before))
     plan = Plan(
         uiv="T1", liv="L5", curves=curves,
