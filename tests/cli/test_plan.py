@@ -91,3 +91,29 @@ def test_case_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str
     assert plan(folder, "case", "--plan", str(folder / "plan.toml")) == 2
     assert "is the case itself" in capsys.readouterr().err
     assert read_case(folder / "case").landmarks_after is None
+
+
+def test_prediction_tells_of_the_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    run = (
+        "--predict",
+        "--tets",
+        "60000",
+        "--bone-edge-length",
+        "12",
+        "--increments",
+        "1",
+        "--no-record",
+        "--tolerance",
+        "0.5",
+    )
+    assert plan(folder, "predicted", "--plan", str(folder / "plan.toml"), *run) == 0
+    said = capsys.readouterr().out
+    assert (folder / "results" / "predicted" / "summary.json").is_file()
+    rows = {line[:32].strip(): line.split()[-3:] for line in said.splitlines() if "[" in line}
+    for name in ("largest thoracic rotation [°]", "largest hump [mm]", "right shoulder higher by [mm]"):
+        before, predicted, change = map(float, rows[name])
+        assert change == pytest.approx(predicted - before, abs=0.11)
+    assert float(rows["largest thoracic rotation [°]"][1]) < float(rows["largest thoracic rotation [°]"][0])
