@@ -17,6 +17,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import MovingNormals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
+from warp_trunk.recording import drawing
 from warp_trunk.recording.colours import COLOURS
 from warp_trunk.recording.drawing import BarPlot
 from warp_trunk.recording.numbers import table
@@ -262,3 +263,29 @@ def test_the_table_says_before_now_and_target():
     rows = table(before, now, before, "target", 1.0).splitlines()
     assert "| Back rotation, thoracic | +0.0° | +12.0° | +0.0° |" in rows
     assert f"| Skin moved by up to |  | {now.skin_change_max:.1f} mm |  |" in rows
+
+
+@pytest.mark.parametrize("ground", [(13, 16, 17), (255, 255, 255)], ids=["dark", "light"])
+@pytest.mark.parametrize("name", ["BEFORE", "NOW", "TARGET", "TEXT"])
+def test_labels_can_be_read_on_a_dark_and_on_a_light_ground(name, ground):
+    """The viewer follows the browser's theme: at least 3 to 1, what WCAG 2.1 asks of graphics and large text."""
+
+    def luminance(colour):
+        share = np.array(colour) / 255.0
+        linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+        return linear @ [0.2126, 0.7152, 0.0722]
+
+    low, high = sorted([luminance(getattr(drawing, name)), luminance(ground)])
+    assert (high + 0.05) / (low + 0.05) >= 3.0
+
+
+def test_sides_are_named_in_space_and_shown_in_every_view(tmp_path):
+    case, trunk = small_case()
+    path = tmp_path / "recording.rrd"
+    with start_recording(path, case, trunk):
+        pass
+    (labels,) = column(path, "/sides", "labels").values()
+    (positions,) = column(path, "/sides", "positions").values()
+    places = dict(zip(np.ravel(labels).tolist(), np.reshape(positions, (-1, 3)), strict=True))
+    assert places["left"][0] > case.skin.vertices[:, 0].max()
+    assert places["right"][0] < case.skin.vertices[:, 0].min()

@@ -43,7 +43,7 @@ def layout(
         return rrb.Spatial3DView(
             origin="/",
             name=name,
-            contents=list(contents),
+            contents=[*contents, "/sides"],
             eye_controls=_behind_and_above(case),
             line_grid=False,
             overrides={glass: rr.Mesh3D.from_fields(albedo_factor=GLASS, **override)} if glass else None,
@@ -69,7 +69,7 @@ def layout(
                 name=COLOURS[name].red,
                 visual_bounds=rrb.VisualBounds2D(x_range=(-1300.0, 2300.0), y_range=(-20.0, 84.0)),
             ),
-            row_shares=[9, 1],
+            row_shares=[12, 2],
             name=COLOURS[name].tab,
         )
         for name in colours
@@ -78,9 +78,9 @@ def layout(
         rrb.Vertical(
             rrb.Tabs(*coloured, through, active_tab=tab),
             rrb.Horizontal(
-                _section(case, before), _bars(before, target), _plots(unit), _texts(), column_shares=[4, 4, 4, 3]
+                _section(case, before), _bars(before), _plots(unit), _texts(), column_shares=[4, 4, 3, 5]
             ),
-            row_shares=[5, 3],
+            row_shares=[8, 5],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -108,7 +108,7 @@ def _section(case: Case, before: TrunkMeasures) -> Any:
     import rerun.blueprint as rrb
 
     low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
-    middle, wide = -(low[0] + high[0]) / 2.0, 0.55 * (high - low)[0]
+    middle, wide = -(low[0] + high[0]) / 2.0, 0.75 * (high - low)[0]  # with the labels on either side
     return rrb.Spatial2DView(
         origin="/section",
         name=f"Section at {before.worst_level} from above, back below",
@@ -118,14 +118,14 @@ def _section(case: Case, before: TrunkMeasures) -> Any:
     )
 
 
-def _bars(before: TrunkMeasures, target: str) -> Any:
+def _bars(before: TrunkMeasures) -> Any:
     import rerun.blueprint as rrb
 
     plot = drawing.BarPlot.of(before.bsr)
-    bounds = rrb.VisualBounds2D(x_range=(0.0, plot.width), y_range=(-1.0, len(plot.levels) + 0.8))
+    bounds = rrb.VisualBounds2D(x_range=(0.0, plot.width), y_range=(-1.0, len(plot.levels) + 3.0))
     return rrb.Spatial2DView(
         origin="/bars",
-        name=f"Rotation of the back: grey before, blue now, orange {target}",
+        name="Rotation of the back",
         visual_bounds=bounds,
     )
 

@@ -13,11 +13,12 @@ if TYPE_CHECKING:
 
 SKIN = (229, 194, 172)
 BONE = (236, 226, 198)
-BEFORE = (150, 150, 150)
-NOW = (86, 180, 233)
-TARGET = (230, 159, 0)
-"""Grey, sky blue and orange stay apart for every kind of colour vision, on a dark ground."""
-TEXT = (225, 225, 225)
+BEFORE = (128, 128, 128)
+NOW = (30, 130, 200)
+TARGET = (213, 94, 0)
+"""Grey, blue and vermilion stay apart for every kind of colour vision."""
+TEXT = (125, 125, 125)
+"""Of labels. These four can be read on a dark and on a light ground: which of them it is, the reader chooses."""
 BAR = 0.26
 """Height of a bar, where levels are 1 apart and three bars share one."""
 

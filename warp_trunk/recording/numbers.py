@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from .scene import Log
 
 TERMS = {
-    "distance": ("edges", (86, 180, 233)),
+    "distance": ("edges", drawing.NOW),
     "area": ("faces", (230, 159, 0)),
-    "shape": ("shape", (86, 180, 233)),
+    "shape": ("shape", drawing.NOW),
     "volume": ("volume", (0, 158, 115)),
     "gravity": ("gravity", (204, 121, 167)),
-    "total": ("total", (225, 225, 225)),
+    "total": ("total", drawing.TEXT),
 }
 """What the plot calls a term of an energy, and its colour; edges and shape belong to different energies."""
 OTHER = (240, 228, 66)
@@ -48,14 +48,14 @@ class Numbers:
         zero = rr.LineStrips2D([[[plot.zero, -0.7], [plot.zero, rows - 0.3]]], colors=drawing.TEXT)
         log("bars/zero", zero, static=True)
         self._labels("bars/levels", 0.05, {level: level for level in plot.levels}, drawing.TEXT, static=True)
-        hump = rr.Points2D(
-            [[0.5 * plot.width, rows - 0.3]],
+        legend = rr.Points2D(
+            [[0.5 * plot.width, rows - 0.3], [0.5 * plot.width, rows + 0.9]],
             radii=0.0,
             colors=drawing.TEXT,
-            labels="to the right: hump on the right",
+            labels=["to the right: right side further back", f"grey before, blue now, orange {target_name}"],
             show_labels=True,
         )
-        log("bars/hump", hump, static=True)
+        log("bars/legend", legend, static=True)
 
     def measures(self, now: TrunkMeasures, load_factor: float) -> None:
         """Logs rotations and the table."""
@@ -117,20 +117,26 @@ def table(
     three = (before, now, target)
     moved = "" if now.skin_change_max is None else f"{now.skin_change_max:.1f} mm"
     rows = [
-        row("Correction applied", ["0 %", f"{100.0 * load_factor:.0f} %", "100 %"]),
         row("Back rotation, thoracic", [drawing.degrees(m.max_thoracic_bsr) for m in three]),
         row("Back rotation, lumbar", [drawing.degrees(m.max_lumbar_bsr) for m in three]),
-        row("Largest Cobb angle", [_largest_cobb(m) for m in three]),
+        row("Cobb angles, from the top", [_cobb(m) for m in three]),
+        row("Kyphosis T5 to T12", [_plain(m.kyphosis["T5-T12"], "°") for m in three]),
+        row("Height of the spine", [_plain(m.spine_height and m.spine_height.height, " mm") for m in three]),
+        row("Right shoulder higher by", [_plain(m.shoulders and m.shoulders.difference, " mm") for m in three]),
         row("Skin moved by up to", ["", moved, ""]),
     ]
     meaning = {
         "actual": "Actual: the skin after surgery as it was scanned.",
         "target": "Target: the planned spine, with the skin where the spline alone carries it.",
     }
-    head = [f"| | before | now | {target_name} |", "|---|---:|---:|---:|"]
-    return "\n".join([*head, *rows, "", meaning[target_name], "", RESEARCH])
+    head = [f"| | before | now, {100.0 * load_factor:.0f} % | {target_name} |", "|---|---:|---:|---:|"]
+    return "\n".join([*head, *rows, "", f"{meaning[target_name]} {RESEARCH}"])
 
 
-def _largest_cobb(measures: TrunkMeasures) -> str:
-    angles = [curve.angle for curve in measures.cobb]
-    return drawing.degrees(max(angles), sign="") if angles else "none"
+def _cobb(measures: TrunkMeasures) -> str:
+    """Every curve that there is, between its own end vertebrae."""
+    return " ".join(f"{curve.angle:.0f}°" for curve in measures.cobb) or "none"
+
+
+def _plain(value: float | None, unit: str) -> str:
+    return "missing" if value is None else f"{round(value) + 0}{unit}"

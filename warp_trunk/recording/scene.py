@@ -53,6 +53,7 @@ class Scene:
             self._triangles(f"now/skin/{name}", case.skin.faces, None)
             self._scale(name)
         self._triangles("now/bones", self._bone_faces, drawing.BONE)
+        self._sides()
 
     def still(self, when: str, skin: Surface, displacement: np.ndarray, landmarks: np.ndarray) -> None:
         """Logs a trunk that does not move, `before` or `target`, without a time."""
@@ -121,6 +122,19 @@ class Scene:
     def _move(self, path: str, vertices: np.ndarray, normals: MovingNormals, *, static: bool) -> None:
         mesh = self._rr.Mesh3D.from_fields(vertex_positions=vertices, vertex_normals=normals(vertices))
         self._log(path, mesh, static=static)
+
+    def _sides(self) -> None:
+        """Says in space which side of the patient is which, from wherever it is seen."""
+        low, high = self._case.skin.vertices.min(axis=0), self._case.skin.vertices.max(axis=0)
+        deep, at = (low[1] + high[1]) / 2.0, low[2] + 0.08 * (high[2] - low[2])
+        sides = self._rr.Points3D(
+            np.array([[high[0] + 20.0, deep, at], [low[0] - 20.0, deep, at]], np.float32),
+            radii=0.0,
+            colors=drawing.TEXT,
+            labels=["left", "right"],
+            show_labels=True,
+        )
+        self._log("sides", sides, static=True)
 
     def _scale(self, name: ColourName) -> None:
         """The scale of a colour, 1000 wide, with its title and numbers."""
