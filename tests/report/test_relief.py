@@ -4,9 +4,22 @@ import numpy as np
 import pytest
 
 from support.small_trunk import box_mesh, small_landmarks
+from support.trunk_shapes import ellipse, tube
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.report.relief import BELOW, MARGIN, Window, in_pelvis, relief, side_difference, window
+from warp_trunk.report.relief import (
+    BEHIND,
+    BELOW,
+    FRONT,
+    MARGIN,
+    RIGHT,
+    Window,
+    in_pelvis,
+    relief,
+    seen_from,
+    window,
+)
+from warp_trunk.report.sides import FADE, painted_difference, side_difference
 
 
 def turned_about_z(points, degrees, shift=(0.0, 0.0, 0.0)):
@@ -120,3 +133,49 @@ def test_flanks_and_what_lies_above_the_spine_are_not_compared(landmarks):
     assert (part[0] == 0.0).all()
     assert (part[-1, np.abs(seen.x) > 65.0] == 0.0).all()
     assert (part[-1, np.abs(seen.x) < 55.0] == 1.0).all()
+
+
+def test_every_view_has_its_sides_where_it_says(landmarks):
+    """Points to the left, behind and above: where a viewer sees them, x to the left of the picture, y nearer."""
+    left, behind, above = np.eye(3) * 50.0
+    origin = np.array([0.0, -60.0, 0.0])  # the middle of the iliac spines
+
+    def seen(point, view):
+        return seen_from((origin + point)[None], landmarks, view)[0]
+
+    np.testing.assert_allclose(seen(left, BEHIND), [50.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(seen(left, FRONT), [-50.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(seen(left, RIGHT), [0.0, -50.0, 0.0], atol=1e-9)  # furthest from the viewer
+    np.testing.assert_allclose(seen(behind, RIGHT), [50.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(seen(behind, FRONT), [0.0, -50.0, 0.0], atol=1e-9)
+    assert (BEHIND.sides, FRONT.sides, RIGHT.sides) == (("left", "right"), ("right", "left"), ("back", "front"))
+    for view in (BEHIND, FRONT, RIGHT):
+        np.testing.assert_allclose(seen(above, view), [0.0, 0.0, 50.0], atol=1e-9)
+
+
+def test_views_of_one_trunk_are_as_wide_and_hold_it(landmarks):
+    skin = tube(ellipse(), rows=4)  # 300 mm wide and 200 mm deep
+    widths = {view: window([(skin, landmarks)], 2.0, view).x for view in (BEHIND, FRONT, RIGHT)}
+    assert len({len(x) for x in widths.values()}) == 1
+    back = relief(skin, landmarks, Window(widths[RIGHT], np.array([200.0]), 2.0), RIGHT)
+    seen = widths[RIGHT][np.isfinite(back.depth[0])]
+    assert (seen.max(), seen.min()) == pytest.approx((160.0, -40.0), abs=2.5)  # the iliac spines lie at y = -60
+
+
+def test_what_is_painted_is_smooth_and_fades_at_the_ends_of_the_spine(landmarks):
+    """Noise of a mesh near a border of two colours is no pattern; a slope stays what it is."""
+    noise = np.random.default_rng(2).normal(size=(121, 43))
+    skin = sheet(lambda x, z: 50.0 - 0.1 * x + 1.0 * noise)
+    seen = Window(np.arange(60.0, -61.0, -1.0), np.arange(400.0, 99.0, -1.0), 1.0)
+    back = relief(skin, landmarks, seen)
+    (raw, whole), (smooth, part) = side_difference(back, seen), painted_difference(back, seen)
+    inside = np.isfinite(raw) & (whole == 1.0)
+    slope = np.broadcast_to(-0.2 * seen.x, raw.shape)
+    assert np.abs(smooth - slope)[inside].mean() < 0.5 * np.abs(raw - slope)[inside].mean()
+    np.testing.assert_array_equal(np.isnan(raw), np.isnan(smooth))
+    top, bottom = back.spine[:, 1].max(), back.spine[:, 1].min()
+    middle = len(seen.x) // 2 + 20
+    fading = (seen.z < top) & (seen.z > top - FADE)
+    np.testing.assert_allclose(part[fading, middle], (top - seen.z[fading]) / FADE, atol=1e-9)
+    well_inside = (seen.z < top - FADE) & (seen.z > bottom + FADE)
+    assert (part[well_inside, middle] == 1.0).all()

@@ -28,6 +28,7 @@ def write_small_result(
     status: RelaxStatus = RelaxStatus.CONVERGED,
     turn_more: float | None = None,
     without: str | None = None,
+    warnings: tuple[str, ...] = (),
 ) -> Path:
     """Write a result; the prediction is turned by 12 degrees at T4, evenly less towards 0 at the bottom.
 
@@ -37,6 +38,7 @@ def write_small_result(
         status: how its last relaxation ended.
         turn_more: how many degrees the actual skin is turned further at every height; None for no actual skin.
         without: a level whose plane misses the trunk.
+        warnings: what the run warned of.
     """
     case, trunk = small_case()
     increments = made_up_increments(trunk, status=status)
@@ -52,6 +54,12 @@ def write_small_result(
         ]
         case = replace(case, landmarks_before=lifted[0], landmarks_after=lifted[1])
     write_result(
-        folder, replace(case, name=name), trunk, result_model(), increments, parameters={"tolerance": 0.01}
+        folder,
+        replace(case, name=name),
+        trunk,
+        result_model(),
+        increments,
+        parameters={"tolerance": 0.01},
+        warnings=warnings,
     )
     return folder

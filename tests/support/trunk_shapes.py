@@ -18,6 +18,11 @@ def ellipse(count=360, half_width=150.0, half_depth=100.0):
     return np.column_stack([half_width * np.cos(t), half_depth * np.sin(t)])
 
 
+def flat_back(half_width=150.0, half_depth=100.0):
+    """A rectangle: turned, its back surface rotation is that angle wherever the spine lies."""
+    return np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) * [half_width, half_depth]
+
+
 def rotation(degrees):
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return np.array([[c, -s], [s, c]])

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from warp_trunk.report import write_report
+from warp_trunk.errors import InputError
+from warp_trunk.report import write_comparison, write_report
 from warp_trunk.results import unfinished
 from warp_trunk.run.progress import Progress
 
@@ -18,18 +19,26 @@ from .exit_status import OK
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """Write the report of a result: a page for the browser or the printer, and its pictures."""
+    """Write the report of a result, or of plans side by side: a page for browser or printer, and its pictures."""
 
-    result: Positional[Path]
-    """Result folder."""
+    results: Positional[tuple[Path, ...]]
+    """Result folder; several, of plans for one patient, are compared on one page."""
     out: Path | None = None
-    """Folder to write to; the result folder when left out."""
+    """Folder to write to; when left out the result folder, of several that which holds the first."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Writes the report and says where."""
+        """Writes the page and says where."""
+        if not self.results:
+            raise InputError(
+                "report: RESULTS is missing; give a folder that `simulate` wrote, or several to compare"
+            )
         with Progress() as progress, progress.stage("report", "measuring and drawing"):
-            page = write_report(self.result, self.out)
-        if left := unfinished(self.result):
-            print(f"warp-trunk: {self.result}: also holds {left}", file=sys.stderr)
-        print(f"Open {page} in a browser; its pictures are in {page.parent / 'report'}")
+            if len(self.results) == 1:
+                page = write_report(self.results[0], self.out)
+            else:
+                page = write_comparison(self.results, self.out)
+        for result in self.results:
+            if left := unfinished(result):
+                print(f"warp-trunk: {result}: also holds {left}", file=sys.stderr)
+        print(f"Open {page} in a browser; its pictures are in {page.with_suffix('')}")
         return OK

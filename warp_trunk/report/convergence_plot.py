@@ -26,12 +26,14 @@ def convergence_plot(summary: Summary) -> Figure:
             axes.plot(*zip(*known, strict=True), color=PREDICTED.colour, marker=PREDICTED.marker, markersize=3.5)
         start += row.seconds
         axes.axvline(start, color="#dddddd", linewidth=0.6, zorder=0)
-    tolerance = summary.parameters.get("tolerance")
-    if tolerance:
-        axes.axhline(tolerance, color=INK, linewidth=0.8, linestyle=":")
+    tolerance = summary.parameters.get("tolerance") or 0.0
+    for height, words in ((tolerance, "at the end"), (10.0 * tolerance, "before the last increment")):
+        if not height:
+            continue
+        axes.axhline(height, color=INK, linewidth=0.8, linestyle=":")
         axes.annotate(
-            f"tolerance at the end, {tolerance:g} mm", (1.0, tolerance), xycoords=("axes fraction", "data"),
-            xytext=(-2, 3), textcoords="offset points", ha="right", fontsize=8, color=INK,
+            f"tolerance {words}, {height:g} mm", (1.0, height), ha="right",
+            xycoords=("axes fraction", "data"), xytext=(-2, 3), textcoords="offset points", fontsize=8, color=INK,
         )  # fmt: skip
     if points:
         axes.plot(*zip(*points, strict=True), color=PREDICTED.colour, linewidth=0.5, linestyle=":")

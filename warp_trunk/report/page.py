@@ -5,13 +5,13 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.comparison import DETECTABLE
 
 from .modelled import modelled, not_modelled
-from .sentences import sentences
+from .sentences import glance, sentences
 from .tables import error_rows, head, measure_rows, rotation_rows
 
 if TYPE_CHECKING:
@@ -35,31 +35,61 @@ def page(
         summary: the summary of the result.
         drawings: by name the pictures that the page shows, as SVG.
     """
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    text = files("warp_trunk.report").joinpath("page.html").read_text(encoding="utf-8")
     status = summary.ending
-    return environment.from_string(text).render(
+    return rendered(
+        "page.html",
+        drawings,
         case=summary.case,
+        warnings=summary.warnings,
         converged=status is RelaxStatus.CONVERGED,
         status=status.name,
         reason=status.value[:1].upper() + status.value[1:],
         poses=len(poses),
+        many="many" if len(poses) > 2 else "",
         titles=", ".join(pose.look.title for pose in poses),
-        pictures={name: b64encode(drawing).decode() for name, drawing in drawings.items()},
+        glance=glance(poses),
         sentences=sentences(poses, comparison),
         measure_head=head(poses, "measure"),
         measure_rows=measure_rows(poses),
-        rotation_head=head(poses, "vertebra"),
+        rotation_head=head(poses, "level"),
         rotation_rows=rotation_rows(poses),
         error_rows=error_rows(comparison) if comparison else [],
         detectable=DETECTABLE,
+        increments=len(summary.increments),
+        reached=_reached(summary),
         modelled=modelled(summary),
         not_modelled=not_modelled(summary),
         options=[(name, _text(value)) for name, value in summary.parameters.items()],
         versions=[(name, _text(value)) for name, value in summary.versions.items()],
         seconds=[(name, "–" if value is None else f"{value:.1f}") for name, value in summary.seconds.items()],
+    )
+
+
+def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:
+    """A page from its template, with pictures as `pictures` (None for those that are not drawn) and the style."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("warp_trunk", "report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
+    pictures = {"shoulders": None} | {name: b64encode(drawing).decode() for name, drawing in drawings.items()}
+    return environment.get_template(template).render(style=style, pictures=pictures, **values).lstrip()
+
+
+def _reached(summary: Summary) -> str:
+    """What the last two relaxations reached, in words; empty where that is not known."""
+    tolerance = summary.parameters.get("tolerance")
+    errors = [increment.estimated_error_mm for increment in summary.increments[-2:]]
+    if tolerance is None or len(errors) < 2 or errors[0] is None or errors[1] is None:
+        return ""
+    return (
+        f"the one before it may stop at {10.0 * tolerance:g} mm (it stopped at {errors[0]:.2g}) "
+        f"and the last one at {tolerance:g} mm (it reached {errors[1]:.2g})"
     )
 
 

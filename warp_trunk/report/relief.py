@@ -1,4 +1,4 @@
-"""The back as a relief: its depth seen from straight behind, and how far one side stands behind the other."""
+"""A trunk as a relief: its depth and its slope, seen from one side."""
 
 from __future__ import annotations
 
@@ -19,20 +19,29 @@ MARGIN = 10.0
 """Empty space around the trunk [mm]."""
 BELOW = 30.0
 """How far below the iliac spines the pictures end [mm]: there the back does."""
-FLANK, BACK = 0.6, 0.8
-"""Where the skin faces back by less than the first it is flank, and not compared with the other side; by
-more than the second it is back. Cosines of 53 and 37 degrees."""
 
-NEAR, WIDE = 95.0, 115.0
-"""Nearer to the spine than the first all of the skin is back; further than the second it is arm or flank [mm]."""
+
+@dataclass(frozen=True)
+class View:
+    """From where a trunk is seen."""
+
+    turn: int
+    """How many quarter turns the viewer has walked from behind the patient, by the patient's right."""
+    sides: tuple[str, str]
+    """What is on the left and on the right of the picture."""
+
+
+BEHIND = View(0, ("left", "right"))
+RIGHT = View(1, ("back", "front"))
+FRONT = View(2, ("right", "left"))
 
 
 @dataclass(frozen=True)
 class Window:
-    """What all pictures of a result show, so that they compare: in the axes of the pelvis, see `in_pelvis`."""
+    """What all pictures of a result show, so that they compare: in the axes of a view, see `seen_from`."""
 
     x: np.ndarray
-    """Columns of pixels from the patient's left to right [mm], symmetric about 0, shape (columns,)."""
+    """Columns of pixels from left to right [mm], falling, shape (columns,)."""
     z: np.ndarray
     """Rows of pixels from top to bottom [mm], shape (rows,)."""
     pixel: float
@@ -47,10 +56,11 @@ class Window:
 
 @dataclass(frozen=True)
 class Relief:
-    """One skin seen from straight behind by parallel rays."""
+    """One skin seen straight from one side by parallel rays."""
 
     depth: np.ndarray
-    """How far back (+y) the skin stands against the iliac spines [mm], shape (rows, columns); NaN beside it."""
+    """How near the skin is, from behind how far back (+y) against the iliac spines [mm], shape (rows, columns);
+    NaN beside it."""
     normal: np.ndarray
     """Smooth unit normals, shape (rows, columns, 3); NaN beside the trunk."""
     spine: np.ndarray
@@ -70,28 +80,47 @@ def in_pelvis(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     return np.column_stack([(points[:, :2] - middle) @ axes.T, points[:, 2]])
 
 
-def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.75) -> Window:
-    """The window that shows all backs, with square pixels of a size in mm."""
+def seen_from(points: np.ndarray, landmarks: Landmarks, view: View) -> np.ndarray:
+    """Points (n, 3) [mm] for a viewer: x to the left of the picture, y towards the viewer, z up; from behind
+    these are the axes of the pelvis.
+
+    Raises:
+        InputError: as `asis_axis`.
+    """
+    x, y, z = in_pelvis(points, landmarks).T
+    for _ in range(view.turn):
+        x, y = y, -x
+    return np.column_stack([x, y, z])
+
+
+def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.75, view: View = BEHIND) -> Window:
+    """The window that shows all trunks, with square pixels of a size in mm, as wide from every side; from behind
+    and in front it is symmetric about the middle of the pelvis."""
     points = np.concatenate([in_pelvis(skin.vertices, landmarks) for skin, landmarks in poses])
     spines = [landmarks.point(name)[2] for _, landmarks in poses for name in ("asis_left", "asis_right")]
-    half = int(np.ceil((np.abs(points[:, 0]).max() + MARGIN) / pixel))
-    bottom, top = max(points[:, 2].min(), min(spines) - BELOW), points[:, 2].max() + MARGIN
-    rows = int(np.ceil((top - bottom) / pixel)) + 1
-    return Window(pixel * np.arange(half, -half - 1, -1.0), top - pixel * np.arange(rows), pixel)
+    (left, back, top), (right, front, lowest) = points.max(axis=0), points.min(axis=0)
+    reach = max(left, -right, (back - front) / 2.0)
+    half = int(np.ceil((reach + MARGIN) / pixel))
+    middle = 0.0 if view.turn % 2 == 0 else (back + front) / 2.0 * (1.0 if view.turn == 1 else -1.0)
+    bottom = max(lowest, min(spines) - BELOW)
+    rows = int(np.ceil((top + MARGIN - bottom) / pixel)) + 1
+    x = middle + pixel * np.arange(half, -half - 1, -1.0)
+    return Window(x, top + MARGIN - pixel * np.arange(rows), pixel)
 
 
-def relief(skin: Surface, landmarks: Landmarks, seen: Window) -> Relief:
-    """Look at a skin from straight behind the pelvis.
+def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: View = BEHIND) -> Relief:
+    """Look straight at a skin.
 
     Args:
         skin: the skin [mm].
         landmarks: those that go with it [mm].
         seen: where to look.
+        view: from where.
 
     Raises:
         InputError: as `asis_axis`.
     """
-    vertices = in_pelvis(skin.vertices, landmarks)
+    vertices = seen_from(skin.vertices, landmarks, view)
     face, weights = _first_hits(vertices, skin.faces, seen)
     beside = face < 0
     corners = skin.faces[face]
@@ -100,26 +129,7 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window) -> Relief:
     depth[beside], normal[beside] = np.nan, np.nan
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()])
-    return Relief(depth, normal, in_pelvis(centroids.reshape(-1, 3), landmarks)[:, [0, 2]])
-
-
-def side_difference(back: Relief, seen: Window) -> tuple[np.ndarray, np.ndarray]:
-    """How far the back stands behind its other side, at the same height and as far from the spine.
-
-    That is what back surface rotation measures too; here for every place instead of one line for a vertebra.
-    The line of the spine joins the centroids of the vertebrae; above and below them nothing is compared.
-
-    Returns:
-        The difference of depth [mm], positive where a place stands further back, NaN where it has no other
-        side, shape (rows, columns); and how much of a back it is there, from 0 (flank) to 1, same shape.
-    """
-    order = np.argsort(back.spine[:, 1])
-    spine = np.interp(seen.z, back.spine[order, 1], back.spine[order, 0], left=np.nan, right=np.nan)
-    column = (seen.x[0] - 2.0 * spine[:, None] + seen.x) / seen.pixel  # of the other side
-    near = np.clip((WIDE - np.abs(seen.x - spine[:, None])) / (WIDE - NEAR), 0.0, 1.0)
-    facing = near * np.clip((back.normal[:, :, 1] - FLANK) / (BACK - FLANK), 0.0, 1.0)
-    difference = back.depth - _between_columns(back.depth, column)
-    return difference, np.nan_to_num(np.minimum(facing, _between_columns(facing, column)))
+    return Relief(depth, normal, seen_from(centroids.reshape(-1, 3), landmarks, view)[:, [0, 2]])
 
 
 def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[np.ndarray, np.ndarray]:
@@ -144,12 +154,3 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
         device="cpu",
     )
     return face.numpy(), weights.numpy().astype(np.float64)
-
-
-def _between_columns(values: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Values (rows, columns) at places between columns, linear; NaN outside. Same shape as `column`."""
-    inside = (column >= 0.0) & (column <= values.shape[1] - 1)
-    left = np.clip(np.nan_to_num(np.floor(column)).astype(int), 0, values.shape[1] - 2)
-    part = column - left
-    row = np.arange(len(values))[:, None]
-    return np.where(inside, (1.0 - part) * values[row, left] + part * values[row, left + 1], np.nan)

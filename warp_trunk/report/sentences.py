@@ -1,4 +1,4 @@
-"""What the result means, in three plain sentences for the patient."""
+"""What the result means, in a few plain sentences for the patient."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.comparison import DETECTABLE
 
-from .tables import planned_curves
+from .curves import CurveChange, curve_changes, main_curves
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,51 +16,132 @@ if TYPE_CHECKING:
 
 
 def sentences(poses: Sequence[Pose], comparison: SkinComparison | None) -> dict[str, str]:
-    """What changes, what stays, and how sure that is; by these three headings.
+    """What is planned, what changes, what stays, and how sure that is; by these headings.
 
     Args:
         poses: before surgery and predicted.
         comparison: of the predicted skin with the actual one, where that is known.
     """
     before, predicted = poses[0].measures, poses[1].measures
+    changes = curve_changes(poses[0], poses[1])
+    several = len(main_curves(changes)) > 1
     return {
-        "What changes": f"{_plan(poses)} {_change(before, predicted)}",
+        "What is planned": _plan(changes),
+        "What changes": " ".join(filter(None, [_change(before, predicted, several), _bearing(before, predicted)])),
         "What stays": _rest(before, predicted),
         "How sure this is": _trust(comparison),
     }
 
 
-def _plan(poses: Sequence[Pose]) -> str:
-    curves = planned_curves(poses[0].landmarks, poses[1].landmarks)
-    if not curves:
-        return "The spine has no curve of 10 degrees or more, and the operation is planned on that;"
-    curve, after = max(curves, key=lambda pair: round(pair[0].angle))  # of equals the upper
-    return (
-        f"The operation is planned to straighten the largest curve of the spine from {curve.angle:.0f} "
-        f"to {after:.0f} degrees (Cobb angle, {curve.upper} to {curve.lower});"
-    )
+def glance(poses: Sequence[Pose]) -> list[tuple[str, str]]:
+    """The few numbers that a patient asks for first, each with its name: before and after."""
+    before, predicted = poses[0].measures, poses[1].measures
+    curves = main_curves(curve_changes(poses[0], poses[1]))
+    tiles = [
+        (
+            f"curve of the spine, {curve.ends}",
+            f"{curve.before.angle:.0f}° → {curve.angle_after:.0f}°".replace("-", "−"),
+        )
+        for curve in curves
+    ]
+    for name, was, will, unit in (
+        ("rotation of the back, largest", _largest_rotation(before), _largest_rotation(predicted), "°"),
+        ("hump, largest", before.max_hump, predicted.max_hump, " mm"),
+        (
+            "shoulders differ in height by",
+            *(m.shoulders and m.shoulders.difference for m in (before, predicted)),
+            " mm",
+        ),
+    ):
+        if was is not None and will is not None:
+            tiles.append((name, f"{abs(was):.0f} → {abs(will):.0f}{unit}"))
+    gained = height_gained(before, predicted)
+    if gained is not None:
+        tiles.append(("height of the spine", f"{gained:+.0f} mm".replace("-", "−")))
+    return tiles
 
 
-def _change(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
+def height_gained(before: TrunkMeasures, after: TrunkMeasures) -> float | None:
+    """How much taller the spine is after [mm]; None where its height is not known."""
+    if before.spine_height is None or after.spine_height is None:
+        return None
+    return after.spine_height.height - before.spine_height.height
+
+
+def _largest_rotation(measures: TrunkMeasures) -> float | None:
+    return None if measures.worst_level is None else measures.bsr[measures.worst_level]
+
+
+def _plan(changes: Sequence[CurveChange]) -> str:
+    if not changes:
+        return "The spine has no curve of 10 degrees or more."
+    main = main_curves(tuple(changes))
+    rest = [change for change in changes if change not in main]
+    verb = "straighten" if all(abs(c.angle_after) <= c.before.angle for c in changes) else "change"
+    text = f"The operation is planned to {verb} the main {_plural('curve', main)} of the spine {_listed(main)}"
+    if rest:
+        text += f", and the smaller {_plural('one', rest)} {_listed(rest)}"
+    return f"{text} (Cobb angles in degrees, between the two vertebrae named)."
+
+
+def _listed(changes: Sequence[CurveChange]) -> str:
+    """Where each curve comes from and goes to."""
+    told = [
+        f"from {c.before.angle:.0f} to {c.angle_after:.0f} ({c.ends}, to the {c.before.convex})".replace("-", "−")
+        for c in changes
+    ]
+    return f"{', '.join(told[:-1])} and {told[-1]}" if len(told) > 1 else told[0]
+
+
+def _plural(noun: str, things: Sequence[object]) -> str:
+    return noun if len(things) == 1 else f"{noun}s"
+
+
+def _change(before: TrunkMeasures, predicted: TrunkMeasures, several: bool) -> str:
     level = before.worst_level
     was = None if level is None else before.bsr[level]
     will = None if level is None else predicted.bsr.get(level)
     if was is None:
-        return "how far the back is turned could not be measured."
+        return "How far the back is turned could not be measured."
     if will is None:
         return (
-            f"the back is turned most at vertebra {level}, by {abs(was):.0f} degrees, "
+            f"The back is turned most at vertebra {level}, by {abs(was):.0f} degrees, "
             "where the prediction could not be measured."
         )
     if was * will < 0.0 and abs(will) >= 0.5:
-        return (
-            f"the back, turned most at vertebra {level}, is predicted to turn there from {abs(was):.0f} degrees "
-            f"with the {_side(was)} side further back to {abs(will):.0f} degrees with the {_side(will)} side."
+        text = (
+            f"The back, turned most at vertebra {level}, is predicted to turn there from {abs(was):.0f} degrees "
+            f"with the {_side(was)} side further back to {abs(will):.0f} degrees with the {_side(will)} side"
         )
-    return (
-        f"the back, turned most at vertebra {level}, is predicted to be turned there by {abs(will):.0f} degrees "
-        f"instead of {abs(was):.0f}."
-    )
+    else:
+        text = (
+            f"The back, turned most at vertebra {level}, is predicted to be turned there by {abs(will):.0f} "
+            f"degrees instead of {abs(was):.0f}"
+        )
+    parts = (before.max_thoracic_bsr, before.max_lumbar_bsr)
+    if several and None not in parts:
+        lumbar, will = before.max_lumbar_bsr, predicted.max_lumbar_bsr
+        if level is not None and level.startswith("T") and lumbar is not None and will is not None:
+            text += f", and in the lower back by {abs(will):.0f} instead of {abs(lumbar):.0f}"
+    return f"{text}."
+
+
+def _bearing(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
+    """Shoulders and height; empty where neither is known."""
+    told = []
+    if before.shoulders is not None and predicted.shoulders is not None:
+        was, will = before.shoulders.difference, predicted.shoulders.difference
+        told.append(f"the shoulders differ in height by {_higher(will)} instead of {_higher(was)}")
+    gained = height_gained(before, predicted)
+    if gained is not None and abs(gained) >= 0.5:
+        told.append(f"the spine stands {abs(gained):.0f} mm {'taller' if gained > 0.0 else 'shorter'}")
+    text = ", and ".join(told)
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def _higher(difference: float) -> str:
+    side = "" if abs(difference) < 0.5 else f" ({_side(difference)} one higher)"
+    return f"{abs(difference):.0f} mm{side}"
 
 
 def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:

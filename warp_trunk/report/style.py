@@ -47,11 +47,25 @@ class Look:
     """Its points."""
     line: str
     """Its lines."""
+    spine: str = "planned"
+    """What its spine is called: that of a prediction is planned."""
+
+    @property
+    def heading(self) -> str:
+        """Its title with a capital."""
+        return self.title[:1].upper() + self.title[1:]
 
 
-BEFORE = Look("before surgery", "#767676", "o", "--")
+BEFORE = Look("before surgery", "#767676", "o", "--", "before surgery")
 PREDICTED = Look("predicted", "#0072b2", "s", "-")
 ACTUAL = Look("actual, after surgery", "#d55e00", "^", ":")
+PLANS = (
+    Look("plan A", "#0072b2", "s", "-", "plan A"),
+    Look("plan B", "#d55e00", "^", "-", "plan B"),
+    Look("plan C", "#009e73", "D", "-", "plan C"),
+    Look("plan D", "#cc79a7", "v", "-", "plan D"),
+)
+"""Plans that are compared; nobody chooses well among more."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,25 +5,36 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from warp_trunk.measures import CobbAngle, SkinComparison, cobb_angles, curves_after
+from .curves import curve_changes
 
 if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.measures import TrunkMeasures
+    from warp_trunk.measures import SkinComparison, TrunkMeasures
 
+    from .curves import CurveChange
     from .style import Pose
 
 MISSING = "–"
 Row = list[str]
-"""A name, then a number for each pose, the change from before to predicted, and the error where it is known."""
+"""A name, then a number for each pose, the change from before to predicted, and the error where it is known; a
+name alone is a heading."""
+Measure = Callable[["TrunkMeasures"], float | None]
 
-MEASURES: tuple[tuple[str, Callable[[TrunkMeasures], float | None]], ...] = (
-    ("Largest rotation of the back, T1 to T12 [°]", lambda m: m.max_thoracic_bsr),
-    ("Largest rotation of the back, L1 to L5 [°]", lambda m: m.max_lumbar_bsr),
-    ("Largest hump [mm]", lambda m: m.max_hump),
-    ("Trunk shift: top of the spine beside the sacrum [mm]", lambda m: m.trunk_shift and m.trunk_shift.lateral),
+SIDED: tuple[tuple[str, Measure], ...] = (
+    ("Back surface rotation (BSR), largest from T1 to T12 [°]", lambda m: m.max_thoracic_bsr),
+    ("Back surface rotation (BSR), largest from L1 to L5 [°]", lambda m: m.max_lumbar_bsr),
+    ("Hump, largest [mm]", lambda m: m.max_hump),
+    ("Higher shoulder, by [mm]", lambda m: m.shoulders and m.shoulders.difference),
 )
-"""What is measured on every skin; positive to the patient's right."""
+"""What is measured on every skin, positive to the patient's right."""
+SAGITTAL: tuple[tuple[str, Measure], ...] = (
+    ("Kyphosis T5 to T12 [°]", lambda m: m.kyphosis["T5-T12"]),
+    ("Kyphosis T1 to T12 [°]", lambda m: m.kyphosis["T1-T12"]),
+    ("Lordosis L1 to L5 [°]", lambda m: m.lordosis["L1-L5"]),
+    ("Lordosis L1 to S1 [°]", lambda m: m.lordosis["L1-S1"]),
+    ("Top of the spine in front of the sacrum [mm]", lambda m: m.trunk_shift and m.trunk_shift.forward),
+    ("Height of the spine [mm]", lambda m: m.spine_height and m.spine_height.height),
+)
+"""What is measured on every spine seen from the side; those that are not known before surgery are left out."""
 
 
 def head(poses: Sequence[Pose], name: str) -> Row:
@@ -33,33 +44,33 @@ def head(poses: Sequence[Pose], name: str) -> Row:
 
 
 def measure_rows(poses: Sequence[Pose]) -> list[Row]:
-    """One row for each measure of the whole trunk."""
-    rows = [
-        [
-            f"Cobb angle {curve.upper} to {curve.lower}, convex to the {curve.convex}, as planned [°]",
-            f"{curve.angle:.1f}",
-            f"{after:.1f}",
-            signed(after - curve.angle),
-            *[MISSING] * (2 if len(poses) > 2 else 0),
-        ]
-        for curve, after in planned_curves(poses[0].landmarks, poses[1].landmarks)
-    ]
-    rows += [_row(name, [of(pose.measures) for pose in poses]) for name, of in MEASURES]
-    change = poses[1].measures
+    """The back and the shoulders, every curve of the spine, and the spine from the side."""
+    rows = [["The back"], *(sided_row(name, [of(pose.measures) for pose in poses]) for name, of in SIDED)]
+    planned = poses[1].measures
     rows += [
-        [name, MISSING, f"{value:.1f}", MISSING, *[MISSING] * (2 if len(poses) > 2 else 0)]
+        [name, MISSING, f"{value:.1f}", MISSING, *_unknown(poses)]
         for name, value in (
-            ("Movement of the skin, largest [mm]", change.skin_change_max),
-            ("Movement of the skin, mean [mm]", change.skin_change_mean),
+            ("Movement of the skin, largest [mm]", planned.skin_change_max),
+            ("Movement of the skin, mean [mm]", planned.skin_change_mean),
         )
         if value is not None
     ]
+    for change in curve_changes(poses[0], poses[1]):
+        rows += _curve_rows(change, poses)
+    rows.append(["The spine as a whole, as planned"])
+    shifts = [pose.measures.trunk_shift for pose in poses[:2]]
+    beside = [shift and shift.lateral for shift in shifts]
+    rows.append(sided_row("Top of the spine beside the sacrum [mm]", beside) + _unknown(poses))
+    for name, of in SAGITTAL:
+        before, after = (of(pose.measures) for pose in poses[:2])
+        if before is not None:
+            rows.append([name, plain(before), plain(after), signed(_less(after, before)), *_unknown(poses)])
     return rows
 
 
 def rotation_rows(poses: Sequence[Pose]) -> list[Row]:
     """Back surface rotation [degrees], one row for each level."""
-    return [_row(level, [pose.measures.bsr.get(level) for pose in poses]) for level in poses[0].measures.bsr]
+    return [sided_row(level, [pose.measures.bsr.get(level) for pose in poses]) for level in poses[0].measures.bsr]
 
 
 def error_rows(comparison: SkinComparison) -> list[Row]:
@@ -76,27 +87,60 @@ def error_rows(comparison: SkinComparison) -> list[Row]:
     return rows
 
 
-def planned_curves(before: Landmarks, after: Landmarks) -> list[tuple[CobbAngle, float]]:
-    """Every curve of the spine before surgery, and its angle between the same two vertebrae after [degrees]."""
-    curves = cobb_angles(before)
-    angles = curves_after(curves, after)
-    return [(curve, angle) for curve, angle in zip(curves, angles, strict=True) if angle is not None]
-
-
-def signed(value: float | None, digits: int = 1) -> str:
-    """A number with its sign, never -0; a dash where it is missing."""
-    if value is None:
-        return MISSING
-    return f"{round(value, digits) + 0.0:+.{digits}f}".replace("-", "−")
-
-
-def _row(name: str, values: Sequence[float | None]) -> Row:
+def sided_row(name: str, values: Sequence[float | None]) -> Row:
+    """A row of values that are positive to the right: the side in words, and changes of the size."""
     before, predicted, *actual = values
-    cells = [signed(before), signed(predicted), signed(_difference(predicted, before))]
+    cells = [sided(before), sided(predicted), signed(size_change(before, predicted))]
     for value in actual:
-        cells += [signed(value), signed(_difference(predicted, value))]
+        error = None if value is None or predicted is None else abs(predicted - value)
+        cells += [sided(value), plain(error)]
     return [name, *cells]
 
 
-def _difference(a: float | None, b: float | None) -> float | None:
+def size_change(before: float | None, after: float | None) -> float | None:
+    """How much larger a value is after, whatever its side; None where one is missing."""
+    return None if before is None or after is None else abs(after) - abs(before)
+
+
+def sided(value: float | None, digits: int = 1) -> str:
+    """A number that is positive to the right, with its side; a dash where it is missing."""
+    if value is None:
+        return MISSING
+    size = f"{abs(value):.{digits}f}"
+    return size if float(size) == 0.0 else f"{size} {'right' if value > 0.0 else 'left'}"
+
+
+def plain(value: float | None, digits: int = 1) -> str:
+    """A number, never -0; a dash where it is missing."""
+    return MISSING if value is None else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+
+
+def signed(value: float | None, digits: int = 1) -> str:
+    """A number with its sign, 0 without one; a dash where it is missing."""
+    if value is None:
+        return MISSING
+    text = f"{round(value, digits) + 0.0:+.{digits}f}".replace("-", "−")
+    return text if float(text[1:]) else text[1:]
+
+
+def _curve_rows(change: CurveChange, poses: Sequence[Pose]) -> list[Row]:
+    curve, was, will = change.before, change.apex_before, change.apex_after
+    where = {"pelvis": "the middle of the pelvis"}.get(was.line, was.line)
+    neutral = " and ".join(level for level in (was.neutral_above, was.neutral_below) if level)
+    return [
+        [f"Curve {change.ends}, convex to the {curve.convex}{', neutral ' * bool(neutral)}{neutral}, as planned"],
+        ["Cobb angle [°]", plain(curve.angle), plain(change.angle_after),
+         signed(change.angle_after - curve.angle), *_unknown(poses)],
+        [*sided_row(f"Rotation of its apex {was.level} [°]", [was.rotation, will.rotation]), *_unknown(poses)],
+        [*sided_row(f"Apex {was.level} beside {where} [mm]", [was.translation, will.translation]),
+         *_unknown(poses)],
+    ]  # fmt: skip
+
+
+def _unknown(poses: Sequence[Pose]) -> Row:
+    """What an actual skin does not tell of a spine: its value and its error."""
+    return [MISSING] * (2 if len(poses) > 2 else 0)
+
+
+def _less(a: float | None, b: float | None) -> float | None:
     return None if a is None or b is None else a - b

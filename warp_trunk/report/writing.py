@@ -1,7 +1,8 @@
-"""From a result folder to its report."""
+"""From result folders to their report."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,25 +11,31 @@ from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.results import read_result
 
-from .back_pictures import back_picture, hump_picture
 from .convergence_plot import convergence_plot
+from .hump_picture import hump_picture
 from .page import page
-from .relief import relief, window
+from .plans import plan_poses, plans_page, read_plans
+from .relief import BEHIND, RIGHT, relief, window
 from .rotation_plot import rotation_plot
 from .section_pictures import section_pictures
+from .skin_pictures import back_picture, front_picture, shoulders_picture, side_picture
+from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from warp_trunk.results import Result
 
-PAGE = "report.html"
+PAGE, PICTURES = "report.html", "report"
+PLANS_PAGE, PLANS_PICTURES = "plans.html", "plans"
 
 
 def write_report(result: str | Path, out: str | Path | None = None) -> Path:
     """Write the report of a result: one page that needs no network, and its pictures as PNG.
 
-    The page is `report.html`; the pictures lie in the folder `report` beside it: back, hump, rotation, sections
-    and convergence. An earlier report is replaced, the page last.
+    The page is `report.html`; the pictures lie in the folder `report` beside it. An earlier report is replaced,
+    the page last.
 
     Args:
         result: a result folder.
@@ -42,29 +49,62 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
     """
     out = Path(result) if out is None else Path(out)
     read = read_result(result)
-    folder = _prepare(out)
+    folder = _prepare(out, PICTURES)
     poses = poses_of(read)
     comparison = None
     if read.actual_skin is not None:
         comparison = compare_skins(read.predicted_skin, read.actual_skin, read.landmarks_after)
-    seen = window([(pose.skin, pose.landmarks) for pose in poses])
-    reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
 
     from matplotlib import rc_context  # heavy
 
     with rc_context(RC):
-        figures = {
-            "back": back_picture(poses, reliefs, seen),
-            "hump": hump_picture(poses, reliefs, seen),
+        figures = _backs(poses) | {
+            "front": front_picture(poses),
+            "side": side_picture(poses),
+            "shoulders": shoulders_picture(poses),
+            "spine_behind": spine_picture(poses[:2], BEHIND),
+            "spine_side": spine_picture(poses[:2], RIGHT),
             "rotation": rotation_plot(poses),
             "sections": section_pictures(poses),
             "convergence": convergence_plot(read.summary),
         }
-        for name, figure in figures.items():
-            _write(folder / f"{name}.png", file_of(figure, "png"))
-        drawings = {name: file_of(figure, "svg") for name, figure in figures.items()}
+        drawings = _drawn(figures, folder)
     _write(out / PAGE, page(poses, comparison, read.summary, drawings).encode())
     return out / PAGE
+
+
+def write_comparison(results: Sequence[str | Path], out: str | Path | None = None) -> Path:
+    """Write plans for one patient side by side: one page that needs no network, and its pictures as PNG.
+
+    The page is `plans.html`; the pictures lie in the folder `plans` beside it. An earlier one is replaced.
+
+    Args:
+        results: result folders, plan A first.
+        out: the folder to write to; that which holds the first result when left out.
+
+    Returns:
+        The page.
+
+    Raises:
+        InputError: as `read_plans`, or `out` cannot be written to.
+    """
+    folders = [Path(result) for result in results]
+    read = read_plans(folders)
+    out = folders[0].resolve().parent if out is None else Path(out)
+    folder = _prepare(out, PLANS_PICTURES)
+    poses = plan_poses(read)
+
+    from matplotlib import rc_context  # heavy
+
+    with rc_context(RC):
+        figures = _backs(poses) | {
+            "spine_behind": spine_picture(poses, BEHIND),
+            "spine_side": spine_picture(poses, RIGHT),
+            "rotation": rotation_plot(poses),
+        }
+        drawings = _drawn(figures, folder)
+    _write(out / PLANS_PAGE, plans_page(poses, read, drawings).encode())
+    return out / PLANS_PAGE
 
 
 def poses_of(result: Result) -> list[Pose]:
@@ -73,20 +113,36 @@ def poses_of(result: Result) -> list[Pose]:
     Raises:
         InputError: a skin or landmarks that cannot be measured.
     """
-    before, after, actual = result.skin_before, result.predicted_skin, result.actual_skin
+    before, predicted, actual = result.skin_before, result.predicted_skin, result.actual_skin
     planned, reached = result.landmarks_before, result.landmarks_after
     poses = [
         Pose(BEFORE, before, planned, measure(before, planned)),
-        Pose(PREDICTED, after, reached, measure(after, reached, before)),
+        Pose(PREDICTED, predicted, reached, measure(predicted, reached, before)),
     ]
     if actual is not None:
         poses.append(Pose(ACTUAL, actual, reached, measure(actual, reached)))
     return poses
 
 
-def _prepare(out: Path) -> Path:
+def _backs(poses: Sequence[Pose]) -> dict[str, Figure | None]:
+    seen = window([(pose.skin, pose.landmarks) for pose in poses])
+    reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
+    return {"back": back_picture(poses, reliefs, seen), "hump": hump_picture(poses, reliefs, seen)}
+
+
+def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, bytes]:
+    """The figures as SVG, by name, each written as PNG too; those that are None are left out."""
+    drawings = {}
+    for name, figure in figures.items():
+        if figure is not None:
+            _write(folder / f"{name}.png", file_of(figure, "png"))
+            drawings[name] = file_of(figure, "svg")
+    return drawings
+
+
+def _prepare(out: Path, pictures: str) -> Path:
     """The folder of pictures, made; InputError where it cannot be written to."""
-    folder = out / "report"
+    folder = out / pictures
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for place in (out, folder):

@@ -1,0 +1,97 @@
+"""Plans side by side: what the page shows, what it says that differs, and which plans it refuses to compare."""
+
+import math
+import re
+
+import pytest
+
+from support.known_spine import known_spine
+from support.report_results import write_small_result
+from support.trunk_shapes import flat_back, rotation, tube
+from warp_trunk.cli import main
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.errors import InputError
+from warp_trunk.measures import measure
+from warp_trunk.report import write_comparison
+from warp_trunk.report.differences import compared, differences
+from warp_trunk.report.style import BEFORE, PLANS, Pose
+
+CURVE = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}
+
+
+def pose(look, share, turn):
+    """A trunk turned by an angle, and a spine with a share of a curve of 60 degrees."""
+    spine = known_spine(to_left={level: share * tilt for level, tilt in CURVE.items()})
+    skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
+    return Pose(look, skin, spine, measure(skin, spine))
+
+
+@pytest.fixture(scope="module")
+def three():
+    return pose(BEFORE, 1.0, 12.0), [pose(PLANS[0], 0.3, 7.0), pose(PLANS[1], 0.5, 6.0)]
+
+
+def test_what_differs_is_told_with_each_plan_and_the_rest_is_alike(three):
+    told = differences(*three)
+    assert "Cobb angle T5 to T12, convex to the right: 18° with plan A and 30° with plan B." in told
+    *_, alike = told
+    assert alike.startswith("Too alike to choose by, within 5° of the spine, 2.5° of the back and 5 mm: ")
+    assert "rotation of the upper back" in alike  # 7 and 6 degrees
+    assert "Cobb" not in alike
+    apart = next(line for line in told if line.startswith("The predicted skins"))
+    most, mean = map(int, re.findall(r"(\d+) mm", apart))
+    assert most == round(math.hypot(150.0, 100.0) * math.radians(1.0))  # its corners, turned by one degree
+    assert 0 < mean <= most
+
+
+def test_numbers_are_those_of_every_plan(three):
+    rows = {number.name: number for numbers in compared(*three).values() for number in numbers}
+    turned = rows["Rotation of the back (BSR), largest from T1 to T12"]
+    assert turned.plans == pytest.approx((7.0, 6.0), abs=1e-6)
+    assert turned.row()[1:] == ["12.0 right", "7.0 right", "6.0 right"]
+    gained = rows["Height gained"]
+    assert gained.before is None
+    assert gained.plans[0] > gained.plans[1] > 0.0
+    assert rows["Lordosis L1 to L5"].differ is False
+
+
+def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
+    folders = [write_small_result(tmp_path / name, name=f"<b>{name}</b>") for name in ("first", "second")]
+    assert main(["report", *map(str, folders)]) == 0
+    page = tmp_path / "plans.html"
+    assert str(page) in capsys.readouterr().out
+    text = page.read_text()
+    assert "&lt;b&gt;first&lt;/b&gt;" in text
+    assert "<script" not in text
+    assert "http" not in re.sub(r"base64,[^\"]*", "", text).replace("http-equiv", "")
+    assert text.count("<img") == 5
+    assert sorted(path.stem for path in (tmp_path / "plans").iterdir()) == [
+        "back", "hump", "rotation", "spine_behind", "spine_side",
+    ]  # fmt: skip
+    assert "Too alike to choose by" in text
+
+
+def test_plan_that_did_not_converge_is_named(tmp_path):
+    folders = [
+        write_small_result(tmp_path / "good"),
+        write_small_result(tmp_path / "bad", status=RelaxStatus.STALLED, warnings=("The spine folds at T8.",)),
+    ]
+    text = write_comparison(folders, tmp_path / "page").read_text()
+    assert "Plan B: the calculation did not reach its end (STALLED)" in text
+    assert "Plan A: the calculation" not in text
+    assert "Plan B: The spine folds at T8." in text
+
+
+def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):
+    one, other = write_small_result(tmp_path / "one"), write_small_result(tmp_path / "other", without="T8")
+    with pytest.raises(InputError, match=r"other: its landmarks before surgery must be those of .*one"):
+        write_comparison([one, other])
+    with pytest.raises(InputError, match="is given twice"):
+        write_comparison([one, one])
+    with pytest.raises(InputError, match="from 2 to 4 results"):
+        write_comparison([one] * 5)
+
+
+def test_command_without_a_result_says_what_is_missing(capsys):
+    assert main(["report"]) == 2
+    assert "RESULTS is missing" in capsys.readouterr().err

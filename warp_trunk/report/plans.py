@@ -1,0 +1,101 @@
+"""Plans for one patient side by side, on one page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.errors import InputError
+from warp_trunk.measures import measure
+from warp_trunk.results import read_result
+
+from .differences import compared, differences
+from .page import rendered
+from .style import BEFORE, PLANS, Pose
+
+if TYPE_CHECKING:
+    from warp_trunk.results import Result
+
+SAME = 1e-3
+"""Points of one patient before surgery differ by no more than files round [mm]."""
+
+
+def read_plans(folders: Sequence[Path]) -> dict[Path, Result]:
+    """The results of several plans for one patient.
+
+    Raises:
+        InputError: too many of them, one given twice or that is no result, or one of another trunk before surgery.
+    """
+    if not 2 <= len(folders) <= len(PLANS):
+        raise InputError(f"report: from 2 to {len(PLANS)} results can be compared on one page, not {len(folders)}")
+    twice = [folder for number, folder in enumerate(folders) if folder.resolve() in _resolved(folders[:number])]
+    if twice:
+        raise InputError(f"{twice[0]}: is given twice; give every plan once")
+    results = {folder: read_result(folder) for folder in folders}
+    first = results[folders[0]]
+    for folder, result in results.items():
+        pairs = (
+            ("skin", first.skin_before.vertices, result.skin_before.vertices),
+            ("landmarks", first.landmarks_before.points, result.landmarks_before.points),
+        )
+        for name, ours, theirs in pairs:
+            apart = np.abs(ours - theirs).max() if ours.shape == theirs.shape else np.inf
+            if apart > SAME or first.landmarks_before.names != result.landmarks_before.names:
+                raise InputError(
+                    f"{folder}: its {name} before surgery must be those of {folders[0]}, but they differ; compare "
+                    "plans for one patient, from cases that share the trunk before surgery"
+                )
+    return results
+
+
+def plan_poses(results: Mapping[Path, Result]) -> list[Pose]:
+    """The trunk before surgery, then that of every plan, measured."""
+    first = next(iter(results.values()))
+    before, landmarks = first.skin_before, first.landmarks_before
+    poses = [Pose(BEFORE, before, landmarks, measure(before, landmarks))]
+    for look, result in zip(PLANS, results.values(), strict=False):
+        skin, reached = result.predicted_skin, result.landmarks_after
+        poses.append(Pose(look, skin, reached, measure(skin, reached, before)))
+    return poses
+
+
+def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: Mapping[str, bytes]) -> str:
+    """The text of the page; all that comes from files is escaped."""
+    before, *plans = poses
+    ends = [result.summary.ending for result in results.values()]
+    titles = [plan.look.heading for plan in plans]
+    rows = []
+    for heading, numbers in compared(before, plans).items():
+        known = [number.row() for number in numbers if any(value is not None for value in number.plans)]
+        rows += [[heading], *known]
+    return rendered(
+        "plans.html",
+        drawings,
+        panels=len(poses),
+        titles=", ".join(pose.look.title for pose in poses),
+        plans=[
+            (title, result.summary.case, folder.name or folder.resolve().name)
+            for title, (folder, result) in zip(titles, results.items(), strict=True)
+        ],
+        unfinished=[
+            (title, end.name, end.value[:1].upper() + end.value[1:])
+            for title, end in zip(titles, ends, strict=True)
+            if end is not RelaxStatus.CONVERGED
+        ],
+        warnings=[
+            f"{title}: {warning}"
+            for title, result in zip(titles, results.values(), strict=True)
+            for warning in result.summary.warnings
+        ],
+        differs=differences(before, plans),
+        numbers_head=["", *(pose.look.title for pose in poses)],
+        numbers_rows=rows,
+    )
+
+
+def _resolved(folders: Sequence[Path]) -> set[Path]:
+    return {folder.resolve() for folder in folders}

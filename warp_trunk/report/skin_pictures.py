@@ -1,0 +1,98 @@
+"""The trunk from behind, in front, the side and its shoulders: shaded, with what each view is looked at for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .panels import panels, shaded
+from .relief import BEHIND, FRONT, RIGHT, Relief, View, Window, relief, seen_from, window
+from .style import INK, Pose
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LINE_STEP = 10.0
+"""Distance in depth between two lines [mm]."""
+STEEP = 0.3
+"""Where the skin faces back by less than this, lines would run into each other; the cosine of 73 degrees."""
+COARSE = 1.0
+"""Size of a pixel where nothing is measured in the picture [mm]."""
+BUST = 190.0
+"""The picture of the shoulders ends this far below T1 [mm]."""
+
+
+def back_picture(poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window) -> Figure:
+    """Every pose from behind, with lines through places that stand equally far back."""
+    figure, plots = panels(poses, seen, BEHIND, [shaded(back) for back in reliefs])
+    highest = np.nanmax([np.nanmax(back.depth) for back in reliefs])
+    lowest = np.nanmin([np.nanmin(back.depth) for back in reliefs])
+    levels = LINE_STEP * np.arange(np.floor(lowest / LINE_STEP), np.ceil(highest / LINE_STEP) + 1)
+    for axes, back in zip(plots, reliefs, strict=True):
+        steep = ~(back.normal[:, :, 1] > STEEP)
+        lines(axes, seen, np.ma.masked_where(steep, back.depth), levels.tolist(), "solid")
+    return figure
+
+
+def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[float], style: str) -> None:
+    """Lines of equal values, from every second pixel: nobody sees the others, and they take four times as long."""
+    axes.contour(seen.x[::2], seen.z[::2], values[::2, ::2], levels, colors=INK, linewidths=0.5, linestyles=style)
+
+
+def front_picture(poses: Sequence[Pose]) -> Figure:
+    """Every pose from the front."""
+    return _plain(poses, FRONT)
+
+
+def side_picture(poses: Sequence[Pose]) -> Figure:
+    """Every pose from its right side."""
+    return _plain(poses, RIGHT)
+
+
+def shoulders_picture(poses: Sequence[Pose]) -> Figure | None:
+    """The upper trunk of every pose from the front, with the heights of its shoulders; None without T1."""
+    tops = [_top(pose) for pose in poses]
+    if any(top is None for top in tops):
+        return None
+    seen = window([(pose.skin, pose.landmarks) for pose in poses], COARSE, FRONT)
+    lowest = min(top[2] for top in tops if top is not None) - BUST
+    seen = Window(seen.x, seen.z[seen.z > lowest], seen.pixel)
+    looks = [shaded(relief(pose.skin, pose.landmarks, seen, FRONT)) for pose in poses]
+    figure, plots = panels(poses, seen, FRONT, looks)
+    for axes, pose, top in zip(plots, poses, tops, strict=True):
+        found = pose.measures.shoulders
+        if found is None or top is None:
+            continue
+        for height, sign in (
+            (found.right, 1.0),
+            (found.left, -1.0),
+        ):  # from the front the right side is on the left
+            outer, inner = (top[0] + sign * reach for reach in (found.outer, found.inner))
+            axes.plot([outer, inner], [top[2] + height] * 2, color=pose.look.colour, linewidth=2.2)
+            axes.plot([inner, top[0]], [top[2] + height] * 2, color=pose.look.colour, linewidth=0.8, linestyle=":")
+        axes.text(
+            top[0], top[2] - 0.55 * BUST, _shoulder_words(found.difference), ha="center", va="center",
+            fontsize=9, color=INK,
+        )  # fmt: skip
+    return figure
+
+
+def _shoulder_words(difference: float) -> str:
+    if abs(difference) < 0.5:
+        return "level"
+    return f"{'right' if difference > 0.0 else 'left'} shoulder\n{abs(difference):.0f} mm higher"
+
+
+def _top(pose: Pose) -> np.ndarray | None:
+    """The centroid of T1 as the front view has it [mm], shape (3,)."""
+    points = pose.landmarks.of_bone("T1").points
+    return seen_from(points, pose.landmarks, FRONT).mean(axis=0) if len(points) else None
+
+
+def _plain(poses: Sequence[Pose], view: View) -> Figure:
+    seen = window([(pose.skin, pose.landmarks) for pose in poses], COARSE, view)
+    looks = [shaded(relief(pose.skin, pose.landmarks, seen, view)) for pose in poses]
+    return panels(poses, seen, view, looks)[0]

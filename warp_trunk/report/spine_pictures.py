@@ -1,0 +1,158 @@
+"""The spine before surgery and as planned, from behind and from the right, with its vertebrae as boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.measures import curves_after
+from warp_trunk.measures.spine import spine_of
+from warp_trunk.measures.trunk_shift import sacral_line
+
+from .panels import GAP, SIDES, TITLE, WIDTH, scale_bar
+from .relief import BEHIND, RIGHT, View, seen_from
+from .style import FAINT, INK, Pose, new_figure
+from .vertebra_boxes import FACES, VertebraBox, vertebra_boxes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from warp_trunk.measures import CobbAngle
+
+MARGIN = 22.0
+"""Space around the spine [mm]."""
+REACH = 62.0
+"""How far from its vertebra a line of an angle reaches [mm]."""
+BONE = np.array([0.97, 0.94, 0.87])
+Placed = Mapping[str, tuple[np.ndarray, np.ndarray]]
+"""By level corners (8, 3) and pedicles (2, 3) of a vertebra as a viewer sees them, see `seen_from` [mm]."""
+
+
+def spine_picture(poses: Sequence[Pose], view: View) -> Figure:
+    """The spine of every pose, all at one scale: the first is before surgery, the others are planned.
+
+    From behind (`BEHIND`) every curve has its Cobb angle between the end vertebrae before surgery, as on a film;
+    from the right (`RIGHT`) kyphosis and lordosis are written beside their vertebrae.
+    """
+    placed = [_placed(pose, vertebra_boxes(pose.landmarks), view) for pose in poses]
+    half, bottom, top = _extent(poses)
+    across = [corners[:, 0] for spine in placed for corners, _ in spine.values()] or [np.zeros(1)]
+    middle = 0.5 * (np.min(across) + np.max(across))
+    left, right = middle + half, middle - half
+    extent = (left, right, bottom, top)
+    width, tall = WIDTH * len(poses), (WIDTH - GAP) * (top - bottom) / (left - right)
+    height = TITLE + tall + SIDES
+    figure = new_figure(width, height)
+    before = poses[0].measures
+    for column, (pose, spine) in enumerate(zip(poses, placed, strict=True)):
+        box = (column * WIDTH + GAP / 2.0) / width, SIDES / height, (WIDTH - GAP) / width, tall / height
+        axes = figure.add_axes(box)
+        axes.set_xlim(left, right)
+        axes.set_ylim(bottom, top)
+        axes.set_axis_off()
+        axes.set_title(pose.look.spine[:1].upper() + pose.look.spine[1:], color=INK, fontweight="bold")
+        for x, side, align in ((0.0, view.sides[0], "left"), (1.0, view.sides[1], "right")):
+            axes.text(x, -0.015, side, transform=axes.transAxes, ha=align, va="top", fontsize=8.5, color=FAINT)
+        _plumb_lines(axes, pose, view, extent)
+        _vertebrae(axes, spine, pose.look.colour)
+        if view is BEHIND:
+            angles = curves_after(before.cobb, pose.landmarks)
+            for curve, angle in zip(before.cobb, angles, strict=True):
+                _cobb(axes, spine, curve, angle)
+        elif view is RIGHT:
+            _sagittal(axes, spine, pose)
+        if column == len(poses) - 1:
+            scale_bar(axes, extent, 50.0)
+    return figure
+
+
+def _placed(pose: Pose, boxes: Sequence[VertebraBox], view: View) -> Placed:
+    return {
+        box.level: (
+            seen_from(box.corners, pose.landmarks, view),
+            seen_from(box.pedicles, pose.landmarks, view),
+        )
+        for box in boxes
+    }
+
+
+def _extent(poses: Sequence[Pose]) -> tuple[float, float, float]:
+    """Half the width, the bottom and the top [mm] of what holds every spine from either side, and its lines."""
+    corners = [box.corners for pose in poses for box in vertebra_boxes(pose.landmarks)]
+    if not corners:
+        return 100.0, 0.0, 400.0
+    low, high = np.concatenate(corners).min(axis=0), np.concatenate(corners).max(axis=0)
+    half = max(0.5 * float((high - low)[:2].max()) + REACH, 100.0)
+    return half, float(low[2]) - MARGIN, float(high[2]) + MARGIN
+
+
+def _vertebrae(axes: Axes, spine: Placed, colour: str) -> None:
+    """The faces that look at the viewer, the furthest first, the brighter the more they do."""
+    from matplotlib.patches import Polygon
+
+    faces = []
+    for corners, _ in spine.values():
+        for face in FACES:
+            a, b, c, d = corners[list(face)]
+            normal = np.cross(c - a, d - b)
+            facing = normal[1] / np.linalg.norm(normal)
+            if facing > 0.0:
+                faces.append((corners[list(face)], facing))
+    for face, facing in sorted(faces, key=lambda one: one[0][:, 1].mean()):
+        shade = (0.72 + 0.28 * facing) * BONE
+        axes.add_patch(Polygon(face[:, [0, 2]], closed=True, facecolor=shade, edgecolor=colour, linewidth=0.7))
+    for level, (corners, pedicles) in spine.items():
+        axes.plot(*pedicles[:, [0, 2]].T, "o", color=colour, markersize=2.2)
+        x, z = corners[:, [0, 2]].mean(axis=0) - [0.0, 3.5]  # below its pedicles
+        axes.text(x, z, level, ha="center", va="center", fontsize=5.5, color=INK)
+
+
+def _plumb_lines(axes: Axes, pose: Pose, view: View, extent: tuple[float, float, float, float]) -> None:
+    """The vertical through the sacrum, solid, and that of the top of the spine, dotted."""
+    shift = pose.measures.trunk_shift
+    line = sacral_line(pose.landmarks)
+    if shift is None or (view is RIGHT and shift.forward is None):
+        return
+    spine = spine_of(pose.landmarks)
+    top = spine.centroids[spine.levels.index(shift.upper)]
+    for point, style in ((np.array([*line.point, 0.0]), "-"), (top, ":")):
+        x = seen_from(point[None], pose.landmarks, view)[0, 0]
+        axes.plot([x, x], extent[2:], color=FAINT, linewidth=0.8, linestyle=style, zorder=0)
+
+
+def _cobb(axes: Axes, spine: Placed, curve: CobbAngle, angle: float | None) -> None:
+    """Lines along the end vertebrae towards the hollow of the curve, with the angle between them."""
+    if curve.upper not in spine or curve.lower not in spine or angle is None:
+        return
+    hollow = 1.0 if curve.convex == "right" else -1.0  # the picture's x is positive to the patient's left
+    tips = []
+    for level, ring in ((curve.upper, slice(0, 4)), (curve.lower, slice(4, 8))):
+        corners = spine[level][0][:, [0, 2]]
+        axis = corners[:4].mean(axis=0) - corners[4:].mean(axis=0)
+        along = hollow * np.array([axis[1], -axis[0]]) / np.hypot(*axis)
+        start = corners[ring].mean(axis=0)
+        tips.append(start + REACH * along)
+        axes.plot(*np.array([start, tips[-1]]).T, color=INK, linewidth=0.8)
+    upper, lower = tips
+    axes.text(
+        0.5 * (upper[0] + lower[0]) - 4.0 * hollow, 0.5 * (upper[1] + lower[1]), f"{angle:.0f}°",
+        ha="left" if hollow > 0.0 else "right", va="center", fontsize=11, fontweight="bold", color=INK,
+    )  # fmt: skip
+
+
+def _sagittal(axes: Axes, spine: Placed, pose: Pose) -> None:
+    """Kyphosis behind the thoracic spine and lordosis behind the lumbar one."""
+    for angle, name, ends in (
+        (pose.measures.kyphosis["T5-T12"], "kyphosis", ("T5", "T12")),
+        (pose.measures.lordosis["L1-L5"], "lordosis", ("L1", "L5")),
+    ):
+        if angle is None or not all(end in spine for end in ends):
+            continue
+        corners = np.concatenate([spine[end][0] for end in ends])
+        axes.text(
+            axes.get_xlim()[0], corners[:, 2].mean(), f"{name}\n{ends[0]} to {ends[1]}\n{angle:.0f}°", ha="left",
+            va="center", fontsize=8.5, color=INK,
+        )  # fmt: skip
