@@ -57,6 +57,14 @@ def test_the_pelvis_is_one_body_without_a_turn_about_its_spines() -> None:
     np.testing.assert_allclose(motions["sacrum"].apply(spines), TURN.apply(spines), atol=1e-9)
 
 
+def test_iliac_spines_hold_the_pelvis_also_where_its_hip_bones_are_not_there() -> None:
+    bones, before = straight()
+    sacrum = {name: bone for name, bone in bones.items() if not name.startswith("hip")}
+    for after in (moved("asis"), moved("L5_")):
+        whole, part = bone_motions(bones, before, after), bone_motions(sacrum, before, after)
+        np.testing.assert_array_equal(part["sacrum"].as_matrix(), whole["sacrum"].as_matrix())
+
+
 @pytest.mark.parametrize("number", [3, 7, 10])
 def test_a_rib_turns_between_its_vertebra_and_its_front_end(number: int) -> None:
     bones, before = straight()

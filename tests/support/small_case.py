@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from warp_trunk.case import Case
-from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.landmarks import ASIS, Landmarks
 from warp_trunk.engine.tissue import Tissue
+from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.preparation.phantom import straight_trunk
 
 BONES = ("T7", "T12", "L3", "rib_left_07", "sternum", "hip_left", "hip_right")
@@ -28,4 +30,22 @@ def small_case() -> Case:
         landmarks_before=before,
         landmarks_after=Landmarks(before.names, before.points + shift),
         tissue=Tissue(epsilon=1.0 / 3.0, theta=17.0),
+    )
+
+
+def palpated(case: Case) -> Case:
+    """The case without hip bones; its iliac spines are at the places of the skin that are nearest to theirs."""
+    spines = np.array([case.landmarks_before.index(name) for name in ASIS])
+    marks = case.landmarks_before.points
+    shift = np.zeros_like(marks)
+    shift[spines] = SurfaceDistance(case.skin).nearest(marks[spines]).point - marks[spines]
+
+    def moved(landmarks: Landmarks | None) -> Landmarks | None:
+        return None if landmarks is None else Landmarks(landmarks.names, landmarks.points + shift)
+
+    return replace(
+        case,
+        bones={name: bone for name, bone in case.bones.items() if name not in ASIS.values()},
+        landmarks_before=Landmarks(case.landmarks_before.names, marks + shift),
+        landmarks_after=moved(case.landmarks_after),
     )

@@ -40,8 +40,8 @@ def bone_motions(
 
     - A bone known after surgery, with the same vertices: the rigid motion nearest to theirs.
     - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs.
-    - Pelvis and femurs: one body, by all its landmarks. The two iliac spines alone leave the turn about the
-      line between them open; it is taken as none.
+    - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
+      two iliac spines alone leave the turn about the line between them open; it is taken as none.
     - Ribs, costal cartilages and clavicles: each end goes with its neighbour; about the line between the ends
       they turn with the spline. The head of a rib goes with its vertebra; its front end with the sternum (ribs
       1 to 7), else by the spline.
@@ -61,7 +61,7 @@ def bone_motions(
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
-    owners = np.array([bone_of(name, bones) or "" for name in landmarks_before.names])
+    owners = np.array([bone_of(name, (*bones, *_PELVIS)) or "" for name in landmarks_before.names])
     known = bones_after or {}
     motions: dict[str, RigidTransform] = {}
 

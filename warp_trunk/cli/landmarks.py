@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from tyro.conf import Positional
 
 from warp_trunk.case.landmarks import write_landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import check_place
 from warp_trunk.preparation.landmark_finder import FoundLandmarks, find_landmarks
@@ -32,12 +33,18 @@ class FindLandmarks:
     folder that holds such a folder called bones, as a case does."""
     out: Path
     """CSV file to write (name,x,y,z): six landmarks of each vertebra T1 to L5, and the iliac spines."""
+    picture: Path | None = None
+    """PNG file to write: the bones from behind and from the left side with what was found, to look at."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the landmarks and names what is missing."""
         if self.out.suffix.lower() != ".csv":
             raise InputError(f"{self.out}: landmarks are written as CSV; end the name in .csv")
         check_place(self.out)
+        if self.picture is not None:
+            if self.picture.suffix.lower() != ".png":
+                raise InputError(f"{self.picture}: the picture is written as PNG; end the name in .png")
+            check_place(self.picture)
         inner = self.bones / "bones"
         with Progress() as progress:
             with progress.stage("load", f"reading the bones of {self.bones}"):
@@ -46,9 +53,20 @@ class FindLandmarks:
                 found = find_landmarks(bones)
             with atomic_write(self.out) as unfinished:
                 write_landmarks(unfinished, found.landmarks)
+            if self.picture is not None:
+                with progress.stage("picture", f"drawing {self.picture}"):
+                    _draw(self.picture, bones, found)
         _tell(found)
         print(f"{len(found.landmarks.names)} landmarks written to {self.out}")
         return INCOMPLETE if found.unsure else OK
+
+
+def _draw(place: Path, bones: Mapping[str, Surface], found: FoundLandmarks) -> None:
+    from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
+
+    picture = landmark_picture(bones, found)
+    with atomic_write(place) as unfinished:
+        unfinished.write_bytes(picture)
 
 
 def _tell(found: FoundLandmarks) -> None:
