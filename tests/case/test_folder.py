@@ -39,7 +39,7 @@ def test_a_case_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
     def killed(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("warp_trunk.case.folder.write_landmarks", killed)
+    monkeypatch.setattr("warp_trunk.case.writing.write_landmarks", killed)
     with pytest.raises(KeyboardInterrupt):
         write_case(tmp_path, small_case())
     with pytest.raises(InputError, match=r"case\.toml"):

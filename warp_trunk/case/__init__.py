@@ -2,7 +2,8 @@
 
 from .axes import Axes
 from .checks import CheckOptions, check_case
-from .folder import read_case, read_checked_case, write_case
+from .reading import read_case, read_checked_case
 from .record import Case
+from .writing import write_case
 
 __all__ = ["Axes", "Case", "CheckOptions", "check_case", "read_case", "read_checked_case", "write_case"]

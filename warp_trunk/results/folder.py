@@ -135,11 +135,15 @@ def write_result(
         write_landmarks(partial(folder / name), points)
     write_trunk(partial(folder / TRUNK), trunk, displacement)
     written = write_summary(partial(folder / SUMMARY), summary)
+    _complete(folder, [*surfaces, *landmarks, TRUNK, SUMMARY], recording)
+    return written
 
+
+def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:
+    """Gives every file its own name, the summary last, after what an earlier simulation left is gone."""
     for name in (SUMMARY, RECORDING, ACTUAL_SKIN):  # without a summary, what lies there is no whole result
         (folder / name).unlink(missing_ok=True)
     if recording is not None:
         os.replace(recording, folder / RECORDING)
-    for name in (*surfaces, *landmarks, TRUNK, SUMMARY):
+    for name in names:
         complete(folder / name)
-    return written

@@ -9,7 +9,11 @@ def test_a_tube_of_circles_is_a_cylinder_with_cones():
     z = np.array([0.0, 3.0, 13.0, 16.0])
     ones = np.ones((4, 1))
     surface = tube(
-        z[:, None] * [0.0, 0.0, 1.0], ones * [1.0, 0.0, 0.0], ones * [0.0, 1.0, 0.0], *np.full((2, 4), 5.0), 200
+        z[:, None] * [0.0, 0.0, 1.0],
+        ones * [1.0, 0.0, 0.0],
+        ones * [0.0, 1.0, 0.0],
+        *np.full((2, 4), 5.0),
+        around=200,
     )
     check_solid(surface, "tube")
     # a cylinder of height 10 and two cones of height 3, all of radius 5

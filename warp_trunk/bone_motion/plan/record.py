@@ -48,8 +48,8 @@ class CurvePlan:
         ):
             if getattr(self, share) is not None and getattr(self, after) is not None:
                 raise InputError(f"{where}: '{share}' and '{after}' say the same; give one of them")
-            _check_range(self, share, 0.0, 1.0, "", where)
-            _check_range(self, after, -MOST_OVER, most, "degrees", where)
+            _check_range(self, share, 0.0, 1.0, "", where=where)
+            _check_range(self, after, -MOST_OVER, most, "degrees", where=where)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class Plan:
                 f"plan: 'uiv' must lie above 'liv', but {self.uiv} is not above {self.liv}; change them"
             )
         for name, (low, high, unit) in _RANGES.items():
-            _check_range(self, name, low, high, unit, "plan")
+            _check_range(self, name, low, high, unit, where="plan")
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise InputError(f"plan: '{name}' must be {' or '.join(allowed)}, not {getattr(self, name)!r}")
@@ -112,7 +112,7 @@ def _check_level(level: object, what: str) -> None:
         raise InputError(f"{what} must be a vertebra such as T4 or L1, not {level!r}; correct it")
 
 
-def _check_range(record: object, name: str, low: float, high: float, unit: str, where: str) -> None:
+def _check_range(record: object, name: str, low: float, high: float, unit: str, *, where: str) -> None:
     value = getattr(record, name)
     if value is None:
         return

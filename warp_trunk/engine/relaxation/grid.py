@@ -13,7 +13,7 @@ CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
 
 
 @dataclass(frozen=True)
-class Grid:
+class CoarseGrid:
     """The vertices of a regular grid that reach a set of points."""
 
     origin: np.ndarray
@@ -26,7 +26,7 @@ class Grid:
     """Where the numbered vertices are [mm], shape (vertices, 3)."""
 
     @classmethod
-    def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> Grid:
+    def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> CoarseGrid:
         """The grid over points (points, 3) that nowhere lie below the origin [mm]."""
         cell, weight = weights(points, origin, spacing)
         size = cell.max(axis=0) + 2

@@ -23,7 +23,7 @@ from ..parallel import Launch
 from .block_matrix import BlockMatrix
 from .dense_inverse import record_dense_inverse
 from .dots import Dots
-from .grid import Grid, Interpolation
+from .grid import CoarseGrid, Interpolation
 
 DENSE_CELLS = 480
 """Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
@@ -50,7 +50,7 @@ class Multilevel:
         self._levels: list[_Level] = []
         finer = points
         for spacing in spacings:
-            grid = Grid.around(points, origin, spacing)
+            grid = CoarseGrid.around(points, origin, spacing)
             size = len(grid.positions)
             whole = _Transfer(model, grid.interpolate(points))
             last = spacing == spacings[-1]

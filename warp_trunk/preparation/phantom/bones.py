@@ -172,7 +172,7 @@ def _vertebra(v: _Vertebra) -> tuple[Surface, np.ndarray]:
     count = len(rings)
     # the tube runs to the back along side x up, so its side is the patient's right
     side = np.tile([-1.0, 0.0, 0.0], (count, 1))
-    body = tube(centres, side, np.tile(v.up, (count, 1)), rings[:, 1], rings[:, 2], _AROUND, exponent=2.6)
+    body = tube(centres, side, np.tile(v.up, (count, 1)), rings[:, 1], rings[:, 2], around=_AROUND, exponent=2.6)
 
     def vertex(ring: int, eighth: int) -> np.ndarray:
         return body.vertices[1 + ring * _AROUND + eighth * _AROUND // 8]

@@ -15,6 +15,7 @@ def tube(
     up: np.ndarray,
     half_side: np.ndarray,
     half_up: np.ndarray,
+    *,
     around: int = 12,
     exponent: float = 2.0,
 ) -> Surface:
@@ -75,6 +76,7 @@ def rod(
     half_up: np.ndarray,
     up: np.ndarray,
     spacing: float,
+    *,
     around: int = 10,
 ) -> Surface:
     """A tube with rounded ends along a smooth curve through guiding points.
@@ -102,7 +104,7 @@ def rod(
     centres = np.stack([np.interp(places, length, column) for column in curve.T], axis=1)
     side, across = along(centres, up)
     widths = PchipInterpolator(chord, np.stack([half_side, half_up], axis=1))(np.interp(places, length, fine))
-    return tube(centres, side, across, share * widths[:, 0], share * widths[:, 1], around)
+    return tube(centres, side, across, share * widths[:, 0], share * widths[:, 1], around=around)
 
 
 def stack(half_loops: Sequence[np.ndarray]) -> Surface:

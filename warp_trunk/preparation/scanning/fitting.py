@@ -15,7 +15,7 @@ _HOLD = 1e-6
 
 
 def fit_to_points(
-    surface: Surface, points: np.ndarray, areas: np.ndarray, smoothing: float, reach: float, rounds: int = 3
+    surface: Surface, points: np.ndarray, areas: np.ndarray, smoothing: float, reach: float, *, rounds: int = 3
 ) -> Surface:
     """Move the vertices of a closed surface to the smoothing spline of points measured on it.
 

@@ -1,0 +1,80 @@
+"""Writing a case folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.surface_files import surface_files, write_surface
+
+from .axes import Axes
+from .header import CaseHeader, header_text
+from .landmarks import write_landmarks
+from .layer_table import write_layers
+from .record import Case
+
+
+def write_case(folder: str | Path, case: Case) -> None:
+    """Write a complete case folder, in LPS and mm, which `read_case` reads back to the last bit.
+
+    Bones come back in the order of their names. `case.toml` is written last and an earlier one removed first, so
+    that a folder with one is whole.
+
+    Raises:
+        InputError: the folder holds surfaces that are not part of the case and would be read with it, or a
+            bone's name cannot be a file's.
+    """
+    folder = Path(folder)
+    surfaces = _surfaces(folder, case)
+    (folder / "case.toml").unlink(missing_ok=True)
+    for path, surface in surfaces.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_surface(path, surface)
+    landmarks = {
+        "landmarks_before.csv": case.landmarks_before,
+        "landmarks_after.csv": case.landmarks_after,
+        "landmarks_bending_left.csv": case.bending_left,
+        "landmarks_bending_right.csv": case.bending_right,
+    }
+    for file, points in landmarks.items():
+        if points is None:
+            (folder / file).unlink(missing_ok=True)
+            continue
+        with atomic_write(folder / file) as unfinished:
+            write_landmarks(unfinished, points)
+    header = CaseHeader(
+        name=case.name,
+        axes=Axes("LPS"),
+        tissue=case.tissue,
+        layers=None if case.layers is None else write_layers(folder, case.layers),
+    )
+    with atomic_write(folder / "case.toml") as unfinished:
+        unfinished.write_text(header_text(header), encoding="utf-8")
+
+
+def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:
+    """Each surface of the case by its file; InputError for a name or a place that will not do."""
+    surfaces = {folder / "skin.ply": case.skin}
+    if case.actual_skin is not None:
+        surfaces[folder / "actual_skin.ply"] = case.actual_skin
+    for name, surface in case.bones.items():
+        if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
+            raise InputError(f"write_case: '{name}' names a bone and must serve as a file name; rename the bone")
+        surfaces[folder / "bones" / f"{name}.ply"] = surface
+    for name, surface in case.bones_after.items():
+        surfaces[folder / "bones_after" / f"{name}.ply"] = surface
+    for found in (
+        surface_files(folder, "skin"),
+        surface_files(folder, "actual_skin"),
+        surface_files(folder / "bones"),
+        surface_files(folder / "bones_after"),
+    ):
+        for path in found.values():
+            if path not in surfaces:
+                raise InputError(
+                    f"{path}: stands where case {case.name!r} goes and would be read as part of it; "
+                    "remove it or write to another folder"
+                )
+    return surfaces
