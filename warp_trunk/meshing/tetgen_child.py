@@ -12,7 +12,7 @@ import tetgen
 
 def main() -> None:
     """Reads surfaces, holes and bounds, and writes nodes and tetrahedra; a refusal goes to standard error."""
-    given = np.load(sys.argv[1])
+    given = np.load(sys.argv[1], allow_pickle=False)
     mesher = tetgen.TetGen(given["vertices"], given["faces"])
     for point in given["holes"]:
         mesher.add_hole(point.tolist())

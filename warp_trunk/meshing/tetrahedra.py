@@ -214,7 +214,7 @@ def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
         if ended.returncode or not result.is_file():
             told = ended.stderr.decode(errors="replace").strip().splitlines()
             raise RuntimeError(told[-1] if told else f"its process ended with status {ended.returncode}")
-        with np.load(result) as made:
+        with np.load(result, allow_pickle=False) as made:
             return made["nodes"], made["tets"]
 
 
