@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from support.report_results import write_small_result
-from warp_trunk.engine.parallel import Parallel
 from warp_trunk.report import write_report
 
 
@@ -21,9 +20,3 @@ def plain_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def compared_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a result with an actual skin, turned 3 degrees further, and without the level T8."""
     return write_report(write_small_result(tmp_path_factory.mktemp("compared"), turn_more=3.0, without="T8"))
-
-
-@pytest.fixture
-def split_small_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lets also the smallest launch run in a range for each thread, so that tiny meshes test the threads."""
-    monkeypatch.setattr(Parallel.record, "__defaults__", (1,))

@@ -10,6 +10,7 @@ import pytest
 
 from support.biplanar import biplanar
 from support.breaking import ply
+from support.no_meshing import forbid_meshing
 from support.report_results import write_small_result
 from support.small_case import small_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
@@ -44,7 +45,7 @@ ARGUMENTS = [
 
 @pytest.mark.parametrize("row", ARGUMENTS, ids=lambda row: row[0])
 def test_arguments_that_cannot_be_are_refused_before_any_work(good_case, refused, tmp_path, monkeypatch, row):
-    monkeypatch.setattr("warp_trunk.run.prepare.make_trunk", None)  # nothing is meshed
+    forbid_meshing(monkeypatch)
     _, flags, *fragments = row
     refused(["simulate", str(good_case), "--out", str(tmp_path / "out"), *flags], *fragments)
     assert not (tmp_path / "out").exists() or list((tmp_path / "out").rglob("*")) == []

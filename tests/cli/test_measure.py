@@ -49,6 +49,7 @@ def test_measures_are_those_of_the_library(place, tmp_path, capsys):
     assert record["landmarks"] == "after"
     assert {level: values["bsr_deg"] for level, values in record["skin"]["levels"].items()} == measures.bsr
     assert record["skin"]["skin_change_max_mm"] == pytest.approx(measures.skin_change_max)
+    assert measures.max_thoracic_bsr is not None
     assert measures.max_thoracic_bsr > 10.0
     text = capsys.readouterr().out
     assert f"{measures.max_thoracic_bsr:+.1f}°" in text
@@ -79,7 +80,9 @@ def test_against_an_actual_skin(place, tmp_path, capsys):
     record = record_of(tmp_path / "measures")
     comparison = compare_skins(after, case.skin, case.landmarks_after)
     assert record["against"]["bsr_difference_deg"] == comparison.bsr_difference
-    assert record["against"]["distance"]["back"]["rms_mm"] == pytest.approx(comparison.distance["back"].rms)
+    back = comparison.distance["back"]
+    assert back is not None
+    assert record["against"]["distance"]["back"]["rms_mm"] == pytest.approx(back.rms)
     assert record["actual"]["levels"].keys() == record["skin"]["levels"].keys()
     assert "Error of the back surface rotation" in capsys.readouterr().out
 

@@ -13,6 +13,7 @@ from support.reference import Reference
 from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.relaxation.outcome import Method
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
@@ -85,7 +86,7 @@ def test_cpu_and_cuda_end_at_the_same_place(precision: str, options: dict[str, A
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("method", ["newton", "conjugate", "gradient"])
-def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, method: str) -> None:
+def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, method: Method) -> None:
     path = turning_path()
     model = build_model(TRUNK, device="cuda:0", precision=precision)
     tolerance = 0.1 if method == "gradient" else 0.01

@@ -36,8 +36,6 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
-pytestmark = pytest.mark.usefixtures("split_small_meshes")
-
 CASES: dict[str, Callable[[], Case]] = {
     "start with 10 % inverted": lambda: noisy(0.1),
     "start with all inverted (mirrored)": mirrored,

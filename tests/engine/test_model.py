@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, grid, single_tet, trunk
+from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -86,35 +87,42 @@ def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
     assert ours == {tuple(tet) for tet in mesh.tets.tolist()}
 
 
+def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) -> Itmsm:
+    """What the kernels of itmsm read of a trunk."""
+    model = build_model(trunk, tissue, gravity=gravity, device="cpu", precision="float64", threads=1)
+    assert isinstance(model.elements, Itmsm)
+    return model.elements
+
+
 @pytest.mark.parametrize(
     "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
 )
 def test_weights_count_every_edge_and_face_once(mesh: TrunkMesh) -> None:
     """The sum of 1 / |K| over the edges of all tetrahedra is the number of different edges (eq. 4.8, 4.9)."""
-    model = build_model(mesh, Tissue(epsilon=0.25), device="cpu", precision="float64", threads=1)
+    elements = itmsm(mesh, Tissue(epsilon=0.25))
     tets = mesh.tets.tolist()
     edges = {pair for tet in tets for pair in combinations(sorted(tet), 2)}
     faces = {triple for tet in tets for triple in combinations(sorted(tet), 3)}
-    assert model.elements.edge_weight.numpy().sum() == pytest.approx(len(edges), rel=1e-12)
-    assert model.elements.face_weight.numpy().sum() == pytest.approx(0.25 * len(faces), rel=1e-12)
+    assert elements.edge_weight.numpy().sum() == pytest.approx(len(edges), rel=1e-12)
+    assert elements.face_weight.numpy().sum() == pytest.approx(0.25 * len(faces), rel=1e-12)
 
 
 def test_rest_measures_by_hand() -> None:
     """The right-angled corner of 10 mm: three edges of 10, three of 10 sqrt 2; faces of 50 and of 50 sqrt 3."""
-    model = build_model(single_tet(), device="cpu", precision="float64", threads=1)
-    np.testing.assert_allclose(np.sort(model.elements.rest_length.numpy()[0]), [10.0] * 3 + [10.0 * 2**0.5] * 3)
-    np.testing.assert_allclose(np.sort(model.elements.rest_area.numpy()[0]), [50.0] * 3 + [50.0 * 3**0.5])
-    np.testing.assert_allclose(model.elements.rest_volume.numpy(), [1000.0 / 6.0])
+    elements = itmsm(single_tet())
+    np.testing.assert_allclose(np.sort(elements.rest_length.numpy()[0]), [10.0] * 3 + [10.0 * 2**0.5] * 3)
+    np.testing.assert_allclose(np.sort(elements.rest_area.numpy()[0]), [50.0] * 3 + [50.0 * 3**0.5])
+    np.testing.assert_allclose(elements.rest_volume.numpy(), [1000.0 / 6.0])
 
 
 def test_alpha_by_hand() -> None:
     """alpha = 2 g M_0 H_0 / k_D with k_D = 5 E V / N for one tetrahedron of six edges."""
     tissue = Tissue(density=900.0, youngs_modulus=20.0)
-    model = build_model(single_tet(), tissue, gravity=9.81, device="cpu", threads=1)
     cubic_metres = 0.01**3 / 6.0
     k_d = 5.0 * 20e3 * cubic_metres / 6.0
-    assert model.elements.alpha == pytest.approx(2.0 * 9.81 * 900.0 * cubic_metres * 0.01 / k_d, rel=1e-12)
-    assert build_model(single_tet(), tissue, device="cpu", threads=1).elements.alpha == 0.0
+    alpha = itmsm(single_tet(), tissue, gravity=9.81).alpha
+    assert alpha == pytest.approx(2.0 * 9.81 * 900.0 * cubic_metres * 0.01 / k_d, rel=1e-12)
+    assert itmsm(single_tet(), tissue).alpha == 0.0
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,8 @@
 """Launches over ranges: every item once, in its range's slab."""
 
+# Warp's annotations are values:
+# pyright: reportInvalidTypeForm=false
+
 import os
 
 import numpy as np
@@ -12,7 +15,7 @@ from warp_trunk.errors import InputError
 
 @wp.kernel(enable_backward=False)
 def visit_kernel(first: int, end: int, slab: int, step: int, visits: wp.array2d(dtype=wp.int32)):
-    i = first + wp.tid()
+    i = first + wp.tid()  # pyright: ignore[reportOperatorIssue]
     if i < end:
         visits[slab, i] = visits[slab, i] + step
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from support.meshes import block_with_bone, rotate
+from support.threads import split_launches
 from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.engine.model import Model, build_model
 from warp_trunk.engine.relaxation import RelaxOptions
@@ -16,13 +17,11 @@ from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.errors import InputError
 
-pytestmark = pytest.mark.usefixtures("split_small_meshes")
-
 TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
 
 
 def new_model(precision: str = "float32", gravity: float = 0.0) -> Model:
-    model = build_model(TRUNK, precision=precision, gravity=gravity, device="cpu", threads=2)
+    model = build_model(TRUNK, precision=precision, gravity=gravity, device=split_launches())
     return model if gravity == 0.0 else sag_free(model).model
 
 

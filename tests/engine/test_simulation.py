@@ -5,14 +5,13 @@ import pytest
 
 from support.meshes import block, block_with_bone, rotate
 from support.reference import Reference
+from support.threads import split_launches
 from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-
-pytestmark = pytest.mark.usefixtures("split_small_meshes")
 
 TWO_BONES = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
 
@@ -25,7 +24,7 @@ def run(
     precision: str = "float64",
     gravity: float = 0.0,
 ) -> list[Increment]:
-    model = build_model(trunk, precision=precision, gravity=gravity, device="cpu")
+    model = build_model(trunk, precision=precision, gravity=gravity, device=split_launches())
     options = SimulationOptions(increments=increments, relax=RelaxOptions(tolerance=tolerance))
     return list(simulate(model, BonePath(displacement), options))
 
@@ -69,7 +68,7 @@ def test_float32_bones_are_in_place_to_rounding() -> None:
 
 
 def test_earlier_increments_stay_as_they_were_yielded() -> None:
-    model = build_model(TWO_BONES, precision="float64", device="cpu")
+    model = build_model(TWO_BONES, precision="float64", device=split_launches())
     options = SimulationOptions(increments=3)
     kept, copies = [], []
     for step in simulate(model, BonePath(bent_spine()), options):
@@ -131,7 +130,7 @@ def test_gravity_pulls_down() -> None:
 
 
 def test_refuses_the_path_of_another_trunk() -> None:
-    model = build_model(TWO_BONES, device="cpu")
+    model = build_model(TWO_BONES, device=split_launches())
     with pytest.raises(InputError, match="bone_path"):
         next(simulate(model, BonePath(np.zeros((5, 3)))))
 
@@ -143,7 +142,7 @@ def test_refuses_no_increment(increments: int) -> None:
 
 
 def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> None:
-    model, options = build_model(TWO_BONES, device="cpu"), SimulationOptions(increments=3)
+    model, options = build_model(TWO_BONES, device=split_launches()), SimulationOptions(increments=3)
     plans = [BonePath(bent_spine()), BonePath(-0.5 * bent_spine())]
     anew = [list(simulate(model, plan, options)) for plan in plans]
     relaxer = Relaxer(model, options.relax)
@@ -155,7 +154,7 @@ def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> Non
 
 
 def test_refuses_the_relaxer_of_another_model_or_options() -> None:
-    model, other = (build_model(TWO_BONES, device="cpu") for _ in range(2))
+    model, other = (build_model(TWO_BONES, device=split_launches()) for _ in range(2))
     path = BonePath(bent_spine())
     for wrong in (Relaxer(other), Relaxer(model, RelaxOptions(tolerance=1.0))):
         with pytest.raises(InputError, match="relaxer"):

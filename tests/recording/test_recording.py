@@ -4,9 +4,11 @@ import logging
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
+import rerun as rr
 
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
@@ -21,7 +23,7 @@ from warp_trunk.recording import drawing
 from warp_trunk.recording.colours import COLOURS
 from warp_trunk.recording.drawing import BarPlot
 from warp_trunk.recording.numbers import table
-from warp_trunk.recording.stream import Stream, within
+from warp_trunk.recording.stream import within
 
 
 def record(path, case, trunk, increments, after_each=lambda increment: None, close=True, **options):
@@ -110,7 +112,7 @@ def test_logged_arrays_are_copies(tmp_path, monkeypatch):
     expected = {k.number: (trunk.nodes + k.displacement)[trunk.skin_nodes] for k in increments}
     path = tmp_path / "copies.rrd"
     with monkeypatch.context() as slow:  # nothing is written before the arrays change
-        slow.setattr(Stream, "_flush", lambda *_: None)
+        slow.setattr(rr.RecordingStream, "flush", lambda *_, **__: None)
         slow.setenv("RERUN_FLUSH_TICK_SECS", "1000")
         slow.setenv("RERUN_FLUSH_NUM_BYTES", str(10**9))
         recording = start_recording(path, case, trunk)
@@ -132,26 +134,24 @@ def test_increments_so_far_survive_a_kill(tmp_path):
     case, trunk = small_case()
     path = tmp_path / "killed.rrd"
     recording = record(path, case, trunk, made_up_increments(trunk)[:2], close=False)
-    recording._file.wait()  # what the next increment does first; a file being written cannot be read
+    recording.wait()  # what the next increment does first; a file being written cannot be read
     assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2]
     recording.close()
 
 
-def test_a_disk_that_fails_stops_the_recording_and_not_the_simulation(tmp_path, caplog):
+def test_a_disk_that_fails_stops_the_recording_and_not_the_simulation(tmp_path, caplog, monkeypatch):
     case, trunk = small_case()
     first, second = made_up_increments(trunk, count=2)
     recording = start_recording(tmp_path / "r.rrd", case, trunk)
     recording.increment(first, measured(case, trunk, first))
-    recording._file.wait()
+    recording.wait()
 
-    def full(**_):
+    def full(*_, **__):
         raise TimeoutError("no space left")
 
-    stream = recording._file._stream
-    flush, stream.flush = stream.flush, full
-    with caplog.at_level(logging.WARNING):
+    with caplog.at_level(logging.WARNING), monkeypatch.context() as disk:
+        disk.setattr(rr.RecordingStream, "flush", full)
         recording.increment(second, measured(case, trunk, second))
-    stream.flush = flush
     assert "no space left" in recording.failed
     assert "the simulation goes on" in caplog.text
     recording.close()
@@ -205,10 +205,11 @@ def test_steps_have_a_timeline_of_their_own(tmp_path):
 
     energy = Energy({"distance": 4.0, "area": 3.0, "volume": 2.0})
     with start_recording(path, case, trunk, steps=True) as recording:
+        watch: Any = recording.watch
         for increment in increments:
             for part in (0.25, 0.75):
                 step = RelaxStep(energy, 0.1, 1.0, 8, 0.5)
-                recording.watch(step, Seen(part * increment.displacement))
+                watch(step, Seen(part * increment.displacement))
             recording.increment(increment, measured(case, trunk, increment))
     skin = "/now/skin/displacement"
     assert sorted(column(path, skin, "vertex_positions")) == [0, 1, 2]

@@ -34,8 +34,8 @@ class Elements(HTMLParser):
         self.elements, self.words = [], ""
         self.feed(text)
 
-    def handle_starttag(self, tag, attributes):
-        self.elements.append((tag, dict(attributes)))
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
 
     def handle_data(self, data):
         self.words += data
@@ -185,7 +185,7 @@ def test_what_was_modelled_follows_the_options(plain):
 
 def test_folder_that_cannot_be_written_is_refused_before_any_drawing(plain, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("no folder")
-    monkeypatch.setattr("warp_trunk.report.writing.poses_of", lambda _: pytest.fail("measured"))
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: pytest.fail("drawn"))
     with pytest.raises(InputError, match="--out"):
         write_report(plain[0], tmp_path / "file" / "out")
 

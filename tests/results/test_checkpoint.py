@@ -18,7 +18,6 @@ from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import Checkpoint, fingerprint_of, unfinished
-from warp_trunk.results import checkpoint as checkpoint_module
 from warp_trunk.results.fingerprint import difference
 from warp_trunk.run.options import RunOptions, parameters
 
@@ -147,7 +146,7 @@ def test_a_full_disk_stops_no_simulation(
         file.write(b"half")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(checkpoint_module.np, "savez", full)
+    monkeypatch.setattr(np, "savez", full)
     with caplog.at_level(logging.WARNING):
         written(tmp_path, 1)
     assert "No space left" in caplog.text

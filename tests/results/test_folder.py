@@ -2,6 +2,8 @@
 
 import json
 import math
+import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +18,6 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.results import Summary, predicted_skin, prepare_folder, read_summary, write_result
-from warp_trunk.results import folder as result_folder
 from warp_trunk.results.summary import StepSummary
 
 WHOLE = {
@@ -137,10 +138,14 @@ def test_no_summary_stands_beside_files_that_are_being_changed(simulated, tmp_pa
     """Killed between two moves, the folder must not look whole."""
     write_result(tmp_path, *simulated)
 
-    def killed(*_):
-        raise KeyboardInterrupt
+    move = os.replace
 
-    monkeypatch.setattr(result_folder, "complete", killed)
+    def killed(source: Path, target: Path) -> None:
+        if ".partial" not in target.name:
+            raise KeyboardInterrupt
+        move(source, target)
+
+    monkeypatch.setattr(os, "replace", killed)
     with pytest.raises(KeyboardInterrupt):
         write_result(tmp_path, *simulated)
     assert not (tmp_path / "summary.json").exists()
@@ -150,10 +155,14 @@ def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, m
     write_result(tmp_path, *simulated)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 
-    def full(*_):
-        raise OSError(28, "No space left on device")
+    write = Path.write_bytes
 
-    monkeypatch.setattr(result_folder, "write_trunk", full)
+    def full(path: Path, data: bytes) -> int:
+        if path.suffix == ".vtu":
+            raise OSError(28, "No space left on device")
+        return write(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
     case, trunk, model, increments = simulated
     with pytest.raises(OSError, match="No space"):
         write_result(tmp_path, case, trunk, model, increments[:1])
@@ -167,8 +176,8 @@ def test_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):
 
 
 def test_full_disk_is_refused_before_any_work(tmp_path, monkeypatch):
-    usage = result_folder.shutil.disk_usage(tmp_path)._replace(free=1_000_000)
-    monkeypatch.setattr(result_folder.shutil, "disk_usage", lambda _: usage)
+    usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     with pytest.raises(InputError, match="1 MB are free"):
         prepare_folder(tmp_path)
 

@@ -1,5 +1,8 @@
 """What a script may give in place of what is asked: one sentence, as on the command line."""
 
+# The wrong types are what is tested:
+# pyright: reportArgumentType=false
+
 import numpy as np
 import pytest
 

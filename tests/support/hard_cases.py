@@ -16,6 +16,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from .continuum import Continuum
 from .meshes import block, block_with_bone, grid, rotate, rotation, single_tet, trunk
 from .reference import Reference, volumes
+from .threads import split_launches
 
 MOST_STEPS = 150
 SLIDE = np.array([2.0, 0.0, 1.0])
@@ -56,8 +57,7 @@ def end(case: Case) -> Ending:
         gravity=case.gravity,
         energy=case.energy,
         precision=case.precision,
-        threads=case.threads,
-        device="cpu",
+        device=split_launches(case.threads),
     )
     options = RelaxOptions(tolerance=case.tolerance, max_steps=MOST_STEPS)
     if case.increments:

@@ -9,14 +9,13 @@ from scipy.optimize import brentq
 
 from support.continuum import Continuum, parts
 from support.meshes import block, block_with_bone, rotate, rotation, trunk
+from support.threads import split_launches
 from warp_trunk.engine.energies.neo_hookean import stable_moduli
 from warp_trunk.engine.model import Model, build_model
 from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-
-pytestmark = pytest.mark.usefixtures("split_small_meshes")
 
 LAYERS = (
     Tissue(youngs_modulus=10.0, poisson_ratio=0.4, density=900.0),
@@ -37,7 +36,7 @@ def random_displacement(mesh: TrunkMesh) -> np.ndarray:
 
 
 def continuum(mesh: TrunkMesh, tissue: Tissue | tuple[Tissue, ...], **options: Any) -> Model:
-    return build_model(mesh, tissue, energy="neo-hookean", device="cpu", **options)
+    return build_model(mesh, tissue, energy="neo-hookean", device=split_launches(), **options)
 
 
 def evaluated(model: Model, displacement: np.ndarray) -> State:

@@ -1,16 +1,18 @@
 """State's energies against eq. 4.6 of [2] summed over unique edges, unique faces and tetrahedra in NumPy."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, rotation, single_tet
 from support.reference import Reference
+from support.threads import split_launches
+from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-
-pytestmark = pytest.mark.usefixtures("split_small_meshes")
 
 MESHES = {"block": block(), "bone inside": block_with_bone(), "one tetrahedron": single_tet()}
 TISSUES = {
@@ -28,8 +30,8 @@ def random_displacement(trunk: TrunkMesh) -> np.ndarray:
     return bend + rng.normal(scale=2.5, size=bend.shape)
 
 
-def evaluated(trunk: TrunkMesh, displacement: np.ndarray, **options: object) -> State:
-    state = State(build_model(trunk, device="cpu", **options))  # type: ignore[arg-type]
+def evaluated(trunk: TrunkMesh, displacement: np.ndarray, threads: int = 2, **options: Any) -> State:
+    state = State(build_model(trunk, device=split_launches(threads), **options))
     state.place(displacement)
     state.evaluate()
     return state
@@ -95,7 +97,8 @@ def test_no_force_and_no_torque_but_the_weight() -> None:
     displacement = random_displacement(trunk)
     for gravity in (0.0, 9.81):
         state = evaluated(trunk, displacement, tissue=tissue, gravity=gravity, precision="float64")
-        gradient = state.gradient.numpy()
+        elements, gradient = state.model.elements, state.gradient.numpy()
+        assert isinstance(elements, Itmsm)
         points = (trunk.nodes + displacement)[state.model.order]
         weight = np.zeros_like(gradient)
         if gravity:
@@ -105,11 +108,11 @@ def test_no_force_and_no_torque_but_the_weight() -> None:
             quarter = np.zeros(len(points))
             np.add.at(quarter, state.model.corners.ravel(), 0.25)
             assert gradient[:, 2].sum() == pytest.approx(
-                state.model.elements.alpha * total_mass / (mean_mass * height), rel=1e-10
+                elements.alpha * total_mass / (mean_mass * height), rel=1e-10
             )
             masses = np.zeros(len(trunk.nodes))
             np.add.at(masses, trunk.tets.ravel(), np.repeat(tissue.density * volume / 4.0, 4))
-            weight[:, 2] = state.model.elements.alpha * masses[state.model.order] / (mean_mass * height)
+            weight[:, 2] = elements.alpha * masses[state.model.order] / (mean_mass * height)
         scale = np.abs(gradient).max()
         np.testing.assert_allclose((gradient - weight).sum(axis=0), 0.0, atol=1e-11 * scale)
         np.testing.assert_allclose(np.cross(points, gradient - weight).sum(axis=0), 0.0, atol=1e-9 * scale)

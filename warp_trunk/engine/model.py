@@ -139,7 +139,7 @@ def build_model(
     energy: EnergyName = "itmsm",
     weights: WeightsName = "count",
     gravity: float = 0.0,
-    device: str = "auto",
+    device: str | Parallel = "auto",
     precision: str = "float32",
     threads: int = 0,
 ) -> Model:
@@ -152,7 +152,7 @@ def build_model(
         energy: 'itmsm', the energy itmsm (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
         weights: how itmsm weights its features: by their 'count' (the papers) or by rest 'volume'.
         gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.
-        device: 'auto', 'cpu' or 'cuda:N'.
+        device: 'auto', 'cpu' or 'cuda:N'; or where several models run, with its threads.
         precision: 'float32' or 'float64', of the device arrays; the host measures in float64.
         threads: CPU threads; 0 is all cores.
 
@@ -168,7 +168,7 @@ def build_model(
         raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
     check_mesh(trunk)
     check_tissues(trunk, tissues)
-    parallel = Parallel(device, threads)
+    parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
     scalar = PRECISIONS[precision]
 
     order, free_nodes = number_nodes(trunk)

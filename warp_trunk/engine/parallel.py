@@ -52,10 +52,14 @@ def choose_threads(threads: int) -> int:
 
 
 class Parallel:
-    """Where launches run: `ranges` threads of the CPU, or a CUDA device (one range)."""
+    """Where launches run: `ranges` threads of the CPU, or a CUDA device (one range).
 
-    def __init__(self, device: str = "auto", threads: int = 0) -> None:
+    Launches of fewer items than `least_split` run on the calling thread alone.
+    """
+
+    def __init__(self, device: str = "auto", threads: int = 0, *, least_split: int = LEAST_SPLIT) -> None:
         self.device = choose_device(device)
+        self.least_split = least_split
         self.is_cuda = self.device.startswith("cuda")
         self.ranges = 1 if self.is_cuda else choose_threads(threads)
         self._workers = [_Worker() for _ in range(self.ranges - 1)]
@@ -70,15 +74,15 @@ class Parallel:
         size: int | np.ndarray,
         inputs: Sequence[Any],
         outputs: Sequence[Any],
-        least: int = LEAST_SPLIT,
+        least: int | None = None,
     ) -> Launch:
         """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
 
         `size` is the number of items, or the bounds of the ranges where they should not be equal. Fewer
-        items than `least` are not split.
+        items than `least` are not split; `least_split` where it is left out.
         """
         bounds = self.split(size) if isinstance(size, int) else size
-        if bounds[-1] < least:
+        if bounds[-1] < (self.least_split if least is None else least):
             bounds = bounds[[0, -1]]
         commands = []
         for slab, (first, end) in enumerate(pairwise(bounds)):

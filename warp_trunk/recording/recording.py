@@ -115,8 +115,7 @@ class Recording:
 
     def increment(self, increment: Increment, measures: TrunkMeasures) -> None:
         """Records the trunk after an increment: skin, bones, landmarks, section, rotations, energy and error."""
-        for stream in self._streams:
-            stream.wait()
+        self.wait()
         if self.failed:
             return
         self._at(increment=increment.number, step=self._steps or None)
@@ -133,6 +132,11 @@ class Recording:
         displacement = state.host_displacement()
         self._scene.skin(displacement, {"displacement": self._values["displacement"](displacement, 0.0)})
         self._numbers.relaxation(step.energy, step.estimated_error, step.linear_iterations)
+
+    def wait(self) -> None:
+        """Waits until all that was recorded has arrived; nothing to wait for where a relaxation lay between."""
+        for stream in self._streams:
+            stream.wait()
 
     def finish(self, text: str) -> None:
         """Records the closing text, Markdown, beside the pictures."""

@@ -97,7 +97,7 @@ def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> lis
     return [stream for stream, _ in streams]
 
 
-def within(seconds: float, action: Callable[[], None]) -> bool:
+def within(seconds: float, action: Callable[[], object]) -> bool:
     """Whether an action that may never return ended in time."""
     thread = threading.Thread(target=action, daemon=True)
     thread.start()

@@ -98,7 +98,7 @@ def test_solves_with_any_preconditioner(make: Any) -> None:
     preconditioner: Preconditioner = make(matrix)
     solver = ConjugateGradient(matrix, preconditioner, state.gradient)
     solution = solver.solve(absolute=1e-9, relative=0.0, least=0)
-    right_side = -state.gradient.numpy()[: len(matrix.inverse_diagonal)]
+    right_side = -np.asarray(state.gradient.numpy(), dtype=np.float64)[: len(matrix.inverse_diagonal)]
     dense = np.asarray(on_host(matrix).todense())
     wanted = np.linalg.solve(dense, right_side.ravel()).reshape(-1, 3)
     assert np.linalg.norm(solver.solution.numpy() - wanted, axis=1).max() < 1e-8

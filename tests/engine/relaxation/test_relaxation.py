@@ -2,20 +2,20 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, rotate
 from support.reference import Reference, volumes
+from support.threads import split_launches
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus, RelaxStep
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-
-pytestmark = pytest.mark.usefixtures("split_small_meshes")
 
 METHODS = ["newton", "conjugate", "gradient"]
 
@@ -28,11 +28,11 @@ class Ending:
     displacement: np.ndarray
 
 
-def relaxed(trunk: TrunkMesh, start: np.ndarray, gravity: float = 0.0, **options: object) -> Ending:
+def relaxed(trunk: TrunkMesh, start: np.ndarray, gravity: float = 0.0, threads: int = 2, **options: Any) -> Ending:
     """Relaxes from a start; options for the model and the relaxation by name."""
     mine = {name: options.pop(name) for name in ("method", "tolerance", "max_steps") if name in options}
-    model = build_model(trunk, gravity=gravity, device="cpu", **options)  # type: ignore[arg-type]
-    relaxer = Relaxer(model, RelaxOptions(**mine))  # type: ignore[arg-type]
+    model = build_model(trunk, gravity=gravity, device=split_launches(threads), **options)
+    relaxer = Relaxer(model, RelaxOptions(**mine))
     relaxer.state.place(start)
     relaxation = relaxer.relax()
     return Ending(relaxation, relaxer.state.host_displacement())
@@ -211,7 +211,7 @@ def test_a_start_that_is_not_finite_is_called_so() -> None:
 
 def test_relaxing_again_changes_little() -> None:
     trunk, start = SCENES["moved bone"]
-    relaxer = Relaxer(build_model(trunk, device="cpu"), RelaxOptions(tolerance=1e-3))
+    relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-3))
     relaxer.state.place(start)
     relaxer.relax()
     first = relaxer.state.host_displacement()
@@ -222,7 +222,7 @@ def test_relaxing_again_changes_little() -> None:
 
 def test_the_tolerance_of_a_call_goes_before_that_of_the_options() -> None:
     trunk, start = SCENES["turned face"]
-    relaxer = Relaxer(build_model(trunk, device="cpu"), RelaxOptions(tolerance=1e-4))
+    relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-4))
     relaxer.state.place(start)
     loose = relaxer.relax(1.0)
     assert 1e-4 < loose.estimated_error <= 1.0
@@ -249,7 +249,7 @@ def test_refuses_options_out_of_range(options: dict[str, object]) -> None:
 def test_state_keeps_the_order_of_the_mesh() -> None:
     trunk, start = SCENES["moved bone"]
     start = start + np.random.default_rng(11).normal(size=start.shape)
-    state = State(build_model(trunk, Tissue(), device="cpu", precision="float64"))
+    state = State(build_model(trunk, Tissue(), device=split_launches(), precision="float64"))
     state.place(start)
     assert (state.host_displacement() == start).all()
 
@@ -257,7 +257,7 @@ def test_state_keeps_the_order_of_the_mesh() -> None:
 def test_every_step_is_seen_as_it_was() -> None:
     """Energies by term of each step, against the reference's at the displacement the watcher saw."""
     trunk, start = SCENES["moved bone"]
-    model = build_model(trunk, gravity=9.81, device="cpu", precision="float64")
+    model = build_model(trunk, gravity=9.81, device=split_launches(), precision="float64")
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-6))
     relaxer.state.place(start)
     seen: list[tuple[RelaxStep, np.ndarray]] = []

@@ -1,0 +1,213 @@
+"""One whole run: a mesh made elsewhere, what lies in the result folder, and runs that were interrupted."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+import rerun as rr
+
+from support.no_meshing import forbid_meshing
+from support.rrd import column
+from support.small_trunk import boned_case, box_mesh
+from warp_trunk.case import Case
+from warp_trunk.cli.view import find_recording
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import Increment, SimulationOptions
+from warp_trunk.errors import InputError
+from warp_trunk.io.surface_files import read_surface
+from warp_trunk.io.trunk_file import read_trunk
+from warp_trunk.results import read_result
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.progress import Progress
+from warp_trunk.run.run_case import RunResult, run_case
+
+FILES = {
+    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
+    "summary.json", "trunk.vtu",
+}  # fmt: skip
+"""The files of a result beside its recording."""
+
+
+class InterruptedBefore(Progress):
+    """Has a run be interrupted before it has kept an increment."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+    def increment(self, increment: Increment, count: int) -> None:
+        super().increment(increment, count)
+        if increment.number == self.number:
+            raise KeyboardInterrupt
+
+
+@pytest.fixture
+def case() -> Case:
+    return boned_case()[0]
+
+
+@pytest.fixture
+def mesh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A mesh of another program, of three layers; nothing else may be meshed."""
+    forbid_meshing(monkeypatch)
+    trunk = boned_case()[1]
+    nodes, tets, _ = box_mesh()
+    nodes = nodes * [1.01, 0.99, 1.0]  # not quite the case's skin
+    label = np.digitize(np.abs(nodes[tets].mean(axis=1)[:, 0]), [60.0, 110.0])[::-1] * 1
+    path = tmp_path / "tissue.vtu"
+    cells: Any = [("tetra", tets)]
+    meshio.write(path, meshio.Mesh(nodes, cells, point_data={"bone": trunk.bone}, cell_data={"tissue": [label]}))
+    return path
+
+
+def simulated(
+    case: Case, out: Path, mesh: Path, progress: Progress | None = None, *, max_steps: int = 100, **more: Any
+) -> RunResult:
+    """Three increments on one thread."""
+    simulation = SimulationOptions(increments=3, relax=RelaxOptions(max_steps=max_steps))
+    options = RunOptions(simulation=simulation, device="cpu", threads=1, from_mesh=mesh, **more)
+    return run_case(case, out, options, progress, warnings=())  # the box has fewer bones than a case needs
+
+
+def test_its_boundary_is_the_skin_and_the_summary_says_so(case: Case, mesh: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert simulated(case, out, mesh, record=False).status is RelaxStatus.CONVERGED
+    nodes, _, boundary = box_mesh()
+    before, after = (read_surface(out / name) for name in ("skin_before.ply", "predicted_skin.ply"))
+    wanted = nodes[np.unique(boundary)] * [1.01, 0.99, 1.0]
+    np.testing.assert_allclose(before.vertices, wanted, atol=1e-9)
+    trunk, displacement = read_trunk(out / "trunk.vtu")
+    np.testing.assert_allclose(after.vertices - before.vertices, displacement[trunk.skin_nodes], atol=1e-9)
+    assert np.linalg.norm(after.vertices - before.vertices, axis=1).max() > 1.0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["parameters"]["from_mesh"] == str(mesh)
+    assert "tets" not in summary["parameters"]  # nothing was meshed
+    assert len(summary["tissues"]) == 1
+
+
+def test_its_labels_are_the_layers(case: Case, mesh: Path, tmp_path: Path) -> None:
+    ends = []
+    for layers in ("none", "mesh"):
+        simulated(case, tmp_path / layers, mesh, record=False, layers=layers)
+        ends.append(read_trunk(tmp_path / layers / "trunk.vtu"))
+    assert (ends[0][0].tissue is None, set(ends[1][0].tissue)) == (True, {0, 1, 2})
+    assert np.abs(ends[0][1] - ends[1][1]).max() > 0.01  # they pull differently
+
+
+def test_a_run_that_did_not_converge_says_so_in_its_summary(case: Case, mesh: Path, tmp_path: Path) -> None:
+    assert simulated(case, tmp_path, mesh, record=False, max_steps=1).status is RelaxStatus.STEP_LIMIT
+    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "STEP_LIMIT"
+
+
+def test_sag_and_the_times_of_stages_are_in_the_summary(case: Case, mesh: Path, tmp_path: Path) -> None:
+    stiff = replace(case, tissue=replace(case.tissue, youngs_modulus=200.0))
+    for gravity in (0.0, 9.81):
+        simulated(stiff, tmp_path, mesh, record=False, gravity=gravity, layers="mesh")
+        summary = json.loads((tmp_path / "summary.json").read_text())
+        assert (summary["sag_mm"] > 0.0) == (gravity > 0.0) == ("rest" in summary["seconds"])
+        assert summary["seconds"]["layers"] is not None
+
+
+def test_an_interrupted_run_is_resumed_with_all_its_increments(
+    case: Case, mesh: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    simulated(case, whole, mesh)
+    with pytest.raises(KeyboardInterrupt):
+        simulated(case, out, mesh, InterruptedBefore(3))
+    assert {path.name for path in out.iterdir()} == {"checkpoint", "recording.partial.rrd"}
+    assert find_recording(out) == out / "recording.partial.rrd"
+    with pytest.raises(InputError, match="2 of 3 increments"):
+        read_result(out)
+    simulated(case, out, mesh, resume=True)
+    assert "going on after increment 2 of 3" in capsys.readouterr().err
+    for name in ("predicted_skin.ply", "trunk.vtu"):
+        assert (out / name).read_bytes() == (whole / name).read_bytes()
+    one, other = (
+        column(folder / "recording.rrd", "/now/skin/displacement", "vertex_positions") for folder in (whole, out)
+    )
+    assert {0, 1, 2, 3} <= one.keys() == other.keys()
+    for increment in (0, 1, 2, 3):
+        np.testing.assert_array_equal(one[increment], other[increment])
+    assert len(json.loads((out / "summary.json").read_text())["increments"]) == 3
+
+
+def test_what_cannot_be_resumed_is_said_before_any_work(case: Case, mesh: Path, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        simulated(case, tmp_path / "out", mesh, InterruptedBefore(2), record=False)
+    progress = Progress()
+    with pytest.raises(InputError, match="'bones' was spline and is rigid") as refusal:
+        simulated(case, tmp_path / "out", mesh, progress, record=False, resume=True, bones="rigid")
+    assert "leave --resume out" in str(refusal.value)
+    assert set(progress.seconds) == {"mesh"}  # what was asked had to be read, and no more was done
+
+
+def test_a_run_anew_removes_what_was_interrupted_and_nothing_to_resume_is_said(
+    case: Case, mesh: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        simulated(case, out, mesh, InterruptedBefore(2))
+    assert (out / "recording.partial.rrd").exists()
+    simulated(case, out, mesh, record=False)
+    assert "removed, an interrupted simulation" in capsys.readouterr().err
+    assert not list(out.glob("checkpoint")) + list(out.glob("recording*"))
+    simulated(case, out, mesh, record=False, resume=True)
+    assert "nothing to resume; starting from the beginning" in capsys.readouterr().err
+
+
+def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(
+    case: Case, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(rr.RecordingStream, "flush", full)
+    assert simulated(case, tmp_path / "out", mesh).status is RelaxStatus.CONVERGED
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"recording.partial.rrd", *FILES}
+
+
+def test_steps_are_recorded_only_where_that_is_asked(case: Case, mesh: Path, tmp_path: Path) -> None:
+    for steps in (False, True):
+        simulated(case, tmp_path, mesh, record_steps=steps)
+        found = column(tmp_path / "recording.rrd", "/now/skin/displacement", "vertex_positions", "step")
+        assert (len(found) > 3) == steps
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [({"record_colours": ("distance",)}, "actual skin"), ({"live": True, "record": False}, "--live")],
+)
+def test_what_cannot_be_recorded_is_refused_before_any_work(
+    case: Case, mesh: Path, tmp_path: Path, options: dict[str, Any], names: str
+) -> None:
+    progress = Progress()
+    with pytest.raises(InputError, match=names):
+        simulated(case, tmp_path / "out", mesh, progress, **options)
+    assert progress.seconds == {}
+
+
+def test_a_viewer_that_does_not_open_is_said_before_any_work(
+    case: Case, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.executable", "/bin/false")
+    progress = Progress()
+    with pytest.raises(InputError, match="the viewer does not open"):
+        simulated(case, tmp_path / "out", mesh, progress, live=True)
+    assert set(progress.seconds) == {"mesh"}
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
+    case: Case, mesh: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    progress = Progress()
+    with pytest.raises(InputError, match="--out"):
+        simulated(case, tmp_path / "file", mesh, progress)
+    assert progress.seconds == {}
