@@ -85,6 +85,7 @@ def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:
         off_bone = trunk.bone < 0
         np.testing.assert_array_equal(path.at(t)[off_bone], t * free.displacement[off_bone])
     upper = trunk.bone == 0
+    there = trunk.nodes + path.at(1.0)
     np.testing.assert_allclose(there[upper], motions["upper"].apply(trunk.nodes[upper]), atol=1e-9)
     np.testing.assert_array_equal(path.displacement, path.at(1.0))
     np.testing.assert_array_equal(path.at(0.4)[trunk.bone == 1], 0.0)

@@ -21,7 +21,7 @@ def refused(case: Case, rule: str, source: CaseSource | None = None) -> None:
 def with_landmarks(change) -> Case:
     """Both sets of landmarks changed alike: `change` takes and gives a dict of points by name."""
     sets = []
-    for landmarks in (small_case().landmarks_before, small_case().landmarks_after):
+    for landmarks in (small_case().landmarks_before, small_case().planned_landmarks):
         points = change(dict(zip(landmarks.names, landmarks.points.copy(), strict=True)))
         sets.append(Landmarks(tuple(points), np.array(list(points.values())).reshape(-1, 3)))
     return replace(small_case(), landmarks_before=sets[0], landmarks_after=sets[1])
@@ -106,7 +106,7 @@ def test_landmarks_must_be_near_their_bone():
 
 
 def test_surgery_moves_landmarks_a_little():
-    landmarks = small_case().landmarks_after
+    landmarks = small_case().planned_landmarks
     refused(
         replace(small_case(), landmarks_after=Landmarks(landmarks.names, landmarks.points + 120.0)),
         r"landmarks_after: '.*' moves 2\d\d\.\d mm, 150 mm is allowed",
@@ -140,7 +140,7 @@ def turned(case: Case, M: np.ndarray) -> Case:
         skin=Surface(case.skin.vertices @ M.T, case.skin.faces[:, flip]),
         bones={n: Surface(b.vertices @ M.T, b.faces[:, flip]) for n, b in case.bones.items()},
         landmarks_before=Landmarks(case.landmarks_before.names, case.landmarks_before.points @ M.T),
-        landmarks_after=Landmarks(case.landmarks_after.names, case.landmarks_after.points @ M.T),
+        landmarks_after=Landmarks(case.planned_landmarks.names, case.planned_landmarks.points @ M.T),
     )
 
 

@@ -108,4 +108,4 @@ def test_a_case_with_layers_comes_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.fat_thickness, thickness)
     assert again.constants == layers.constants
     assert again.mesh == folder / "labels.vtu"
-    assert again.mesh.read_text(encoding="utf-8") == "labels"
+    assert (folder / "labels.vtu").read_text(encoding="utf-8") == "labels"

@@ -1,7 +1,7 @@
 import numpy as np
 
 from support.synthetic import sphere
-from warp_trunk.geometry.distance_field import Grid, SurfaceDistance, connected
+from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected
 from warp_trunk.geometry.surface import Surface
 
 
@@ -10,8 +10,9 @@ def grid_of(radius, spacing):
     return Grid(np.full(3, -spacing * (count // 2)), spacing, (count, count, count))
 
 
-def atomic_write(grid):
-    return tuple(slice(0, n) for n in grid.shape)
+def whole(grid: Grid) -> Box:
+    a, b, c = grid.shape
+    return slice(0, a), slice(0, b), slice(0, c)
 
 
 def test_distance_to_a_sphere_far_from_the_origin():
@@ -30,7 +31,7 @@ def test_beyond_the_reach_is_nan():
 def test_grid_is_signed_deep_inside_and_far_outside():
     grid = grid_of(60.0, 4.0)
     band = 8.0
-    box = atomic_write(grid)
+    box = whole(grid)
     field = SurfaceDistance(sphere(40.0, subdivisions=4)).on_grid(grid, box, np.ones(grid.shape, dtype=bool), band)
     nodes = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape), indexing="ij"), axis=-1)
     exact = np.linalg.norm(grid.positions(nodes), axis=-1) - 40.0
@@ -45,7 +46,7 @@ def test_hollow_of_a_bottle_is_outside():
         np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)]),
     )
     grid = grid_of(48.0, 4.0)
-    field = SurfaceDistance(hollow).on_grid(grid, atomic_write(grid), np.ones(grid.shape, dtype=bool), 8.0)
+    field = SurfaceDistance(hollow).on_grid(grid, whole(grid), np.ones(grid.shape, dtype=bool), 8.0)
     middle = grid.shape[0] // 2
     assert field[middle, middle, middle] == 8.0
     assert field[middle, middle, middle + 8] < 0.0
@@ -55,7 +56,7 @@ def test_nodes_not_wanted_are_left_outside():
     grid = grid_of(20.0, 4.0)
     wanted = np.zeros(grid.shape, dtype=bool)
     wanted[5, 5, 5] = True
-    field = SurfaceDistance(sphere(15.0)).on_grid(grid, atomic_write(grid), wanted, 8.0)
+    field = SurfaceDistance(sphere(15.0)).on_grid(grid, whole(grid), wanted, 8.0)
     assert field[5, 5, 5] == -8.0
     assert (field[~wanted] == 8.0).all()
 

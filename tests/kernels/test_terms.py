@@ -1,6 +1,10 @@
 """The energy terms of eq. 4.12 to 4.14 of [2] one by one, in float64: values, gradients, curvatures."""
 
+# Warp's annotations are values:
+# pyright: reportInvalidTypeForm=false
+
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,7 +108,7 @@ def volume(edges: np.ndarray) -> np.ndarray:
 class Term:
     """A term of a feature given by its edge vectors from one corner, shape (cases, vectors, 3)."""
 
-    def __init__(self, kernel: wp.Kernel, vectors: int, measure: Callable[[np.ndarray], np.ndarray]) -> None:
+    def __init__(self, kernel: Any, vectors: int, measure: Callable[[np.ndarray], np.ndarray]) -> None:
         self.kernel, self.vectors, self.measure = kernel, vectors, measure
 
     def __call__(self, rest: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -139,7 +139,9 @@ def test_no_point_of_a_rough_back_lies_behind_its_tangent(seed):
     outline = grooved(300, width=35.0) * random.uniform(0.98, 1.02, (300, 1))
     turn = rotation(random.uniform(-20.0, 20.0))
     outline = outline @ turn.T
-    left, right = dual_tangent(outline, turn @ SPINE, LEFT)
+    tangent = dual_tangent(outline, turn @ SPINE, LEFT)
+    assert tangent is not None
+    left, right = tangent
     assert max(np.linalg.norm(outline - point, axis=1).min() for point in (left, right)) < 1e-9
     along = left - right
     behind = along[0] * (outline[:, 1] - right[1]) - along[1] * (outline[:, 0] - right[0])

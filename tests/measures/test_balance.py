@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from support.known_spine import BODY, DISC, known_spine
+from support.there import there
 from support.trunk_shapes import rotation, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkShift, measure
+from warp_trunk.measures import measure
 from warp_trunk.measures.shoulders import INNER, OUTER, shoulder_heights
 from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.spine_height import SpineHeight, spine_height
+from warp_trunk.measures.spine_height import spine_height
 from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
 
 LEFT = np.array([1.0, 0.0])
@@ -25,7 +26,9 @@ def test_spine_that_leans_forward_stands_in_front_of_the_sacrum():
     leaning = known_spine(back={"T1": -10.0, "L5": -10.0})
     length = (17 * BODY + 16 * DISC) - 0.5 * BODY
     expected = length * np.sin(np.radians(10.0)) - 4.0 / 6.0 * 15.0
-    assert shift_of(leaning) == TrunkShift(pytest.approx(0.0), pytest.approx(expected, abs=1e-9), "T1", "L5")
+    shift = there(shift_of(leaning))
+    assert (shift.lateral, shift.forward) == pytest.approx((0.0, expected), abs=1e-9)
+    assert (shift.upper, shift.lower) == ("T1", "L5")
 
 
 def test_sagittal_balance_does_not_depend_on_where_the_patient_looks():
@@ -33,20 +36,22 @@ def test_sagittal_balance_does_not_depend_on_where_the_patient_looks():
     turn[:2, :2] = rotation(40.0)
     turned = shift_of(Landmarks(leaning.names, leaning.points @ turn.T))
     assert turned is not None
-    assert turned.forward == pytest.approx(shift_of(leaning).forward, abs=1e-9)
+    assert turned.forward == pytest.approx(there(shift_of(leaning)).forward, abs=1e-9)
 
 
 def test_the_middle_of_the_pelvis_is_no_sacrum_to_lean_over():
     names = [name for name in known_spine().names if not name.startswith("L5")]
     landmarks = known_spine()
     points = np.array([landmarks.point(name) for name in names])
-    shift = shift_of(Landmarks(tuple(names), points))
+    shift = there(shift_of(Landmarks(tuple(names), points)))
     assert (shift.lower, shift.forward) == ("pelvis", None)
 
 
 def test_height_is_that_of_the_stack_and_shrinks_with_the_cosine_of_a_tilt():
     length = 17 * BODY + 16 * DISC
-    assert spine_height(spine_of(known_spine())) == SpineHeight(pytest.approx(length), "T1", "L5")
+    upright = there(spine_height(spine_of(known_spine())))
+    assert (upright.upper, upright.lower) == ("T1", "L5")
+    assert upright.height == pytest.approx(length)
     tilted = spine_height(spine_of(known_spine(to_left={"T1": 20.0, "L5": 20.0})))
     assert tilted is not None
     assert tilted.height == pytest.approx(length * np.cos(np.radians(20.0)), abs=1e-9)
@@ -54,7 +59,9 @@ def test_height_is_that_of_the_stack_and_shrinks_with_the_cosine_of_a_tilt():
 
 def test_height_reaches_s1_where_it_is_known_and_needs_t1():
     landmarks = with_points(known_spine(), {"S1_superior_endplate": (0.0, 40.0, -50.0)})
-    assert spine_height(spine_of(landmarks)) == SpineHeight(pytest.approx(450.0), "T1", "S1")
+    found = there(spine_height(spine_of(landmarks)))
+    assert (found.upper, found.lower) == ("T1", "S1")
+    assert found.height == pytest.approx(450.0)
     assert spine_height(spine_of(known_spine(levels=("T2", "T3", "L5")))) is None
 
 

@@ -1,8 +1,11 @@
 """Trunk shift and flanks of trunks that are moved aside by known lengths."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from support.there import there
 from support.trunk_shapes import ASIS, ellipse, rotation, spine, tube, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
@@ -20,15 +23,17 @@ def sheared_spine(aside, levels=LEVELS):
     return Landmarks(straight.names, points)
 
 
-def shift_of(landmarks):
-    return measure(tube(ellipse()), landmarks).trunk_shift
+def shift_of(landmarks: Landmarks) -> TrunkShift:
+    """Lateral to a millionth of a millimetre."""
+    found = there(measure(tube(ellipse()), landmarks).trunk_shift)
+    return replace(found, lateral=round(found.lateral, 6))
 
 
 @pytest.mark.parametrize(("aside", "expected"), [(-25.0, 25.0), (10.0, -10.0)])
 def test_shear_of_the_spine_is_its_shift_positive_to_the_right(aside, expected):
     """The lower endplate of L5 is at 70 mm, where the shear begins."""
     shift = shift_of(sheared_spine(aside))
-    assert shift == TrunkShift(pytest.approx(expected, abs=1e-9), 0.0, "T1", "L5")
+    assert shift == TrunkShift(expected, 0.0, "T1", "L5")
 
 
 def test_is_measured_along_the_pelvis():
@@ -43,15 +48,15 @@ def test_best_landmarks_at_hand_are_used():
     sacrum = {"sacrum_left": (7.0, 50.0, 40.0), "sacrum_right": (-3.0, 50.0, 40.0)}
     s1 = {"S1_superior_endplate": (4.0, 40.0, 60.0), "S1_left": (90.0, 40.0, 60.0)}
     c7 = {"C7_spinous_process": (-6.0, 60.0, 400.0)}
-    assert shift_of(with_points(landmarks, sacrum)) == TrunkShift(pytest.approx(2.0), 10.0, "T1", "sacrum")
-    assert shift_of(with_points(landmarks, sacrum | s1)) == TrunkShift(pytest.approx(4.0), 0.0, "T1", "S1")
-    assert shift_of(with_points(landmarks, s1 | c7)) == TrunkShift(pytest.approx(10.0), -20.0, "C7", "S1")
+    assert shift_of(with_points(landmarks, sacrum)) == TrunkShift(2.0, 10.0, "T1", "sacrum")
+    assert shift_of(with_points(landmarks, sacrum | s1)) == TrunkShift(4.0, 0.0, "T1", "S1")
+    assert shift_of(with_points(landmarks, s1 | c7)) == TrunkShift(10.0, -20.0, "C7", "S1")
 
 
 def test_without_a_sacrum_the_middle_of_the_pelvis_serves():
     asis = [(x + 9.0, y) for x, y in ASIS]
     landmarks = spine({"T1": 380.0, "L4": 120.0}, (0.0, 40.0), asis)
-    assert shift_of(landmarks) == TrunkShift(pytest.approx(9.0), None, "T1", "pelvis")
+    assert shift_of(landmarks) == TrunkShift(9.0, None, "T1", "pelvis")
 
 
 def test_without_the_top_of_the_spine_it_is_missing():

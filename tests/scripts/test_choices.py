@@ -78,7 +78,7 @@ def test_a_run_is_made_once(small: Study, monkeypatch: pytest.MonkeyPatch) -> No
     assert np.abs(first.skin.vertices - small.case.skin.vertices).max() > 1.0
     monkeypatch.setattr(study_module, "simulate", lambda *_: pytest.fail("it was run a second time"))
     np.testing.assert_array_equal(small.ending(Choices(increments=2)).skin.vertices, first.skin.vertices)
-    after = small.case.landmarks_after
+    after = small.case.planned_landmarks
     other = replace(small.case, landmarks_after=Landmarks(after.names, after.points + 1.0))
     for study, choices in ((small, Choices(increments=3)), (Study(other, small.folder), Choices(increments=2))):
         with pytest.raises(pytest.fail.Exception):
@@ -108,7 +108,7 @@ def test_every_choice_reaches_the_run(small: Study) -> None:
 
 
 def test_landmarks_of_a_plan_share_their_errors(small: Study) -> None:
-    before, after = small.case.landmarks_before.points, small.case.landmarks_after.points
+    before, after = small.case.landmarks_before.points, small.case.planned_landmarks.points
     for sample in (0, 1):
         plan = small.landmarks(Choices(landmark_error="shared", sample=sample))
         np.testing.assert_allclose(plan[1].points - after, plan[0].points - before, atol=1e-12)
@@ -122,7 +122,7 @@ def test_a_row_of_samples_has_their_mean_and_spread(small: Study) -> None:
     runs = tuple(Choices(increments=1, landmark_error="each", sample=sample) for sample in range(3))
     cost = measured(small, Row("landmarks", "input", Choices(), runs))
     away = [
-        difference(small.ending(run).skin, small.ending(Choices()).skin, small.case.landmarks_after).mean_mm
+        difference(small.ending(run).skin, small.ending(Choices()).skin, small.case.planned_landmarks).mean_mm
         for run in runs
     ]
     assert min(away) > 0.0

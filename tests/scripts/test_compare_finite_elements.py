@@ -27,7 +27,7 @@ PACKAGES = {Pardiso: "pypardiso", cholmod: "cvxopt", multigrid: "pyamg"}
 def problem() -> Problem:
     """A box of tissue around a column whose T8 moves by 12 mm."""
     case, trunk = small_case()
-    return Problem(case.name, trunk, case.tissue, case.landmarks_before, case.landmarks_after)
+    return Problem(case.name, trunk, case.tissue, case.landmarks_before, case.planned_landmarks)
 
 
 @pytest.mark.parametrize("factorise", [superlu, jacobi, *PACKAGES], ids=lambda solver: solver.__name__)

@@ -54,11 +54,9 @@ def open_page(page_file: Path, screenshot: Path | None = None, widths: tuple[int
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
         page = browser.new_context(offline=True).new_page()
-        page.on(
-            "console", lambda message: message.type in ("error", "warning") and complaints.append(message.text)
-        )
+        page.on("console", lambda said: complaints.extend([said.text] * (said.type in ("error", "warning"))))
         page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: request.url.startswith("data:") or requests.append(request.url))
+        page.on("request", lambda request: requests.append(request.url))
         for width in widths:
             page.set_viewport_size({"width": width, "height": 900})
             page.goto(page_file.resolve().as_uri(), wait_until="load")
@@ -66,8 +64,9 @@ def open_page(page_file: Path, screenshot: Path | None = None, widths: tuple[int
             overflow[width] = page_width - width
         if screenshot is not None:
             page.screenshot(path=screenshot)
+        fetched = [url for url in requests if not url.startswith("data:")]
         opened = Opened(
-            complaints, requests, page.evaluate(_PICTURES), overflow, page.inner_text("body"),
+            complaints, fetched, page.evaluate(_PICTURES), overflow, page.inner_text("body"),
             page.pdf(prefer_css_page_size=True),
         )  # fmt: skip
         browser.close()

@@ -7,7 +7,7 @@ import numpy as np
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
-from .reference import Reference
+from .reference import Reference, add_at
 
 
 def lame(tissue: Tissue) -> tuple[float, float]:
@@ -88,6 +88,6 @@ class Continuum(Reference):
         out = np.zeros_like(self.trunk.nodes + displacement)
         out[..., 2] = self.node_weight
         for corner in range(3):
-            np.add.at(out, (..., self.tets[:, corner], slice(None)), force[..., corner])
-            np.add.at(out, (..., self.tets[:, 3], slice(None)), -force[..., corner])
+            add_at(out, self.tets[:, corner], force[..., corner])
+            add_at(out, self.tets[:, 3], -force[..., corner])
         return out

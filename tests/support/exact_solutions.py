@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
@@ -57,14 +57,14 @@ def constants(nu: float) -> tuple[float, float, float]:
 def brick(cells: int, held: Callable[[np.ndarray], np.ndarray], jitter: float = 0.0) -> TrunkMesh:
     """A cube of 30 mm whose lowest corner is (10, 20, 10); inner nodes moved by `jitter` spacings."""
     nodes, tets, _ = grid((cells, cells, cells), 30.0 / cells)
-    on_boundary = ((nodes < 1e-9) | (nodes > 30.0 - 1e-9)).any(axis=1)
+    on_boundary = all_around(nodes)
     noise = np.random.default_rng(2).uniform(-1.0, 1.0, nodes.shape) * (30.0 / cells)
     nodes = nodes + jitter * np.where(on_boundary[:, None], 0.0, noise)
     return trunk(nodes + np.array([10.0, 20.0, 10.0]), tets, held(nodes))
 
 
 def all_around(nodes: np.ndarray) -> np.ndarray:
-    return ((nodes < 1e-9) | (nodes > 30.0 - 1e-9)).any(axis=1)
+    return np.any((nodes < 1e-9) | (nodes > 30.0 - 1e-9), axis=1)
 
 
 def the_ends(nodes: np.ndarray) -> np.ndarray:
@@ -89,7 +89,7 @@ def pulled(stretch: float, nu: float) -> tuple[Exact, float]:
         shear, pressure = mu * (1.0 - 1.0 / (squares + 1.0)), lam * (stretch * across**2 - alpha)
         return shear * across + pressure * stretch * across, shear * stretch + pressure * across**2
 
-    across = brentq(lambda across: stresses(across)[0], 0.5, 2.0, xtol=1e-15)
+    across = root_scalar(lambda across: stresses(across)[0], bracket=(0.5, 2.0), xtol=1e-15).root
     return affine(brick(3, the_ends, 0.15), np.diag([across, across, stretch])), stresses(across)[1]
 
 
@@ -152,7 +152,7 @@ def hanging(cells: int, nu: float) -> Exact:
         def excess(s: float) -> float:
             return mu * (1.0 - 1.0 / (s**2 + 3.0)) * s + lam * (s - alpha) + WEIGHT * (top - height)
 
-        return brentq(excess, 0.05, 1.5, xtol=1e-14)
+        return root_scalar(excess, bracket=(0.05, 1.5), xtol=1e-14).root
 
     inside = [[stretch(low + half * (1.0 + x)) - 1.0 for x in points] for low in z[:-1]]
     sinking = np.concatenate([[0.0], np.cumsum(half * np.array(inside) @ weights)])

@@ -32,7 +32,7 @@ def grid(cells: tuple[int, int, int], size: float = 10.0) -> tuple[np.ndarray, n
     tets = []
     for axes in permutations(range(3)):
         path = np.vstack([np.zeros((1, 3), dtype=int), np.cumsum(np.eye(3, dtype=int)[list(axes)], axis=0)])
-        ids = np.ravel_multi_index(tuple((corner[:, None] + path).transpose(2, 0, 1)), tuple(counts))
+        ids = np.asarray(np.ravel_multi_index(tuple((corner[:, None] + path).transpose(2, 0, 1)), tuple(counts)))
         even = np.linalg.det(np.diff(path, axis=0)) > 0
         tets.append(ids if even else ids[:, [0, 2, 1, 3]])
     return size * nodes.astype(float), np.concatenate(tets), np.tile(corner, (6, 1))

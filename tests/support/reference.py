@@ -7,6 +7,7 @@ works per tetrahedron with weights 1/|K| and on displacements. Dense and slow: f
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,12 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross product along the last axis, without the checks of NumPy's."""
     (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def add_at(out: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> None:
+    """Adds to the nodes of `out`, shape (..., nodes, 3); a node may be named more than once."""
+    where: Any = (..., nodes, slice(None))  # NumPy's types know arrays only
+    np.add.at(out, where, values)
 
 
 class Reference:
@@ -89,15 +96,12 @@ class Reference:
         out = np.zeros_like(points)
         out[..., 2] = self.node_weight
 
-        def add(nodes: np.ndarray, force: np.ndarray) -> None:
-            np.add.at(out, (..., nodes, slice(None)), force)
-
         i, j = self.edges.T
         length = self.lengths(points)
         pull = 2.0 * (length / self.rest_lengths - 1.0) / self.rest_lengths / np.maximum(length, 1e-300)
         force = pull[..., None] * (points[..., j, :] - points[..., i, :])
-        add(j, force)
-        add(i, -force)
+        add_at(out, j, force)
+        add_at(out, i, -force)
 
         i, j, k = self.faces.T
         p, q, r = (points[..., corner, :] for corner in (i, j, k))
@@ -106,13 +110,13 @@ class Reference:
         pull = self.tissue.epsilon * (0.5 * norm / self.rest_areas - 1.0) / self.rest_areas
         normal = normal * (pull / np.maximum(norm, 1e-300))[..., None]
         for corner, opposite in ((i, r - q), (j, p - r), (k, q - p)):
-            add(corner, cross(normal, opposite))
+            add_at(out, corner, cross(normal, opposite))
 
         p = [points[..., self.tets[:, corner], :] for corner in range(4)]
         growth = volumes(points, self.tets) / self.rest_volumes - 1.0
         pull = (self.tissue.theta * 2.0 / 6.0 * growth / self.rest_volumes)[..., None]
         for corner, (a, b, c) in enumerate(((1, 3, 2), (0, 2, 3), (0, 3, 1), (0, 1, 2))):
-            add(self.tets[:, corner], pull * cross(p[b] - p[a], p[c] - p[a]))
+            add_at(out, self.tets[:, corner], pull * cross(p[b] - p[a], p[c] - p[a]))
         return out
 
     def hessian(self, displacement: np.ndarray) -> np.ndarray:
@@ -123,7 +127,7 @@ class Reference:
             rows = np.arange(first, min(first + 30, size))
             moved = np.tile(displacement.astype(complex), (len(rows), 1, 1))
             moved[np.arange(len(rows)), self.free[rows // 3], rows % 3] += 1j * tiny
-            out[rows] = self.gradient(moved).imag[:, self.free].reshape(len(rows), -1) / tiny
+            out[rows] = np.imag(self.gradient(moved))[:, self.free].reshape(len(rows), -1) / tiny
         return 0.5 * (out + out.T)
 
     def downhill(self, displacement: np.ndarray, iterations: int) -> np.ndarray:

@@ -50,7 +50,7 @@ def write_small_result(
     if without is not None:
         up = np.array([[0.0, 0.0, 500.0 * n.startswith(f"{without}_")] for n in case.landmarks_before.names])
         lifted = [
-            replace(marks, points=marks.points + up) for marks in (case.landmarks_before, case.landmarks_after)
+            replace(marks, points=marks.points + up) for marks in (case.landmarks_before, case.planned_landmarks)
         ]
         case = replace(case, landmarks_before=lifted[0], landmarks_after=lifted[1])
     write_result(

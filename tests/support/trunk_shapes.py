@@ -1,6 +1,7 @@
 """Trunks of known shape, and spines to measure them with."""
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,22 +14,22 @@ ASIS = ((120.0, 0.0), (-120.0, 0.0))
 POINTS = ("superior_endplate", "inferior_endplate")
 
 
-def ellipse(count=360, half_width=150.0, half_depth=100.0):
+def ellipse(count: int = 360, half_width: float = 150.0, half_depth: float = 100.0) -> np.ndarray:
     t = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
     return np.column_stack([half_width * np.cos(t), half_depth * np.sin(t)])
 
 
-def flat_back(half_width=150.0, half_depth=100.0):
+def flat_back(half_width: float = 150.0, half_depth: float = 100.0) -> np.ndarray:
     """A rectangle: turned, its back surface rotation is that angle wherever the spine lies."""
     return np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) * [half_width, half_depth]
 
 
-def rotation(degrees):
+def rotation(degrees: float) -> np.ndarray:
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return np.array([[c, -s], [s, c]])
 
 
-def tube(outline, bottom=0.0, top=400.0, rows=1):
+def tube(outline: np.ndarray, bottom: float = 0.0, top: float = 400.0, rows: int = 1) -> Surface:
     """A closed prism over a convex outline, its sides cut in rows."""
     n = len(outline)
     ring = np.arange(n)
@@ -49,21 +50,23 @@ def tube(outline, bottom=0.0, top=400.0, rows=1):
     return Surface(vertices, np.vstack([*sides, *caps]).astype(np.int32))
 
 
-def spine(levels, xy=SPINE, asis=ASIS):
+def spine(
+    levels: Mapping[str, float], xy: Sequence[float] | np.ndarray = SPINE, asis: Sequence[Sequence[float]] = ASIS
+) -> Landmarks:
     """Two landmarks on each vertebra, 10 mm above and below its height in `levels`, and the iliac spines."""
     names = [f"{level}_{point}" for level in levels for point in POINTS] + ["asis_left", "asis_right"]
     points = [[*xy, z + dz] for z in levels.values() for dz in (10.0, -10.0)]
     return Landmarks(tuple(names), np.array(points + [[*p, 20.0] for p in asis]))
 
 
-def with_points(landmarks, points):
+def with_points(landmarks: Landmarks, points: Mapping[str, Sequence[float] | np.ndarray]) -> Landmarks:
     """The landmarks with more of them, by name."""
     return Landmarks(
         (*landmarks.names, *points), np.vstack([landmarks.points, np.array(list(points.values()), dtype=float)])
     )
 
 
-def joined(*surfaces):
+def joined(*surfaces: Surface) -> Surface:
     counts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
     return Surface(
         np.concatenate([s.vertices for s in surfaces]),
@@ -74,7 +77,7 @@ def joined(*surfaces):
 LEVELS = {f"T{i}": 370.0 - 20.0 * i for i in range(1, 13)} | {f"L{i}": 130.0 - 20.0 * i for i in range(1, 6)}
 
 
-def twisted(top, bottom=0.0):
+def twisted(top: float, bottom: float = 0.0) -> Surface:
     """An elliptic trunk turned clockwise by angles that run evenly from its bottom to its top [degrees]."""
     straight = tube(ellipse(240), rows=40)
     angle = -np.radians(bottom + (top - bottom) * straight.vertices[:, 2] / 400.0)

@@ -10,6 +10,7 @@ import trimesh
 from scipy.interpolate import BSpline
 
 from support.meshes import block, grid, trunk
+from support.there import there
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.model import EnergyName, build_model
 from warp_trunk.engine.state import State
@@ -159,7 +160,7 @@ def test_labels_of_a_mesh_are_taken(tmp_path: Path) -> None:
     layers = Layers(mesh=tmp_path / "tissue.vtu")
     np.testing.assert_array_equal(layered(bare, layers, "mesh").tissue, labels)
     finer = slab((12, 12, 8), 5.0)
-    found = layered(finer, layers, "mesh").tissue
+    found = there(layered(finer, layers, "mesh").tissue)
     height = finer.nodes[finer.tets][:, :, 2].mean(axis=1)
     assert (found[height > 34.0] == 0).all()
     assert (found[height < 16.0] == 2).all()
@@ -176,9 +177,9 @@ def test_parts_of_tissue_come_back_from_a_file(tmp_path: Path) -> None:
 def test_parts_that_make_no_whole_are_refused() -> None:
     made = layered(slab(), Layers(), "depth")
     with pytest.raises(InputError, match="must be from 0 and add to 1"):
-        check_trunk(replace(made, tissue=0.9 * made.tissue), "trunk")
+        check_trunk(replace(made, tissue=0.9 * there(made.tissue)), "trunk")
     with pytest.raises(InputError, match="'tissue' must be one whole number, or the part of each"):
-        check_trunk(replace(made, tissue=made.tissue[:, 0]), "trunk")
+        check_trunk(replace(made, tissue=there(made.tissue)[:, 0]), "trunk")
 
 
 def test_meshes_that_cannot_give_labels_are_refused(tmp_path: Path) -> None:

@@ -23,10 +23,10 @@ def test_case_holds_the_curve_and_its_correction() -> None:
     case = make_case(SKIN, BONES, CURVE, 0.7)
     assert case.name == "double_major 40 degrees, 70 % corrected"
     assert case.actual_skin is None
-    assert case.landmarks_before.names == case.landmarks_after.names
+    assert case.landmarks_before.names == case.planned_landmarks.names
     straight = find_landmarks(BONES).complete()
     gone = [
-        np.abs(marks.points - straight.points).max() for marks in (case.landmarks_before, case.landmarks_after)
+        np.abs(marks.points - straight.points).max() for marks in (case.landmarks_before, case.planned_landmarks)
     ]
     assert 0.2 * gone[0] < gone[1] < 0.4 * gone[0]
     assert np.abs(case.skin.vertices - SKIN.vertices).max() > 10.0
@@ -34,7 +34,7 @@ def test_case_holds_the_curve_and_its_correction() -> None:
 
 def test_no_correction_leaves_the_landmarks_where_they_were() -> None:
     case = make_case(SKIN, BONES, CURVE, 0.0)
-    np.testing.assert_array_equal(case.landmarks_after.points, case.landmarks_before.points)
+    np.testing.assert_array_equal(case.planned_landmarks.points, case.landmarks_before.points)
 
 
 def test_fraction_is_checked() -> None:

@@ -2,7 +2,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, VERTEBRAE, bone_of
 from warp_trunk.geometry.surface import Surface
@@ -27,7 +27,7 @@ def mirror(name: str) -> str:
 
 def test_bones_and_landmarks_are_mirror_images():
     for name, bone in BONES.items():
-        gap, _ = cKDTree(BONES[mirror(name)].vertices).query(bone.vertices * [-1.0, 1.0, 1.0])
+        gap, _ = KDTree(BONES[mirror(name)].vertices).query(bone.vertices * [-1.0, 1.0, 1.0])
         assert gap.max() < 1e-12
     for name in LANDMARKS.names:
         np.testing.assert_allclose(

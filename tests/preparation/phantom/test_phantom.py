@@ -44,9 +44,9 @@ def test_the_case_has_the_curve_it_says():
         return max(tilts) - min(tilts)
 
     assert cobb(case.landmarks_before) == pytest.approx(60.0, abs=1.0)
-    assert cobb(case.landmarks_after) == pytest.approx(0.3 * 60.0, abs=1.0)
+    assert cobb(case.planned_landmarks) == pytest.approx(0.3 * 60.0, abs=1.0)
     np.testing.assert_array_equal(
-        case.landmarks_before.of_bone("hip_left").points, case.landmarks_after.of_bone("hip_left").points
+        case.landmarks_before.of_bone("hip_left").points, case.planned_landmarks.of_bone("hip_left").points
     )
 
 
@@ -70,7 +70,7 @@ def test_no_curve_is_the_straight_trunk():
     case = phantom_case(curve=SpineCurve(cobb=0.0))
     skin, bones, landmarks = straight_trunk()
     np.testing.assert_allclose(case.skin.vertices, skin.vertices, atol=1e-9)
-    np.testing.assert_allclose(case.landmarks_after.points, landmarks.points, atol=1e-9)
+    np.testing.assert_allclose(case.planned_landmarks.points, landmarks.points, atol=1e-9)
     for name, bone in bones.items():
         np.testing.assert_allclose(case.bones[name].vertices, bone.vertices, atol=1e-9)
 
@@ -80,7 +80,7 @@ def test_it_is_the_same_every_time_and_survives_its_folder(tmp_path):
     write_case(tmp_path, phantom_case())
     back = read_case(tmp_path)
     np.testing.assert_array_equal(back.skin.vertices, case.skin.vertices)
-    np.testing.assert_array_equal(back.landmarks_after.points, case.landmarks_after.points)
+    np.testing.assert_array_equal(back.planned_landmarks.points, case.planned_landmarks.points)
     assert back.name == case.name
 
 

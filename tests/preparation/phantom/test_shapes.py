@@ -12,7 +12,8 @@ def test_a_tube_of_circles_is_a_cylinder_with_cones():
         z[:, None] * [0.0, 0.0, 1.0],
         ones * [1.0, 0.0, 0.0],
         ones * [0.0, 1.0, 0.0],
-        *np.full((2, 4), 5.0),
+        np.full(4, 5.0),
+        np.full(4, 5.0),
         around=200,
     )
     check_solid(surface, "tube")

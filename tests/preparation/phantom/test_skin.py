@@ -1,5 +1,5 @@
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from warp_trunk.geometry.section import outer_loop, section
 from warp_trunk.geometry.surface_checks import check_solid, components
@@ -18,10 +18,10 @@ def test_the_skin_is_one_solid_of_even_triangles():
 
 def test_the_skin_is_its_own_mirror_image():
     skin = trunk_skin()
-    gap, twin = cKDTree(skin.vertices).query(skin.vertices * [-1.0, 1.0, 1.0])
+    gap, twin = KDTree(skin.vertices).query(skin.vertices * [-1.0, 1.0, 1.0])
     assert gap.max() == 0.0
     triangles = {tuple(sorted(face)) for face in skin.faces.tolist()}
-    assert triangles == {tuple(sorted(face)) for face in twin[skin.faces].tolist()}
+    assert triangles == {tuple(sorted(face)) for face in np.asarray(twin)[skin.faces].tolist()}
 
 
 def width_at(z: float) -> float:

@@ -20,7 +20,7 @@ def landmarks() -> Landmarks:
     return straight_trunk()[2]
 
 
-def changed(film: Film, **places: list[float]) -> Film:
+def changed(film: Film, **places: list[float] | np.ndarray) -> Film:
     points = film.points.copy()
     for name, place in places.items():
         points[film.names.index(name)] = place

@@ -1,0 +1,11 @@
+"""What a test knows to be there."""
+
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def there(value: T | None) -> T:
+    """The value, which is not missing."""
+    assert value is not None
+    return value
