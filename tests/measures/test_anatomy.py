@@ -37,7 +37,7 @@ def twist(points, bottom, top):
 def test_straight_symmetric_anatomy_has_next_to_no_asymmetry(anatomy):
     skin, landmarks = anatomy
     measures = measure(skin, landmarks)
-    assert measures.missing == {}
+    assert set(measures.missing) == {"lordosis L1-S1"}  # the sacrum has no landmarks
     assert len(measures.bsr) == 17
     assert measures.cobb == ()
     assert max(abs(there(angle)) for angle in measures.bsr.values()) < 0.3
