@@ -49,7 +49,7 @@ class SkinQuality:
             found.append(_stretched("is stretched", self.most_stretch, self.most_stretch_at))
         if self.fold > FOLD:
             found.append(
-                f"The predicted skin folds by {self.fold:.0f} degrees {self.fold_at}, up to {FOLD:g} is usual; "
+                f"The predicted skin folds by {self.fold:.1f} degrees {self.fold_at}, up to {FOLD:g} is usual; "
                 "do not trust it there, and look at how the bones move under it."
             )
         return tuple(found)

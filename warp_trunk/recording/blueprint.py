@@ -21,7 +21,7 @@ GLASS = (255, 222, 200, 80)
 
 
 def layout(
-    case: Case, before: TrunkMeasures, colours: Sequence[ColourName], target: str, unit: str, tab: int = 0
+    case: Case, before: TrunkMeasures, colours: Sequence[ColourName], *, target: str, unit: str, tab: int = 0
 ) -> Any:
     """Before, now and target side by side; below them section, rotations, table and plots.
 
@@ -64,11 +64,7 @@ def layout(
     coloured = [
         rrb.Vertical(
             rrb.Horizontal(trunk("Before", "/before/skin"), trunk("Now", f"/now/skin/{name}"), third()),
-            rrb.Spatial2DView(
-                origin=f"/scale/{name}",
-                name=COLOURS[name].red,
-                visual_bounds=rrb.VisualBounds2D(x_range=(-1300.0, 2300.0), y_range=(-20.0, 84.0)),
-            ),
+            _scale(name),
             row_shares=[12, 2],
             name=COLOURS[name].tab,
         )
@@ -86,6 +82,14 @@ def layout(
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="increment", fps=2.0),
     )
+
+
+def _scale(name: ColourName) -> Any:
+    """What the colours mean."""
+    import rerun.blueprint as rrb
+
+    bounds = rrb.VisualBounds2D(x_range=(-1300.0, 2300.0), y_range=(-20.0, 84.0))
+    return rrb.Spatial2DView(origin=f"/scale/{name}", name=COLOURS[name].red, visual_bounds=bounds)
 
 
 def _behind_and_above(case: Case) -> Any:

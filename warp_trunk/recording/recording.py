@@ -93,20 +93,27 @@ class Recording:
         target = measure(target_skin, case.planned_landmarks)
         name = "actual" if actual else "target"
         unit = "its own unit" if model is None else model.elements.unit
-        blueprint = layout(case, before, tuple(self._values), name, unit)
+        blueprint = layout(case, before, tuple(self._values), target=name, unit=unit)
         self._file, *self._viewer = open_streams(case.name, self.path, live, blueprint)
         self._streams = [self._file, *self._viewer]
         level = before.worst_level
         self._scene = Scene(self._log, case, trunk, level, most)
         self._numbers = Numbers(self._log, before, target, name)
-        self._scene.still("before", case.skin, np.zeros_like(planned), case.landmarks_before.points)
-        self._scene.still("target", target_skin, planned, case.planned_landmarks.points)
-        self._scene.section("before", before, drawing.BEFORE, static=True)
-        if actual:
-            self._scene.section("target", target, drawing.TARGET, static=True)
+        self._still(before, target if actual else None, target_skin, planned)
         self._at(increment=0, step=0 if steps else None)
         self._now(np.zeros_like(planned), before, 0.0)
         self._send()
+
+    def _still(
+        self, before: TrunkMeasures, actual: TrunkMeasures | None, target_skin: Surface, planned: np.ndarray
+    ) -> None:
+        """Records what does not move: the trunk before, and the actual or the planned one."""
+        case, scene = self._case, self._scene
+        scene.still("before", case.skin, np.zeros_like(planned), case.landmarks_before.points)
+        scene.still("target", target_skin, planned, case.planned_landmarks.points)
+        scene.section("before", before, drawing.BEFORE, static=True)
+        if actual is not None:
+            scene.section("target", actual, drawing.TARGET, static=True)
 
     @property
     def failed(self) -> str:

@@ -94,10 +94,8 @@ class Relaxer:
         if not self.model.free_nodes:
             estimate = 0.0
             return report(RelaxStatus.CONVERGED)
-        self._trial.copy_from(self.state)  # the nodes that no step moves
         newton, method = self._newton, self._method
-        floor = ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * self._largest_displacement()
-        newton.begin(tolerance, floor)
+        floor = self._begin(tolerance)
         energies = [energy.total]
         products: Products | None = None
         length, least, waited = 0.0, math.inf, 0
@@ -115,9 +113,7 @@ class Relaxer:
                     return report(RelaxStatus.STALLED)
             slope = self._products.read().slope
             reference = max(energies[-method.memory :])
-            trial, attempts = search(
-                self._attempt, length, reference, slope, method.slope_ratio, rounding=self._rounding
-            )
+            trial, attempts = self._search(length, reference, slope)
             evaluations += attempts
             if trial is None:
                 return report(RelaxStatus.CONVERGED if estimate <= tolerance else RelaxStatus.STALLED)
@@ -130,6 +126,18 @@ class Relaxer:
             if estimate <= tolerance:
                 return report(RelaxStatus.CONVERGED)
         return report(RelaxStatus.STEP_LIMIT)
+
+    def _begin(self, tolerance: float) -> float:
+        """Gets ready for a relaxation to a tolerance [mm]; returns what rounding leaves of every distance [mm]."""
+        self._trial.copy_from(self.state)  # the nodes that no step moves
+        floor = ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * self._largest_displacement()
+        self._newton.begin(tolerance, floor)
+        return floor
+
+    def _search(self, length: float, reference: float, slope: float) -> tuple[Trial | None, int]:
+        """The trial along the direction that is taken, None if none is, and how many were made."""
+        ratio = self._method.slope_ratio
+        return search(self._attempt, length, reference, slope, ratio, rounding=self._rounding)
 
     def _largest_displacement(self) -> float:
         """Largest displacement of a node from rest [mm]."""
