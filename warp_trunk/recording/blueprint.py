@@ -78,10 +78,16 @@ def layout(
             ),
             row_shares=[8, 5],
         ),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="increment", fps=2.0),
+        *_panels(),
     )
+
+
+def _panels() -> tuple[Any, ...]:
+    """The viewer's own panels, out of the way; the increments can be played."""
+    import rerun.blueprint as rrb
+
+    time = rrb.TimePanel(state="collapsed", timeline="increment", fps=2.0)
+    return rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"), time
 
 
 def _scale(name: ColourName) -> Any:

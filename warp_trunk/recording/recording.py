@@ -76,9 +76,8 @@ class Recording:
 
         if strict:
             rr.set_strict_mode(True)
-        self.path = Path(path)
+        self.path, self._steps = Path(path), 0
         self._rr, self._case, self._trunk = rr, case, trunk
-        self._steps = 0
         self.watch = self.step if steps else None
         """What `simulate` is to tell of its steps; None when they are not recorded."""
         planned = bone_path.at(1.0)
@@ -96,8 +95,7 @@ class Recording:
         blueprint = layout(case, before, tuple(self._values), target=name, unit=unit)
         self._file, *self._viewer = open_streams(case.name, self.path, live, blueprint)
         self._streams = [self._file, *self._viewer]
-        level = before.worst_level
-        self._scene = Scene(self._log, case, trunk, level, most)
+        self._scene = Scene(self._log, case, trunk, before.worst_level, most)
         self._numbers = Numbers(self._log, before, target, name)
         self._still(before, target if actual else None, target_skin, planned)
         self._at(increment=0, step=0 if steps else None)

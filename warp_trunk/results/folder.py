@@ -111,23 +111,13 @@ def write_result(
     folder = prepare_folder(folder)
     displacement = increments[-1].displacement
     skin = predicted_skin(case, trunk, displacement)
-    actual = case.actual_skin
+    measured = _measured(case, skin)
     summary = summarize(
-        case,
-        trunk,
-        model,
-        increments,
-        before=measure(case.skin, case.landmarks_before),
-        after=measure(skin, case.planned_landmarks, case.skin),
-        actual=None if actual is None else measure(actual, case.planned_landmarks),
-        parameters=parameters,
-        seconds=seconds,
-        quality=skin_quality(case.skin, skin, case.landmarks_before),
-        warnings=warnings,
+        case, trunk, model, increments, **measured, parameters=parameters, seconds=seconds, warnings=warnings
     )
     surfaces = {SKIN_BEFORE: case.skin, PREDICTED_SKIN: skin}
-    if actual is not None:
-        surfaces[ACTUAL_SKIN] = actual
+    if case.actual_skin is not None:
+        surfaces[ACTUAL_SKIN] = case.actual_skin
     landmarks = {LANDMARKS_BEFORE: case.landmarks_before, LANDMARKS_AFTER: case.planned_landmarks}
     for name, surface in surfaces.items():
         write_surface(partial(folder / name), surface)
@@ -137,6 +127,17 @@ def write_result(
     written = write_summary(partial(folder / SUMMARY), summary)
     _complete(folder, [*surfaces, *landmarks, TRUNK, SUMMARY], recording)
     return written
+
+
+def _measured(case: Case, skin: Surface) -> dict[str, Any]:
+    """What a summary says of the skins: before, predicted, and actual where known."""
+    actual = case.actual_skin
+    return {
+        "before": measure(case.skin, case.landmarks_before),
+        "after": measure(skin, case.planned_landmarks, case.skin),
+        "actual": None if actual is None else measure(actual, case.planned_landmarks),
+        "quality": skin_quality(case.skin, skin, case.landmarks_before),
+    }
 
 
 def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:

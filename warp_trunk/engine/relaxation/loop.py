@@ -81,8 +81,7 @@ class Relaxer:
         self.state.evaluate()
         energy, inverted, _ = self.state.read()
         history: list[RelaxStep] = []
-        linear_iterations, evaluations = 0, 1
-        estimate = math.inf
+        linear_iterations, evaluations, estimate = 0, 1, math.inf
 
         def report(status: RelaxStatus) -> Relaxation:
             return Relaxation(
