@@ -54,5 +54,7 @@ class FoundLandmarks:
             InputError: the first of `unsure`.
         """
         for name, why in self.unsure.items():
-            raise InputError(f"bones: no landmarks on '{name}': {why}")
+            raise InputError(
+                f"bones: no landmarks on '{name}': {why}; give that bone whole, on its own and unfilled"
+            )
         return self.landmarks
