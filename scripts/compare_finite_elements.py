@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from benchmarking.prepare import load_case, mesh_case
+from benchmarking.problem import Problem
 from benchmarking.process import be_quiet
 from benchmarking.record import hardware
 from finite_elements.compare import ACCURACY, Comparison, Run
@@ -29,14 +30,18 @@ FINE = 1e-6
 """Tolerance at which warp_trunk's solution is compared in float64 [mm]."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Compares, prints and writes."""
+def main(
+    arguments: Sequence[str] | None = None,
+    problem: Problem | None = None,
+    solvers: dict[str, Factorise] | None = None,
+) -> None:
+    """Compares, prints and writes; a problem or solvers given here go before those of the arguments."""
     given = _parser().parse_args(arguments)
     be_quiet()
-    problem = mesh_case(load_case(given.case), given.tets)
+    problem = problem or mesh_case(load_case(given.case), given.tets)
     problem = replace(problem, tissue=replace(problem.tissue, poisson_ratio=given.nu))
     trunk = problem.trunk
-    solvers = available()
+    solvers = solvers or available()
     best = next(iter(solvers))
     comparison = Comparison(problem, given.gravity, solvers[best])
     print(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from benchmarking.process import be_quiet
 from choices.budget import measured, table
 from choices.budget_picture import draw_budget
 from choices.errors import BONE_MEAN
-from choices.rows import rows
+from choices.rows import Row, rows
 from choices.study import Study
 
 PAGE = """# What every choice costs: {case}
@@ -53,15 +54,20 @@ def main() -> None:
     given = parser.parse_args()
     be_quiet()
     study = Study(load_case(given.case), given.kept, given.threads)
-    costs = [measured(study, row) for row in rows(given.landmark_samples, given.bone_samples)]
+    write_budget(study, rows(given.landmark_samples, given.bone_samples), given.out)
+
+
+def write_budget(study: Study, varied: Sequence[Row], out: Path) -> None:
+    """Measures each row, and writes `out` with the endings .json, .png and .md."""
+    costs = [measured(study, row) for row in varied]
     costs.sort(key=lambda cost: -cost.bsr_deg)
-    given.out.parent.mkdir(parents=True, exist_ok=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
     record = {"case": study.case.name, "rows": [asdict(cost) for cost in costs]}
-    given.out.with_suffix(".json").write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
-    draw_budget(given.out.with_suffix(".png"), costs)
+    out.with_suffix(".json").write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
+    draw_budget(out.with_suffix(".png"), costs)
     text = table(costs)
-    page = PAGE.format(case=study.case.name, picture=f"{given.out.name}.png", bone=BONE_MEAN, table=text)
-    given.out.with_suffix(".md").write_text(page, encoding="utf-8")
+    page = PAGE.format(case=study.case.name, picture=f"{out.name}.png", bone=BONE_MEAN, table=text)
+    out.with_suffix(".md").write_text(page, encoding="utf-8")
     print(text)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -56,9 +57,21 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/constants"), help="name without its ending")
     given = parser.parse_args()
     be_quiet()
-    study = Study(load_case(given.case), given.kept, given.threads)
-    start = Choices(tets=given.tets, tolerance=TOLERANCE, increments=1)
-    points = [point for weights in WEIGHTS for point in entries(study, replace(start, weights=weights))]
+    write_map(Study(load_case(given.case), given.kept, given.threads), given.out, given.tets)
+
+
+def write_map(
+    study: Study,
+    out: Path,
+    tets: int = Choices.tets,
+    epsilons: Sequence[float] = EPSILON,
+    thetas: Sequence[float] = THETA,
+) -> None:
+    """Simulates each pair of constants, and writes `out` with the endings .json, .png and .md."""
+    start = Choices(tets=tets, tolerance=TOLERANCE, increments=1)
+    points = [
+        point for weights in WEIGHTS for point in entries(study, replace(start, weights=weights), epsilons, thetas)
+    ]
     record = {
         "case": study.case.name,
         "tets": study.ending(start).tets,
@@ -72,20 +85,20 @@ def main() -> None:
         },
         "points": points,
     }
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.with_suffix(".json").write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
-    draw_map(given.out.with_suffix(".png"), points, POISSON[0])
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.with_suffix(".json").write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
+    draw_map(out.with_suffix(".png"), points, POISSON[0])
     nearest = "\n".join(f"- {name}: {near(name, point)}" for name, point in record["best"].items())
     text = table(points)
     page = PAGE.format(
         case=study.case.name,
-        picture=f"{given.out.name}.png",
+        picture=f"{out.name}.png",
         tets=record["tets"],
         tolerance=TOLERANCE,
         table=text,
         best=f"Nearest, by the mean distance or by the rotation:\n\n{nearest}\n",
     )
-    given.out.with_suffix(".md").write_text(page, encoding="utf-8")
+    out.with_suffix(".md").write_text(page, encoding="utf-8")
     print(f"{text}\n{nearest}")
 
 
@@ -98,14 +111,16 @@ def near(name: str, point: dict[str, Any]) -> str:
     )
 
 
-def entries(study: Study, start: Choices) -> list[dict[str, Any]]:
+def entries(
+    study: Study, start: Choices, epsilons: Sequence[float], thetas: Sequence[float]
+) -> list[dict[str, Any]]:
     """Every pair of constants and how far its skin is from each neo-Hookean one."""
     truths = {
         nu: study.ending(replace(start, energy="neo-hookean", weights="count", poisson_ratio=nu)) for nu in POISSON
     }
     found = []
-    for epsilon in EPSILON:
-        for theta in THETA:
+    for epsilon in epsilons:
+        for theta in thetas:
             choices = replace(start, epsilon=epsilon, theta=theta)
             ending = study.ending(choices)
             if ending.status != "CONVERGED":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -56,12 +57,18 @@ class Ending:
 class Study:
     """The runs of one case."""
 
-    def __init__(self, case: Case, folder: Path, threads: int = 0) -> None:
-        self.case, self.folder, self.threads = case, folder, threads
+    def __init__(
+        self,
+        case: Case,
+        folder: Path,
+        threads: int = 0,
+        make_mesh: Callable[[Surface, Mapping[str, Surface], MeshOptions], TrunkMesh] = build_trunk,
+    ) -> None:
+        self.case, self.folder, self.threads, self.make_mesh = case, folder, threads, make_mesh
         landmarks = np.stack([case.landmarks_before.points, case.planned_landmarks.points]).tobytes()
         names = repr((case.landmarks_before.names, case.tissue))
         self._case_key = cache_key(case.skin, case.bones, names + hashlib.sha256(landmarks).hexdigest())
-        self._trunk = cache(lambda tets: build_trunk(case.skin, case.bones, MeshOptions(tets=tets)))
+        self._trunk = cache(lambda tets: make_mesh(case.skin, case.bones, MeshOptions(tets=tets)))
 
     def ending(self, choices: Choices) -> Ending:
         """How the run with these choices ends; fetched from the folder where it was run before."""
@@ -103,7 +110,7 @@ class Study:
             return self._trunk(choices.tets)
         random = np.random.default_rng([choices.sample, 2])
         bones = moved_bones(self.case.bones, choices.bone_error, random)
-        return build_trunk(self.case.skin, bones, MeshOptions(tets=choices.tets, cache=False))
+        return self.make_mesh(self.case.skin, bones, MeshOptions(tets=choices.tets, cache=False))
 
     def _run(self, choices: Choices) -> dict[str, np.ndarray]:
         trunk = self.trunk(choices)

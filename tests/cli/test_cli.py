@@ -1,27 +1,30 @@
 """The command line: its flags, its exit statuses, and one line for what is wrong."""
 
-import json
-import sys
-from dataclasses import replace
+from __future__ import annotations
 
-import numpy as np
+import io
+import json
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
-from support.small_trunk import made_up_increments, small_case
-from warp_trunk.cli import demo, main, make_case
-from warp_trunk.cli import simulate as simulate_command
+from support.blocks import spine_and_hips
+from support.small_case import small_case
+from warp_trunk.case import write_case
+from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.cli import main
 from warp_trunk.cli.arguments import one_line
 from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 from warp_trunk.cli.view import find_recording
-from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.meshing import TrunkBuild
-from warp_trunk.meshing.layers import depth as layer_depth
-from warp_trunk.recording import stream, viewer
+from warp_trunk.measures import cobb_angles
+from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.results import prepare_folder
-from warp_trunk.run import run_case as run
 
 FLAGS = [
     "--out", "--tets", "--increments", "--device", "--precision", "--threads", "--method", "--tolerance",
@@ -29,36 +32,6 @@ FLAGS = [
     "--bones", "--record", "--no-record",
     "--record-steps", "--record-colours", "--live",
 ]  # fmt: skip
-RESULT = {
-    "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
-    "summary.json", "trunk.vtu",
-}  # fmt: skip
-"""The files of a result beside its recording."""
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    """The commands with reading, meshing and simulating replaced by a small case; returns what was asked."""
-    case, trunk = small_case()
-    asked = {"status": RelaxStatus.CONVERGED}
-
-    def simulate(model, bone_path, options, watch, done):
-        asked.update(model=model, bone_path=bone_path, options=options, watch=watch)
-        yield from made_up_increments(trunk, options.increments, asked["status"])
-
-    def make_trunk(skin, bones, options):
-        asked["mesh"] = options
-        return TrunkBuild(trunk, False, 1.0, 2.0, 1, 4.0)
-
-    monkeypatch.setattr(
-        simulate_command,
-        "read_checked_case",
-        lambda path, align: (replace(case, tissue=Tissue(theta=3.0, epsilon=0.5)), ()),
-    )
-    monkeypatch.setattr(demo, "phantom_case", lambda: case)
-    monkeypatch.setattr("warp_trunk.run.prepare.make_trunk", make_trunk)
-    monkeypatch.setattr(run, "simulate", simulate)
-    return asked
 
 
 def test_help_shows_the_options_of_a_simulation(capsys):
@@ -68,81 +41,6 @@ def test_help_shows_the_options_of_a_simulation(capsys):
     text = capsys.readouterr().out
     assert [flag for flag in FLAGS if flag not in text] == []
     assert "Number of tetrahedra asked for" in text  # documented at the field of the option
-
-
-def test_simulate_writes_and_prints_the_result(quick, tmp_path, capsys):
-    out = tmp_path / "result"
-    assert main(["simulate", "case", "--out", str(out), "--increments", "2", "--device", "cpu"]) == OK
-    text = capsys.readouterr().out
-    assert text.startswith("CONVERGED: the estimated distance")
-    assert "T4" in text
-    assert "+12.0" in text  # 14 degrees over 420 mm, at 360 mm
-    assert f"warp-trunk view {out}" in text
-    files = {path.name for path in out.iterdir()}
-    assert files == {"recording.rrd", *RESULT}
-    seconds = json.loads((out / "summary.json").read_text())["seconds"]
-    assert all(value is not None for value in seconds.values())
-    assert (seconds["surface"], seconds["mesh"], seconds["relax"]) == (1.0, 2.0, 0.5)
-
-
-def test_flags_reach_the_options(quick, tmp_path):
-    flags = [
-        "--tets=5000", "--increments=3", "--device=cpu", "--precision=float64", "--threads=1",
-        "--method=conjugate", "--tolerance=0.5", "--theta=7", "--gravity=9.81", "--energy=neo-hookean",
-        "--poisson-ratio=0.3", "--bones=spline", "--no-record",
-    ]  # fmt: skip
-    assert main(["simulate", "case", "--out", str(tmp_path), *flags]) == OK
-    model, options = quick["model"], quick["options"]
-    assert quick["mesh"].tets == 5000
-    assert options.increments == 3
-    assert (options.relax.method, options.relax.tolerance) == ("conjugate", 0.5)
-    assert (model.device, model.precision, model.gravity) == ("cpu", "float64", 9.81)
-    assert (model.tissue.theta, model.tissue.epsilon) == (7.0, 0.5)  # the latter from the case
-    assert (model.elements.unit, model.tissue.poisson_ratio) == ("mJ", 0.3)
-    assert not (tmp_path / "recording.rrd").exists()
-    parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
-    assert parameters | {"tets": 5000, "method": "conjugate", "theta": 7.0, "epsilon": 0.5} == parameters
-
-
-@pytest.mark.parametrize(
-    ("flags", "sags", "tissues"),
-    [
-        ([], False, 1),
-        (["--gravity=9.81"], True, 1),
-        (["--gravity=9.81", "--rest=scan"], False, 1),
-        (["--rest=sag-free", "--layers=depth"], False, 3),
-    ],
-)
-def test_gravity_stands_at_rest_and_layers_are_told(quick, monkeypatch, tmp_path, flags, sags, tissues):
-    monkeypatch.setattr(layer_depth, "LEAST_CUT", np.inf)  # the case is a box, which is flat all over
-    common = ["--device=cpu", "--increments=1", "--no-record", "--youngs-modulus=200"]
-    assert main(["simulate", "case", "--out", str(tmp_path), *common, *flags]) == OK
-    assert (quick["model"].scan is not None, len(quick["model"].tissues)) == (sags, tissues)
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert (summary["sag_mm"] > 0.0) == sags == ("rest" in summary["seconds"])
-    assert (tissues > 1) == ("layers" in summary["seconds"])
-
-
-def test_bones_are_carried_by_the_spline_of_the_landmarks(quick, tmp_path):
-    assert main(["demo", "--out", str(tmp_path), "--increments", "1", "--no-record", "--device", "cpu"]) == OK
-    assert np.abs(quick["bone_path"].displacement).max() == pytest.approx(12.0, rel=0.5)
-
-
-def test_bones_move_rigidly_where_asked(quick, tmp_path):
-    arguments = ["--increments", "1", "--no-record", "--device", "cpu", "--bones", "rigid"]
-    assert main(["demo", "--out", str(tmp_path), *arguments]) == OK
-    _, trunk = small_case()
-    here = trunk.nodes[trunk.bone == 0]
-    there = here + quick["bone_path"].at(0.3)[trunk.bone == 0]
-    before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (here, there))
-    np.testing.assert_allclose(after, before, atol=1e-9)
-    assert np.abs(there - here).max() > 0.5
-
-
-def test_only_convergence_ends_with_zero(quick, tmp_path):
-    quick["status"] = RelaxStatus.STALLED
-    assert main(["demo", "--out", str(tmp_path), "--device", "cpu", "--no-record"]) == NOT_CONVERGED
-    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "STALLED"
 
 
 @pytest.mark.parametrize(
@@ -180,25 +78,87 @@ def test_message_is_found_with_and_without_box_characters(box):
     assert one_line(drawn if box else plain) == "bad value here"
 
 
-def test_folder_that_cannot_be_written_is_refused_before_meshing(quick, tmp_path, capsys):
-    (tmp_path / "file").write_text("")
-    assert main(["demo", "--out", str(tmp_path / "file")]) == BAD_INPUT
-    assert "mesh" not in quick
-    assert "--out" in capsys.readouterr().err.splitlines()[-1]
+@pytest.fixture(scope="module")
+def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., int]]:
+    """Simulates a case folder by its command, with a mesh of a few thousand tetrahedra that is made once."""
+    folder = tmp_path_factory.mktemp("commands")
+    case = small_case()
+    write_case(folder / "case", replace(case, skin=coarsen(case.skin, 40.0, 4.0)))
+
+    def simulate(out: Path, *flags: str) -> int:
+        quick = ("--tets=8000", "--increments=2", "--device=cpu", "--threads=1", "--tolerance=0.05")
+        return main(["simulate", str(folder / "case"), "--out", str(out), *quick, *flags])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("WARP_TRUNK_CACHE", str(folder / "cache"))
+        yield simulate
 
 
-def test_interrupt_keeps_what_was_recorded(quick, tmp_path, monkeypatch, capsys):
-    increments = made_up_increments(small_case()[1], 2)
+def test_simulate_writes_and_prints_the_result(
+    commands: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert commands(tmp_path) == OK
+    text = capsys.readouterr().out
+    assert text.startswith("CONVERGED: the estimated distance")
+    assert "T12" in text
+    assert f"warp-trunk view {tmp_path}" in text
+    assert (tmp_path / "recording.rrd").is_file()
+    seconds = json.loads((tmp_path / "summary.json").read_text())["seconds"]
+    assert all(value is not None for value in seconds.values())
 
-    def simulate(*_):
-        yield increments[0]
-        raise KeyboardInterrupt
 
-    monkeypatch.setattr(run, "simulate", simulate)
-    assert main(["demo", "--out", str(tmp_path), "--device", "cpu"]) == INTERRUPTED
-    assert "interrupted" in capsys.readouterr().err
-    assert {path.name for path in tmp_path.iterdir()} == {"checkpoint", "recording.partial.rrd"}
-    assert find_recording(tmp_path) == tmp_path / "recording.partial.rrd"
+def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., int], tmp_path: Path) -> None:
+    flags = ("--precision=float64", "--method=conjugate", "--tolerance=50", "--theta=7", "--no-record")
+    assert commands(tmp_path, *flags) == OK
+    parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
+    assert parameters | {
+        "tets": 8000, "increments": 2, "device": "cpu", "precision": "float64", "threads": 1,
+        "method": "conjugate", "tolerance": 50.0, "theta": 7.0, "record": False,
+        "epsilon": small_case().tissue.epsilon,
+    } == parameters  # fmt: skip
+    assert not (tmp_path / "recording.rrd").exists()
+
+
+def test_only_convergence_ends_with_zero(commands: Callable[..., int], tmp_path: Path) -> None:
+    assert commands(tmp_path, "--max-steps=1", "--no-record") == NOT_CONVERGED
+
+
+def test_an_interrupt_is_told_with_what_to_do_next(
+    commands: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Interrupted(io.StringIO):
+        """A terminal on which Ctrl-C is pressed when the first increment is shown."""
+
+        def write(self, text: str) -> int:
+            if "increment 1 of 2" in text:
+                raise KeyboardInterrupt
+            return super().write(text)
+
+    said = Interrupted()
+    monkeypatch.setattr("sys.stderr", said)
+    assert commands(tmp_path, "--no-record") == INTERRUPTED
+    assert "interrupted; --resume" in said.getvalue()
+
+
+def test_make_case_writes_a_case_of_the_curve_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    skin, bones = straight_trunk()[0], spine_and_hips()
+    (tmp_path / "bones").mkdir()
+    for name, surface in bones.items():
+        write_surface(tmp_path / "bones" / f"{name}.ply", surface)
+    (tmp_path / "bones" / "SOURCE.md").write_text("not a bone")
+    write_surface(tmp_path / "skin.ply", skin)
+    flags = ["--curve=double_major", "--cobb=45", "--correction=0.6", "--direction=left"]
+    files = ["--skin", str(tmp_path / "skin.ply"), "--bones", str(tmp_path / "bones")]
+    assert main(["make-case", *files, "--out", str(tmp_path / "case"), *flags]) == OK
+    assert "warp-trunk simulate" in capsys.readouterr().out
+    assert {path.stem for path in (tmp_path / "case" / "bones").iterdir()} == set(bones)
+    before, after = (read_landmarks(tmp_path / "case" / f"landmarks_{when}.csv") for when in ("before", "after"))
+    for landmarks, cobb in ((before, 45.0), (after, 0.4 * 45.0)):
+        assert max(curve.angle for curve in cobb_angles(landmarks)) == pytest.approx(cobb, abs=2.0)
+    thoracic, lumbar = (before.of_bone(bone).points[:, 0].mean() for bone in ("T8", "L2"))
+    assert lumbar < 0.0 < thoracic  # the thoracic curve is convex to the left, the lumbar one to the right
 
 
 def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeypatch):
@@ -208,34 +168,11 @@ def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeyp
     class Done:
         returncode = 0
 
-    monkeypatch.setattr(viewer.subprocess, "run", lambda command, env, check: started.append(command) or Done())
+    monkeypatch.setattr(subprocess, "run", lambda command, env, check: started.append(command) or Done())
     assert main(["view", str(tmp_path)]) == OK
     (command,) = started
     assert command[command.index("--bind") + 1] == "127.0.0.1"
     assert command[-1] == str(tmp_path / "recording.rrd")
-
-
-def test_make_case_hands_on_what_was_asked(tmp_path, monkeypatch, capsys):
-    case, _ = small_case()
-    (tmp_path / "bones").mkdir()
-    write_surface(tmp_path / "bones" / "T7.ply", case.bones["spine"])
-    (tmp_path / "bones" / "SOURCE.md").write_text("not a bone")
-    asked = {}
-
-    def make(skin, bones, curve, correction):
-        asked.update(bones=set(bones), curve=curve, correction=correction)
-        return case
-
-    monkeypatch.setattr(make_case, "read_surface", lambda path: case.skin)
-    monkeypatch.setattr(make_case, "make_case", make)
-    flags = ["--curve=double_major", "--cobb=45", "--correction=0.6", "--direction=left"]
-    files = ["--skin", "skin.ply", "--bones", str(tmp_path / "bones"), "--out", str(tmp_path / "case")]
-    assert main(["make-case", *files, *flags]) == OK
-    assert asked["bones"] == {"T7"}
-    assert (asked["curve"].kind, asked["curve"].cobb, asked["curve"].direction) == ("double_major", 45.0, "left")
-    assert asked["correction"] == 0.6
-    assert (tmp_path / "case" / "case.toml").is_file()
-    assert "warp-trunk simulate" in capsys.readouterr().out
 
 
 def test_a_folder_checked_twice_is_left_empty(tmp_path):
@@ -244,43 +181,3 @@ def test_a_folder_checked_twice_is_left_empty(tmp_path):
     assert list((tmp_path / "a" / "b").iterdir()) == []
     with pytest.raises(InputError):
         find_recording(tmp_path / "a")
-
-
-def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(quick, tmp_path, monkeypatch, capsys):
-    def full(self, seconds):
-        self._fail("no space left")
-
-    monkeypatch.setattr(stream.Stream, "_flush", full)
-    assert main(["demo", "--out", str(tmp_path), "--device", "cpu"]) == OK
-    files = {path.name for path in tmp_path.iterdir()}
-    assert files == {"recording.partial.rrd", *RESULT}
-    assert "See it" not in capsys.readouterr().out
-
-
-def test_only_what_is_asked_is_watched(quick, tmp_path):
-    assert main(["demo", "--out", str(tmp_path), "--device", "cpu"]) == OK
-    assert quick["watch"] is None
-    assert main(["demo", "--out", str(tmp_path), "--device", "cpu", "--record-steps"]) == OK
-    assert quick["watch"] is not None
-
-
-@pytest.mark.parametrize(
-    ("flags", "names"),
-    [
-        (["--record-colours", "distance"], "actual skin"),
-        (["--live", "--no-record"], "--live"),
-    ],
-)
-def test_what_cannot_be_recorded_is_refused_before_any_work(quick, tmp_path, capsys, flags, names):
-    assert main(["demo", "--out", str(tmp_path), "--device", "cpu", *flags]) == BAD_INPUT
-    assert "mesh" not in quick
-    assert names in capsys.readouterr().err.splitlines()[-1]
-
-
-def test_a_viewer_that_does_not_open_is_said_before_any_work(quick, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        viewer, "viewer_command", lambda *_: [sys.executable, "-c", "raise SystemExit('no display')"]
-    )
-    assert main(["demo", "--out", str(tmp_path), "--device", "cpu", "--live"]) == BAD_INPUT
-    assert "mesh" not in quick
-    assert "no display" in capsys.readouterr().err.splitlines()[-1]

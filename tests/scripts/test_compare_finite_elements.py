@@ -88,13 +88,13 @@ def test_both_ends_are_the_same_and_every_way_is_accurate() -> None:
     assert kept.work["factorisations"] < newton.work["factorisations"] == newton.work["steps"] < kept.work["steps"]
 
 
-def test_script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_script(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A record takes the place of one of the same problem; the solution is kept with its mesh."""
-    monkeypatch.setattr(compare_finite_elements, "mesh_case", lambda case, tets: problem())
-    monkeypatch.setattr(compare_finite_elements, "available", lambda: {"LU": superlu, "CG": jacobi})
+    solvers = {"LU": superlu, "CG": jacobi}
     arguments = ["phantom", "--rounds", "0", "--solvers", "--json", str(tmp_path / "a" / "records.json")]
     for nu in ("0.3", "0.4", "0.4"):
-        compare_finite_elements.main([*arguments, "--nu", nu, "--out", str(tmp_path / "b" / "kept.npz")])
+        flags = [*arguments, "--nu", nu, "--out", str(tmp_path / "b" / "kept.npz")]
+        compare_finite_elements.main(flags, problem(), solvers)
     records = json.loads((tmp_path / "a" / "records.json").read_text())
     assert [record["poisson_ratio"] for record in records] == [0.3, 0.4]
     assert records[1]["distance_mm"]["float64"]["max"] < 1e-5
