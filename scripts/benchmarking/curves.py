@@ -14,7 +14,7 @@ from warp_trunk.engine.relaxation.outcome import Method
 from .outside import OUTSIDE, outside_curve
 from .problem import Problem, read_problem
 from .record import Record, Setting, hardware, peak_memory, versions
-from .timing import Timed, make_model, run_least, warm_up
+from .timing import REPEATS, Timed, make_model, run_least, warm_up
 
 TOLERANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.001, 1e-4)
 """Points of Newton's curve [mm]."""
@@ -47,9 +47,14 @@ def measure_curve(file: str | Path, setting: Setting, limit: float, compile_seco
 
 
 def curve(
-    problem: Problem, setting: Setting, limit: float, compile_seconds: float | None = None
+    problem: Problem,
+    setting: Setting,
+    limit: float,
+    compile_seconds: float | None = None,
+    *,
+    repeats: int = REPEATS,
 ) -> Iterator[Record]:
-    """The points of one curve, from the fastest on."""
+    """The points of one curve, from the fastest on; each is the fastest of so many runs where they are short."""
     shared = {
         "tets": len(problem.trunk.tets),
         "compile_seconds": compile_seconds,
@@ -61,7 +66,7 @@ def curve(
         for point in outside_curve(problem, setting, limit):
             yield Record(**shared, **point, peak_memory_mb=peak_memory(setting.device))
         return
-    for relax, model_seconds, timed in points(problem, setting, limit):
+    for relax, model_seconds, timed in points(problem, setting, limit, repeats):
         last, every = timed.last, timed.relaxations
         yield Record(
             **shared,
@@ -80,7 +85,9 @@ def curve(
         )
 
 
-def points(problem: Problem, setting: Setting, limit: float) -> Iterator[tuple[RelaxOptions, float, Timed]]:
+def points(
+    problem: Problem, setting: Setting, limit: float, repeats: int = REPEATS
+) -> Iterator[tuple[RelaxOptions, float, Timed]]:
     """Simulations of one setting, each with its options and the seconds its model took to build."""
     start = time.perf_counter()
     model = make_model(problem, setting)
@@ -91,7 +98,7 @@ def points(problem: Problem, setting: Setting, limit: float) -> Iterator[tuple[R
         warm_up(model, path, RelaxOptions(tolerance=TOLERANCES[0]))
         for tolerance in TOLERANCES:
             relax = RelaxOptions(tolerance=tolerance)
-            timed = run_least(model, path, relax)
+            timed = run_least(model, path, relax, repeats=repeats)
             yield relax, model_seconds, timed
             if timed.seconds > limit or timed.last.status is not RelaxStatus.CONVERGED:
                 return
@@ -100,7 +107,7 @@ def points(problem: Problem, setting: Setting, limit: float) -> Iterator[tuple[R
     steps = FIRST_STEPS
     while True:
         relax = RelaxOptions(method=method, max_steps=steps)
-        timed = run_least(model, path, relax)
+        timed = run_least(model, path, relax, repeats=repeats)
         yield relax, model_seconds, timed
         # what a run costs follows its steps: the last one is made to take just the limit
         growth = min(GROWTH, limit / timed.seconds)

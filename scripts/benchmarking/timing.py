@@ -80,10 +80,12 @@ def run(model: Model, path: BonePath, relax: RelaxOptions, increments: int = 10)
     return Timed(seconds, setup, increment.displacement, relaxations)
 
 
-def run_least(model: Model, path: BonePath, relax: RelaxOptions, increments: int = 10) -> Timed:
-    """The fastest of REPEATS simulations, or the first one if it is not short."""
+def run_least(
+    model: Model, path: BonePath, relax: RelaxOptions, *, increments: int = 10, repeats: int = REPEATS
+) -> Timed:
+    """The fastest of so many simulations, or the first one if it is not short."""
     timed = run(model, path, relax, increments)
-    for _ in range(REPEATS - 1):
+    for _ in range(repeats - 1):
         if timed.seconds > SHORT:
             break
         timed = min(timed, run(model, path, relax, increments), key=lambda run: run.seconds)

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from support.marked_spine import before_and_after
-from support.small_trunk import made_up_increments, small_case
+from support.small_trunk import boned_case, made_up_increments, small_case
 from warp_trunk.cli import main
-from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.meshing import TrunkBuild
+from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.results import read_result
-from warp_trunk.run import prepare
-from warp_trunk.run import run_case as run
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.progress import Progress
+from warp_trunk.run.run_case import run_case
 from warp_trunk.run.warnings import curve_warnings, ending_warnings, option_warnings
 
 LAST = made_up_increments(small_case()[1])[-1].relaxation
@@ -68,26 +67,31 @@ def test_an_end_that_the_bones_cause_is_not_blamed_on_precision(ending):
     assert ("use float64" in text) == (last.status is RelaxStatus.STALLED)
 
 
-def test_warnings_reach_console_and_summary(tmp_path, monkeypatch, capsys):
-    case, trunk = small_case()
-    monkeypatch.setattr(prepare, "make_trunk", lambda *_: TrunkBuild(trunk, False, 1.0, 2.0, 1, 4.0))
-    monkeypatch.setattr(run, "check_case", lambda case: ("landmarks_after: 'asis_left' moves by 7.0 mm.",))
-    monkeypatch.setattr(
-        run, "simulate", lambda model, path, options, watch, done: made_up_increments(trunk, options.increments)
+def test_warnings_reach_console_and_summary(tmp_path, capsys):
+    case, trunk = boned_case()
+    write_trunk(tmp_path / "mesh.vtu", trunk)
+    options = RunOptions(
+        device="cpu",
+        gravity=981.0,
+        rest="scan",
+        record=False,
+        from_mesh=tmp_path / "mesh.vtu",
+        simulation=SimulationOptions(increments=1, relax=RelaxOptions(max_steps=2)),
     )
-    options = RunOptions(device="cpu", gravity=981.0, rest="scan", record=False)
-    result = run.run_case(case, tmp_path / "out", options, Progress())
+    moved = ("landmarks_after: 'asis_left' moves by 7.0 mm.",)
+    result = run_case(case, tmp_path / "out", options, warnings=moved)
     warnings = read_result(tmp_path / "out").summary.warnings
     assert [text.split(":")[0] for text in warnings[:2]] == ["landmarks_after", "gravity"]
     assert result.summary.warnings == warnings
-    assert all(f"warning: {text}" in capsys.readouterr().err for text in warnings[:1])
+    said = capsys.readouterr().err
+    assert all(f"warning: {text}" in said for text in warnings[:2])
 
 
 def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
     case, _ = small_case()
     nowhere = replace(case.landmarks_before, points=np.zeros_like(case.landmarks_before.points))
     with pytest.raises(InputError, match="landmarks_before: landmarks may not all lie in one plane"):
-        run.run_case(replace(case, landmarks_before=nowhere), tmp_path / "out")
+        run_case(replace(case, landmarks_before=nowhere), tmp_path / "out")
 
 
 def test_a_result_never_lands_in_a_case(tmp_path, capsys):

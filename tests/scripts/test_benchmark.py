@@ -11,35 +11,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarking.curves import curve, points
+from benchmarking.outside import OUTSIDE
+from benchmarking.plot import plot
+from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
+from benchmarking.record import Record, Setting, read_records, write_records
+from benchmarking.scaling import exponent, increments_table, measure_size, size_table, slopes
+from benchmarking.scenes import scenes_table
+from benchmarking.tables import comparison, curves, long_table, seconds_to, short_table
 
 from support.small_trunk import small_case
 from support.there import there
 from warp_trunk import InputError
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-sys.path.insert(0, str(SCRIPTS))
-
-from benchmarking import timing  # noqa: E402
-from benchmarking.curves import curve, points  # noqa: E402
-from benchmarking.outside import OUTSIDE  # noqa: E402
-from benchmarking.plot import plot  # noqa: E402
-from benchmarking.problem import Problem, read_problem, solve_truth, write_problem  # noqa: E402
-from benchmarking.record import Record, Setting, read_records, write_records  # noqa: E402
-from benchmarking.scaling import exponent, increments_table, measure_size, size_table, slopes  # noqa: E402
-from benchmarking.scenes import scenes_table  # noqa: E402
-from benchmarking.tables import comparison, curves, long_table, seconds_to, short_table  # noqa: E402
-
 ASKED_FOR = {
     *("method", "threads", "precision", "device", "tets", "seconds", "max_error_mm", "mean_skin_error_mm"),
     *("bsr_error_deg", "estimated_error_mm", "status", "steps", "linear_iterations", "evaluations"),
     *("peak_memory_mb", "compile_seconds", "setup_seconds", "increments", "versions"),
 }
-
-
-@pytest.fixture(autouse=True)
-def run_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No time is tested, so none need be measured twice."""
-    monkeypatch.setattr(timing, "REPEATS", 1)
 
 
 @cache
@@ -54,7 +44,7 @@ def problem() -> Problem:
 def measured(method: str, precision: str = "float32") -> list[Record]:
     """A curve of the small problem, on which every method comes to its end."""
     setting = Setting(method=method, threads=1, precision=precision, device="cpu")
-    return list(curve(problem(), setting, limit=100.0))
+    return list(curve(problem(), setting, limit=100.0, repeats=1))  # no time is tested
 
 
 def test_problem_comes_back_to_the_bit(tmp_path: Path) -> None:
@@ -151,7 +141,7 @@ def test_no_record_claims_less_than_half_its_error(method: str, precision: str) 
 
 def test_gradient_method_ends_at_its_limit() -> None:
     setting = Setting(method="gradient", threads=1, precision="float64", device="cpu")
-    runs = list(points(problem(), setting, limit=1e-6))
+    runs = list(points(problem(), setting, limit=1e-6, repeats=1))
     assert len(runs) == 1  # no longer run is begun
 
 
