@@ -8,7 +8,6 @@ import pytest
 
 from support.synthetic import sphere
 from warp_trunk.errors import InputError
-from warp_trunk.meshing import tetrahedra
 from warp_trunk.meshing.tetrahedra import tetrahedralize
 
 SKIN, BONE = sphere(60.0), sphere(20.0)
@@ -17,16 +16,18 @@ SKIN, BONE = sphere(60.0), sphere(20.0)
 @pytest.mark.parametrize(
     ("death", "said"),
     [
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "its process was ended by signal 11"),
-        ("import sys; sys.exit(3)", "its process ended with status 3"),
-        ("raise MemoryError('no room')", "MemoryError: no room"),
+        ("kill -SEGV $$", "its process was ended by signal 11"),
+        ("exit 3", "its process ended with status 3"),
+        ("echo 'MemoryError: no room' >&2; exit 1", "MemoryError: no room"),
         ("", "its process ended with status 0"),
     ],
 )
 def test_its_death_is_one_line(monkeypatch, tmp_path, death, said):
-    child = tmp_path / "child.py"
-    child.write_text(death)
-    monkeypatch.setattr(tetrahedra, "CHILD", child)
+    """In place of Python stands a program that dies as TetGen might."""
+    dying = tmp_path / "dying"
+    dying.write_text(f"#!/bin/sh\n{death}\n")
+    dying.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(dying))
     with pytest.raises(InputError, match=rf"TetGen cannot fill the space between them \({said}\)") as error:
         tetrahedralize(SKIN, BONE, 3000)
     assert "\n" not in str(error.value)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-MOMENTS = int(os.environ.get("WARP_TRUNK_KILLS", "6"))
+MOMENTS = int(os.environ.get("WARP_TRUNK_KILLS", "4"))
 """Random moments at which a run is killed; every move of a file is one more."""
 
 
@@ -33,7 +33,7 @@ def test_runs_were_killed_while_they_worked_and_while_they_wrote(rows: list[dict
     moves = [row for row in rows if row["kind"] == "move"]
     assert len(rows) == len(moves) + MOMENTS
     assert all(row["ended"] == -9 for row in moves)
-    assert {row["checkpoints"] for row in moves} == {0, 1, 2, 3, 4, 5}
+    assert {row["checkpoints"] for row in moves} == {0, 1, 2, 3}
     assert max(len(row["files"]) for row in moves) == 5  # all but summary.json, which is the last
 
 

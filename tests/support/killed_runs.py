@@ -30,7 +30,7 @@ from warp_trunk.run.progress import Progress
 
 from .small_trunk import boned_case
 
-INCREMENTS = 6
+INCREMENTS = 4
 
 
 def options(mesh: Path, **changes: Any) -> RunOptions:
