@@ -8,6 +8,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from warp_trunk.case.places import refuse_case
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
@@ -36,6 +37,7 @@ class Export:
             raise InputError(
                 f"--out: a mesh cannot be written as '{self.out.suffix}'; end the name in one of {known}"
             )
+        refuse_case(self.out)
         check_place(self.out)
         tissues = read_summary(self.result).tissues
         trunk, displacement = read_trunk(self.result / TRUNK)

@@ -16,6 +16,7 @@ from warp_trunk.bone_motion.plan import plan_surgery, read_plan, write_plan
 from warp_trunk.bone_motion.plan.plan_file import curve_of_text
 from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_record, surgery_text
 from warp_trunk.case import read_case, write_case
+from warp_trunk.case.places import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import cobb_angles
@@ -114,7 +115,8 @@ class Plan:
 
 
 def check_out(out: Path, case: Path) -> None:
-    """Raise InputError where a planned case would take the place of a case that no plan wrote."""
+    """Raise InputError where a planned case would take the place of a case that no plan wrote, or lie in one."""
     if (out / "case.toml").exists() and not (out / PLAN).exists():
         what = "is the case itself" if out.resolve() == case.resolve() else "holds another case"
         raise InputError(f"{out}: {what}, which a plan does not overwrite; give --out a folder of its own")
+    refuse_case(out.resolve().parent)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from warp_trunk.case.places import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.report import write_comparison, write_report
 from warp_trunk.results import unfinished
@@ -32,6 +33,8 @@ class Report:
             raise InputError(
                 "report: RESULTS is missing; give a folder that `simulate` wrote, or several to compare"
             )
+        if self.out is not None:
+            refuse_case(self.out)
         with Progress() as progress, progress.stage("report", "measuring and drawing"):
             if len(self.results) == 1:
                 page = write_report(self.results[0], self.out)
