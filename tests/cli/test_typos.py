@@ -10,7 +10,7 @@ FILES = ["--skin", "s.ply", "--bones", "b", "--out", "c"]
 TYPOS = [
     ([], ["a command is needed", "simulate", "warp-trunk demo"]),
     (["simulat", "case"], ["'simulat': there is no such command (did you mean simulate?)", "make-case"]),
-    (["xyz"], ["'xyz': there is no such command; known are close, demo"]),
+    (["xyz"], ["'xyz': there is no such command; known are demo, doctor"]),
     (["simulate", "case", "--tet", "5"], ["--tet: simulate has no such option (did you mean --tets?)"]),
     (["simulate", "case", "--tet=5"], ["--tet: simulate has no such option (did you mean --tets?)"]),
     (["simulate", "case", "--xyzzy", "5"], ["--xyzzy: simulate has no such option; warp-trunk simulate --help"]),

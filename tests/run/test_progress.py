@@ -28,7 +28,9 @@ def test_log_has_one_line_for_each_stage_and_increment():
     lines = text.splitlines()
     assert len(lines) == 3
     assert lines[0].startswith("meshing: ")
-    assert lines[2].startswith("increment 2 of 2: CONVERGED, error 0.004 mm, 4 steps, 100 linear iterations")
+    assert lines[2].startswith(
+        "increment 2 of 2: CONVERGED, 0.004 mm from equilibrium, 4 steps, 100 linear iterations"
+    )
     assert "\x1b" not in text
     assert set(progress.seconds) == {"mesh"}
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support.marked_spine import before_and_after
+from support.rrd import column
 from support.small_trunk import boned_case, made_up_increments, small_case
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
@@ -67,14 +68,13 @@ def test_an_end_that_the_bones_cause_is_not_blamed_on_precision(ending):
     assert ("use float64" in text) == (last.status is RelaxStatus.STALLED)
 
 
-def test_warnings_reach_console_and_summary(tmp_path, capsys):
+def test_warnings_reach_console_summary_and_viewer(tmp_path, capsys):
     case, trunk = boned_case()
     write_trunk(tmp_path / "mesh.vtu", trunk)
     options = RunOptions(
         device="cpu",
         gravity=981.0,
         rest="scan",
-        record=False,
         from_mesh=tmp_path / "mesh.vtu",
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(max_steps=2)),
     )
@@ -85,6 +85,8 @@ def test_warnings_reach_console_and_summary(tmp_path, capsys):
     assert result.summary.warnings == warnings
     said = capsys.readouterr().err
     assert all(f"warning: {text}" in said for text in warnings[:2])
+    shown = column(tmp_path / "out" / "recording.rrd", "/summary", "text")[None].item()
+    assert all(f"**Warning:** {text}" in shown for text in warnings)
 
 
 def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):

@@ -31,21 +31,22 @@ from .triangulate import Triangulate
 from .view import View
 
 Command = (
-    Annotated[Close, subcommand("close")]
-    | Annotated[Demo, subcommand("demo")]
+    Annotated[Demo, subcommand("demo")]
     | Annotated[Doctor, subcommand("doctor")]
-    | Annotated[MakeCase, subcommand("make-case")]
-    | Annotated[Export, subcommand("export")]
+    | Annotated[Close, subcommand("close")]
+    | Annotated[Triangulate, subcommand("triangulate")]
+    | Annotated[Register, subcommand("register")]
     | Annotated[FitAtlas, subcommand("fit-atlas")]
     | Annotated[FindLandmarks, subcommand("landmarks")]
-    | Annotated[Measure, subcommand("measure")]
     | Annotated[Plan, subcommand("plan")]
-    | Annotated[Register, subcommand("register")]
-    | Annotated[Report, subcommand("report")]
+    | Annotated[MakeCase, subcommand("make-case")]
     | Annotated[Simulate, subcommand("simulate")]
-    | Annotated[Triangulate, subcommand("triangulate")]
     | Annotated[View, subcommand("view")]
+    | Annotated[Report, subcommand("report")]
+    | Annotated[Measure, subcommand("measure")]
+    | Annotated[Export, subcommand("export")]
 )
+"""In the order in which they are used: to begin with, from a patient to a case, and from a case to a result."""
 
 
 def start_warp() -> None:

@@ -29,7 +29,8 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
         _skin(after),
         f"Cobb angles: {_curves(before.cobb, summary.cobb_deg.followed)}",
         "",
-        "Back surface rotation [degrees]; positive: the right side of the back stands further back",
+        "Back surface rotation (BSR): how far the back is turned at the height of each vertebra [degrees];",
+        "positive: the right side stands further back",
         "level  before   after" + ("  actual" if bsr.actual else ""),
     ]
     for level in bsr.before:
@@ -44,7 +45,9 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
     return "\n".join(lines)
 
 
-def markdown(case: Case, last: Increment, before: TrunkMeasures, after: TrunkMeasures) -> str:
+def markdown(
+    case: Case, last: Increment, before: TrunkMeasures, after: TrunkMeasures, warnings: Sequence[str]
+) -> str:
     """The same for the viewer, which reads Markdown."""
     status = last.relaxation.status
     rows = [
@@ -56,11 +59,13 @@ def markdown(case: Case, last: Increment, before: TrunkMeasures, after: TrunkMea
             "",
             f"**{status.name}**: {status.value}.",
             "",
+            *(line for warning in warnings for line in (f"**Warning:** {warning}", "")),
             _skin(after),
             "",
             f"Cobb angles: {_curves(before.cobb, curves_after(before.cobb, case.planned_landmarks))}.",
             "",
-            "Back surface rotation in degrees; positive: the right side of the back stands further back.",
+            "Back surface rotation (BSR): how far the back is turned at the height of each vertebra, in degrees; "
+            "positive: the right side stands further back.",
             "",
             "| level | before | after |",
             "|---|---:|---:|",

@@ -79,7 +79,7 @@ class Progress:
         if self._bars is None:
             self._line(
                 f"increment {increment.number} of {count}: {relaxation.status.name}, "
-                f"error {relaxation.estimated_error:.2g} mm, {relaxation.steps} steps, "
+                f"{relaxation.estimated_error:.2g} mm from equilibrium, {relaxation.steps} steps, "
                 f"{relaxation.linear_iterations} linear iterations, {increment.seconds:.1f} s"
             )
             return

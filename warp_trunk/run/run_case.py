@@ -16,6 +16,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume
 from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.meshing.layers import check_labels
 from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
 from warp_trunk.results import (
@@ -130,13 +131,18 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warn
             )
     try:
         increments, after = _simulate(case, prepared, options, _Watchers(recording, checkpoint, progress))
+        last = increments[-1]
+        warnings = [
+            *warnings,
+            *ending_warnings(last.relaxation, held, folded_tissue(prepared.trunk, prepared.bone_path)),
+        ]
         if recording is not None:
-            recording.finish(markdown(case, increments[-1], before, after))
+            skin = predicted_skin(case, prepared.trunk, last.displacement)
+            faults = skin_quality(case.skin, skin, case.landmarks_before).faults
+            recording.finish(markdown(case, last, before, after, [*warnings, *faults]))
     finally:
         if recording is not None:
             recording.close()
-    last = increments[-1].relaxation
-    warnings = [*warnings, *ending_warnings(last, held, folded_tissue(prepared.trunk, prepared.bone_path))]
     summary = write_result(
         folder,
         case,
@@ -149,7 +155,7 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warn
         recording=None if recording is None or recording.failed else recording.path,
     )
     checkpoint.remove()
-    return RunResult(last.status, before, after, summary, folder)
+    return RunResult(last.relaxation.status, before, after, summary, folder)
 
 
 def _given(case: Case, options: RunOptions, progress: Progress) -> tuple[Case, TrunkMesh | None]:
