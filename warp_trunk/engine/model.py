@@ -53,6 +53,8 @@ class Model:
     """The same on the device, shape (tets,), vec4i."""
     elements: TetEnergy
     """What the energy reads of every tetrahedron, on the device, and its kernels."""
+    label: np.ndarray | None = None
+    """The tissue of each tetrahedron in model order, or the parts of all, as in `RestMesh`."""
     scan: np.ndarray | None = None
     """Displacement from rest of the trunk before surgery, in model order [mm], shape (nodes, 3), 0 on bone; None
     where the trunk before surgery is at rest."""
@@ -190,6 +192,7 @@ def build_model(
         corners=corners,
         tets=rest.upload(corners, wp.vec4i),
         elements=ENERGIES[energy](rest, gravity, weights),
+        label=label,
     )
 
 

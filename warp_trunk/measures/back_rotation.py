@@ -23,6 +23,20 @@ STEEPEST = math.radians(60.0)
 
 
 @dataclass(frozen=True)
+class Contacts:
+    """Where a line touches the back: each point lies on an edge of the section's convex hull, or at its end."""
+
+    points: np.ndarray
+    """Left and right point from the spine [mm], shape (2, 2)."""
+    edges: np.ndarray
+    """The ends, left and right, of the edge that each lies on, from the spine [mm], shape (2, 2, 2)."""
+    shares: np.ndarray
+    """Part of the way along its edge at which each lies, in [0, 1], shape (2,)."""
+    bridge: bool
+    """Whether the two points are the ends of one edge, over a groove; else they lie as far to either side."""
+
+
+@dataclass(frozen=True)
 class DualTangent:
     """The line that touches the back on both sides of the spine at one vertebral level."""
 
@@ -93,16 +107,22 @@ def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> 
     Returns:
         Left and right points of contact, shape (2, 2), or None where there is no such line.
     """
-    hull = _back_of_hull(outline - spine, across)
+    found = find_contacts(outline - spine, across)
+    return None if found is None else found.points + spine
+
+
+def find_contacts(outline: np.ndarray, across: np.ndarray) -> Contacts | None:
+    """The contacts of `dual_tangent`, of an outline (points, 2) whose origin is the spine [mm]."""
+    hull = _back_of_hull(outline, across)
     if hull is None:
         return None
     direction = across
     touching = None
     for _ in range(100):  # the perpendicular depends on the tangent: a fixed point, reached in a few steps
-        touching = _bridge(hull, direction)
+        touching = _touching(hull, direction)
         if touching is None:
             return None
-        tangent = touching[0] - touching[1]
+        tangent = touching.points[0] - touching.points[1]
         tangent = tangent / math.hypot(*tangent)
         turned = turn(direction, tangent)
         direction = tangent
@@ -110,7 +130,7 @@ def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> 
             return None
         if abs(turned) < 1e-10:
             break
-    return None if touching is None else touching + spine
+    return touching
 
 
 def turn(a: np.ndarray, b: np.ndarray) -> float:
@@ -156,20 +176,22 @@ def _upper_chain(x: np.ndarray, y: np.ndarray) -> list[int]:
     return chain
 
 
-def _bridge(hull: np.ndarray, across: np.ndarray) -> np.ndarray | None:
-    """Left and right points of contact, the spine being the origin and the back perpendicular to `across`."""
+def _touching(hull: np.ndarray, across: np.ndarray) -> Contacts | None:
+    """Where a line touches, the spine being the origin and the back perpendicular to `across`."""
     aside = hull @ across  # positive to the left; along the back the hull runs from left to right
     edge = _crossed(hull, aside, 0.0)
     if edge is not None and math.dist(*hull[edge : edge + 2]) >= SPAN:
-        return hull[edge : edge + 2]
-    sides = []
+        ends = hull[edge : edge + 2]
+        return Contacts(ends, np.stack([ends, ends]), np.array([0.0, 1.0]), bridge=True)
+    edges, shares = [], []
     for x in (SPAN / 2.0, -SPAN / 2.0):
         edge = _crossed(hull, aside, x)
         if edge is None:
             return None
-        share = (aside[edge] - x) / (aside[edge] - aside[edge + 1])
-        sides.append(hull[edge] + share * (hull[edge + 1] - hull[edge]))
-    return np.array(sides)
+        edges.append(hull[edge : edge + 2])
+        shares.append((aside[edge] - x) / (aside[edge] - aside[edge + 1]))
+    points = np.array([ends[0] + share * (ends[1] - ends[0]) for ends, share in zip(edges, shares, strict=True)])
+    return Contacts(points, np.array(edges), np.array(shares), bridge=False)
 
 
 def _crossed(hull: np.ndarray, aside: np.ndarray, x: float) -> int | None:

@@ -39,6 +39,34 @@ class Shoulders:
         return self.right - self.left
 
 
+@dataclass(frozen=True, eq=False)
+class UpperOutline:
+    """The upper outline of the trunk beside T1: at each place the edge of the skin that is highest there."""
+
+    aside: np.ndarray
+    """Distance of every vertex of the skin from T1 along the pelvis' axis, to the left [mm], shape (vertices,)."""
+    above: np.ndarray
+    """Height of every vertex above the centroid of T1 [mm], shape (vertices,)."""
+    edge: int
+    """The vertex at the edge of the narrower shoulder, from which distances are taken."""
+    places: np.ndarray
+    """Distances beside T1 at which heights are taken, left and right [mm], positive to the left, (2, PLACES)."""
+    ends: np.ndarray
+    """The two vertices of the highest edge at each place, shape (2, PLACES, 2)."""
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Part of the way from the first to the second end at which each place lies, shape (2, PLACES)."""
+        start, end = self.aside[self.ends[..., 0]], self.aside[self.ends[..., 1]]
+        return (self.places - start) / (end - start)
+
+    @property
+    def heights(self) -> np.ndarray:
+        """Heights of the places above the centroid of T1 [mm], shape (2, PLACES)."""
+        low, high = self.above[self.ends[..., 0]], self.above[self.ends[..., 1]]
+        return low + self.shares * (high - low)
+
+
 def shoulder_heights(skin: Surface, spine: Spine, across: np.ndarray) -> Shoulders | None:
     """How high the upper outline of the trunk stands on either side, at the same distances from T1.
 
@@ -58,6 +86,15 @@ def shoulder_heights(skin: Surface, spine: Spine, across: np.ndarray) -> Shoulde
     Returns:
         None without T1, or where the skin beside it has no outline.
     """
+    outline = upper_outline(skin, spine, across)
+    if outline is None:
+        return None
+    left, right = (float(heights.mean()) for heights in outline.heights)
+    return Shoulders(left, right, float(outline.places[0, 0]), float(outline.places[0, -1]))
+
+
+def upper_outline(skin: Surface, spine: Spine, across: np.ndarray) -> UpperOutline | None:
+    """The outline that `shoulder_heights` takes heights of, with the same arguments; None where it is missing."""
     if "T1" not in spine.levels:
         return None
     centre = spine.centroids[spine.levels.index("T1")]
@@ -66,27 +103,29 @@ def shoulder_heights(skin: Surface, spine: Spine, across: np.ndarray) -> Shoulde
     faces = skin.faces[(above[skin.faces] > -DEEP).all(axis=1)]
     if not len(faces):
         return None
-    reach = aside[faces]
-    edge = min(float(reach.max()), -float(reach.min()))
-    if edge <= 0.0:
+    corners = faces.ravel()
+    left, right = corners[np.argmax(aside[corners])], corners[np.argmin(aside[corners])]
+    edge = int(left if aside[left] <= -aside[right] else right)
+    reach = min(aside[left], -aside[right])
+    if reach <= 0.0:
         return None
-    places = edge * np.linspace(INNER, OUTER, PLACES)
-    heights = [_outline(aside, above, faces, side * places) for side in (1.0, -1.0)]
-    if not np.isfinite(heights).all():
-        return None
-    left, right = (float(height.mean()) for height in heights)
-    return Shoulders(left, right, float(places[0]), float(places[-1]))
+    places = reach * np.linspace(INNER, OUTER, PLACES)
+    places = np.stack([places, -places])
+    ends = _highest(aside, above, faces, places.ravel())
+    return None if ends is None else UpperOutline(aside, above, edge, places, ends.reshape(2, PLACES, 2))
 
 
-def _outline(aside: np.ndarray, above: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Height of the highest edge of `faces` at each place, shape (places,); -inf where none is crossed."""
+def _highest(aside: np.ndarray, above: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray | None:
+    """Ends of the edge of `faces` that is highest at each place, shape (places, 2); None where none is crossed."""
     start, end = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
     a, b = aside[start], aside[end]
-    heights = np.full(len(places), -np.inf)
+    ends = np.empty((len(places), 2), dtype=np.int64)
     for number, place in enumerate(places):
         crossed = np.flatnonzero((a <= place) != (b <= place))
-        if len(crossed):
-            share = (place - a[crossed]) / (b[crossed] - a[crossed])
-            low, high = above[start[crossed]], above[end[crossed]]
-            heights[number] = float((low + share * (high - low)).max())
-    return heights
+        if not len(crossed):
+            return None
+        share = (place - a[crossed]) / (b[crossed] - a[crossed])
+        low, high = above[start[crossed]], above[end[crossed]]
+        highest = crossed[np.argmax(low + share * (high - low))]
+        ends[number] = start[highest], end[highest]
+    return ends

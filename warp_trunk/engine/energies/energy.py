@@ -70,6 +70,14 @@ class TetEnergy(Protocol):
         """What its arrays of these names hold for a rest state."""
         ...
 
+    def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
+        """What its arrays of these names hold for the tissues of a mesh and a gravity [m/s^2], float64.
+
+        The energy is linear in them: put in their place, their derivative in a constant gives the derivative of
+        energy, gradient and curvature in it.
+        """
+        ...
+
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Energy of some tetrahedra on the host, without gravity, shape (n,), float64.
 

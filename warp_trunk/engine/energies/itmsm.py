@@ -49,6 +49,8 @@ class Itmsm:
     """2 g M_0 H_0 / k_D of eq. 4.6, from gravity, density and Young's modulus; 0 without gravity."""
     gravity_at_rest: float
     """The gravity term of the trunk at rest, which the displacement's part adds to."""
+    shares: Shares
+    """What an edge, a face and a tetrahedron weigh before any constant."""
 
     @property
     def arguments(self) -> list[Any]:
@@ -68,6 +70,10 @@ class Itmsm:
         """What the arrays of these names hold for a rest state; the weights are those of the first."""
         return measures(rest, "area" in self.terms)
 
+    def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
+        """What the arrays of these names hold for the tissues of a mesh; see `TetEnergy`."""
+        return weights(rest, gravity, self.shares)[0]
+
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Eq. 4.8 to 4.10 of [2]; see `TetEnergy`."""
 
@@ -85,53 +91,81 @@ class Itmsm:
         return energy
 
 
-def make_itmsm(rest: RestMesh, gravity: float, weights: str) -> Itmsm:
+def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
     """Measures the rest state and uploads it.
 
     Every edge, face and tetrahedron weighs 1 (`count`, as the papers have it), or by the volume that it stands for
     with the same total (`volume`): `count` makes tissue stiffer where its tetrahedra are small. Each tetrahedron
     adds its own tissue's share of an edge or face; a tissue is stiffer than the first by their Young's moduli.
     """
-    scalar, tissues = rest.scalar, rest.tissues
-    edge_weight, face_weight = (1.0 / shared_by(rest.corners[:, part]) for part in (EDGES, FACES))
-    tet_weight = np.ones(1)
-    edge_count = edge_weight.sum()
-    if weights == "volume":
-        share = rest.volume / rest.volume.sum()
-        edge_weight, face_weight = (
-            np.outer(share, np.full(weight.shape[1], weight.sum() / weight.shape[1]))
-            for weight in (edge_weight, face_weight)
-        )
-        tet_weight = share * len(share)
-    relative = [tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues]
-    stiffness = rest.by_tissue(relative)
-    epsilon = rest.by_tissue([r * tissue.epsilon for r, tissue in zip(relative, tissues, strict=True)])
-    theta = tet_weight * rest.by_tissue([r * tissue.theta for r, tissue in zip(relative, tissues, strict=True)])
-    alpha, gravity_weight = gravity_weights(rest, gravity, edge_count)
-    gravity_weight = np.broadcast_to(gravity_weight, theta.shape)
+    scalar, shares = rest.scalar, shares_of(rest, by_volume=weights_by == "volume")
+    weight, alpha = weights(rest, gravity, shares)
     used = {
         "distance": True,
-        "area": bool((epsilon > 0.0).any()),
-        "volume": bool((theta > 0.0).any()),
+        "area": bool((weight["face_weight"] > 0.0).any()),
+        "volume": bool((weight["theta"] > 0.0).any()),
         "gravity": gravity != 0.0,
     }
     vec4, vec6 = wp.types.vector(4, scalar), wp.types.vector(6, scalar)
-    none = np.empty((0, 4))
     measured = measures(rest, used["area"])
+    layered = len(weight["theta"]) > 1
     return Itmsm(
-        kernels=itmsm_kernels(scalar, rest.is_cuda, len(theta) > 1, used["gravity"], used["area"], used["volume"]),
+        kernels=itmsm_kernels(scalar, rest.is_cuda, layered, used["gravity"], used["area"], used["volume"]),
         terms=tuple(name for name in used if used[name]),
         rest_edge=rest.upload(measured["rest_edge"], wp.types.vector(3, scalar)),
         rest_length=rest.upload(measured["rest_length"], vec6),
         rest_area=rest.upload(measured["rest_area"], vec4),
         rest_volume=rest.upload(measured["rest_volume"], scalar),
-        edge_weight=rest.upload(stiffness[:, None] * edge_weight, vec6),
-        face_weight=rest.upload(epsilon[:, None] * face_weight if used["area"] else none, vec4),
-        theta=rest.upload(theta, scalar),
-        gravity_weight=rest.upload(gravity_weight, scalar),
+        edge_weight=rest.upload(weight["edge_weight"], vec6),
+        face_weight=rest.upload(weight["face_weight"] if used["area"] else np.empty((0, 4)), vec4),
+        theta=rest.upload(weight["theta"], scalar),
+        gravity_weight=rest.upload(weight["gravity_weight"], scalar),
         alpha=alpha,
-        gravity_at_rest=rest.height_energy(gravity_weight),
+        gravity_at_rest=rest.height_energy(weight["gravity_weight"]),
+        shares=shares,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """What the features of each tetrahedron weigh before any constant, on the host, float64."""
+
+    edge: np.ndarray
+    """1 / |K_ij| of eq. 4.8, or by volume, shape (tets, 6)."""
+    face: np.ndarray
+    """1 / |K_ijk| of eq. 4.9, or by volume, shape (tets, 4)."""
+    tet: np.ndarray
+    """1, shape (1,), or by volume, shape (tets,)."""
+    edges: float
+    """Number of edges."""
+
+
+def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
+    """The shares by count, as the papers have it, or by the volume that each feature stands for."""
+    edge, face = (1.0 / shared_by(rest.corners[:, part]) for part in (EDGES, FACES))
+    edges = float(edge.sum())
+    if not by_volume:
+        return Shares(edge, face, np.ones(1), edges)
+    part = rest.volume / rest.volume.sum()
+    edge, face = (
+        np.outer(part, np.full(share.shape[1], share.sum() / share.shape[1])) for share in (edge, face)
+    )
+    return Shares(edge, face, part * len(part), edges)
+
+
+def weights(rest: RestMesh, gravity: float, shares: Shares) -> tuple[dict[str, np.ndarray], float]:
+    """The weights of the features as the fields of `Itmsm`, with epsilon and theta, and alpha of eq. 4.6."""
+    tissues = rest.tissues
+    relative = [tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues]
+    epsilon = rest.by_tissue([r * tissue.epsilon for r, tissue in zip(relative, tissues, strict=True)])
+    theta = shares.tet * rest.by_tissue([r * tissue.theta for r, tissue in zip(relative, tissues, strict=True)])
+    alpha, gravity_weight = gravity_weights(rest, gravity, shares.edges)
+    return {
+        "edge_weight": rest.by_tissue(relative)[:, None] * shares.edge,
+        "face_weight": epsilon[:, None] * shares.face,
+        "theta": theta,
+        "gravity_weight": np.broadcast_to(gravity_weight, theta.shape),
+    }, alpha
 
 
 def measures(rest: RestMesh, area: bool) -> dict[str, np.ndarray]:

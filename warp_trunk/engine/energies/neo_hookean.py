@@ -49,6 +49,10 @@ class NeoHookean:
         """What the arrays of these names hold for a rest state."""
         return measures(rest)
 
+    def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
+        """What the arrays of these names hold for the tissues of a mesh; see `TetEnergy`."""
+        return weights(rest, gravity)
+
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Stable neo-Hookean (Smith, de Goes and Kim 2018, eq. 14), zero at rest; see `TetEnergy`."""
         mu, bulk = of_each(self.moduli.numpy().astype(np.float64), tets).T
@@ -59,27 +63,32 @@ class NeoHookean:
         return self.rest_volume.numpy()[tets] * (shape + 0.5 * bulk * j**2)
 
 
-def make_neo_hookean(rest: RestMesh, gravity: float, weights: str) -> NeoHookean:
+def make_neo_hookean(rest: RestMesh, gravity: float, weights_by: str) -> NeoHookean:
     """Measures the rest state and uploads it; InputError for weights, which a continuum has none of."""
-    if weights != "count":
-        raise InputError(f"weights: '{weights}' is a choice of the energy itmsm; leave it out with neo-hookean")
+    if weights_by != "count":
+        raise InputError(f"weights: '{weights_by}' is a choice of the energy itmsm; leave it out with neo-hookean")
     scalar = rest.scalar
     layered = rest.label is not None
-    measured = measures(rest)
-    mu, bulk = zip(*map(stable_moduli, rest.tissues), strict=True)
-    density = rest.by_tissue([tissue.density for tissue in rest.tissues])
-    gravity_weight = 0.25 * gravity * density * 1e-9  # m/s^2 kg/m^3 = 1e-9 N/mm^3
+    measured, weight = measures(rest), weights(rest, gravity)
     return NeoHookean(
         kernels=neo_hookean_kernels(scalar, rest.is_cuda, layered, gravity != 0.0),
         terms=("volume", "gravity", "shape") if gravity else ("volume", "shape"),
         shape_gradient=rest.upload(measured["shape_gradient"], wp.types.vector(3, scalar)),
         rest_volume=rest.upload(measured["rest_volume"], scalar),
-        moduli=rest.upload(
-            np.stack([rest.by_tissue(mu), rest.by_tissue(bulk)], axis=1), wp.types.vector(2, scalar)
-        ),
-        gravity_weight=rest.upload(gravity_weight, scalar),
-        gravity_at_rest=rest.height_energy(gravity_weight),
+        moduli=rest.upload(weight["moduli"], wp.types.vector(2, scalar)),
+        gravity_weight=rest.upload(weight["gravity_weight"], scalar),
+        gravity_at_rest=rest.height_energy(weight["gravity_weight"]),
     )
+
+
+def weights(rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
+    """Moduli and weight per volume, as the fields of `NeoHookean`."""
+    mu, bulk = zip(*map(stable_moduli, rest.tissues), strict=True)
+    density = rest.by_tissue([tissue.density for tissue in rest.tissues])
+    return {
+        "moduli": np.stack([rest.by_tissue(mu), rest.by_tissue(bulk)], axis=1),
+        "gravity_weight": 0.25 * gravity * density * 1e-9,  # m/s^2 kg/m^3 = 1e-9 N/mm^3
+    }
 
 
 def measures(rest: RestMesh) -> dict[str, np.ndarray]:

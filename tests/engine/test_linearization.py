@@ -1,0 +1,139 @@
+"""What an equilibrium depends on: adjoints and tangents against differences of whole relaxations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.meshes import block_with_bone
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.constants import Constant, constants_of
+from warp_trunk.engine.linearization import Linearization
+from warp_trunk.engine.model import EnergyName, Model, WeightsName, build_model
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.sag_free import sag_free
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
+
+TRUNK = block_with_bone((4, 4, 5), holes=((1, 2, 1), (2, 1, 3)))
+TIGHT = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-9))
+LABEL = np.random.default_rng(2).dirichlet([1.0, 1.0], size=len(TRUNK.tets))
+
+
+def bones_turned() -> np.ndarray:
+    angle = 0.3 * TRUNK.nodes[:, 2] / np.ptp(TRUNK.nodes[:, 2])
+    x, y, _ = (TRUNK.nodes - TRUNK.nodes.mean(axis=0)).T
+    return np.column_stack([np.cos(angle) * x - np.sin(angle) * y - x, np.sin(angle) * x + np.cos(angle) * y - y, x])
+
+
+def scene(energy: EnergyName, weights: WeightsName = "count", gravity: float = 0.0, **changed: float) -> Model:
+    """A block of two mixed tissues; `changed` are constants of the second."""
+    tissues = (Tissue(theta=4.0, poisson_ratio=0.4), replace(Tissue(youngs_modulus=30.0), **changed))
+    return build_model(
+        replace(TRUNK, tissue=LABEL),
+        tissues,
+        energy=energy,
+        weights=weights,
+        gravity=gravity,
+        precision="float64",
+        device="cpu",
+        threads=1,
+    )
+
+
+def settle(model: Model, move: np.ndarray) -> Increment:
+    *_, last = simulate(model, BonePath(move), TIGHT)
+    assert last.relaxation.status is RelaxStatus.CONVERGED
+    return last
+
+
+def a_number(seed: int = 4) -> np.ndarray:
+    """dN/du of a number that is linear in the places of free nodes."""
+    weight = np.random.default_rng(seed).normal(size=TRUNK.nodes.shape)
+    weight[TRUNK.prescribed] = 0.0
+    return weight
+
+
+SCENES: list[tuple[EnergyName, WeightsName, float]] = [
+    ("itmsm", "count", 0.0),
+    ("itmsm", "volume", 9.81),
+    ("neo-hookean", "count", 0.0),
+    ("neo-hookean", "count", 9.81),
+]
+
+
+@pytest.mark.parametrize(("energy", "weights", "gravity"), SCENES)
+def test_bones_against_differences(energy: EnergyName, weights: WeightsName, gravity: float) -> None:
+    model, move, weight = scene(energy, weights, gravity), bones_turned(), a_number()
+    linear = Linearization(model, settle(model, move), accuracy=1e-10)
+    by_bones = linear.by_bones(linear.adjoint(weight))
+    assert not by_bones[~TRUNK.prescribed].any()
+    for seed in range(3):
+        along = np.random.default_rng(seed).normal(size=move.shape) * TRUNK.prescribed[:, None]
+        step = 1e-4
+        ends = [settle(model, move + sign * step * along).displacement for sign in (1.0, -1.0)]
+        wanted = (ends[0] - ends[1]) / (2.0 * step)
+        scale = np.abs(wanted).max()
+        np.testing.assert_allclose(linear.follow(along), wanted, rtol=0.0, atol=1e-5 * scale)
+        assert np.vdot(by_bones, along) == pytest.approx(np.vdot(weight, wanted), rel=1e-5)
+
+
+@pytest.mark.parametrize(("energy", "weights", "gravity"), SCENES)
+def test_constants_against_differences(energy: EnergyName, weights: WeightsName, gravity: float) -> None:
+    model, move, weight = scene(energy, weights, gravity), bones_turned(), a_number()
+    linear = Linearization(model, settle(model, move), accuracy=1e-10)
+    adjoint = linear.adjoint(weight)
+    known = constants_of(model)
+    wanted_names = {"epsilon", "theta"} if energy == "itmsm" else {"poisson_ratio"}
+    wanted_names |= {"youngs_modulus"} | ({"density", "gravity"} if gravity else set())
+    assert {constant.name for constant in known} == wanted_names
+    for constant in (c for c in known if c.tissue in (None, 1)):
+        value = gravity if constant.name == "gravity" else getattr(model.tissues[1], constant.name)
+        step = 1e-4 * value
+        ends = []
+        for there in (value + step, value - step):
+            changed = {"gravity": there} if constant.name == "gravity" else {constant.name: there, "gravity": gravity}
+            ends.append(settle(scene(energy, weights, **changed), move).displacement)
+        wanted = (ends[0] - ends[1]) / (2.0 * step)
+        assert np.abs(wanted).max() > 0.0
+        np.testing.assert_allclose(
+            linear.follow(None, linear.pull(constant)), wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max()
+        )
+        assert linear.by_constant(adjoint, constant) == pytest.approx(np.vdot(weight, wanted), rel=1e-4)
+
+
+def test_float32_and_threads_give_the_same() -> None:
+    move, weight = bones_turned(), a_number()
+    found = []
+    for precision, threads in (("float64", 1), ("float32", 1), ("float32", 3)):
+        model = build_model(TRUNK, precision=precision, device="cpu", threads=threads)
+        *_, last = simulate(model, BonePath(move), SimulationOptions(increments=1))
+        linear = Linearization(model, last)
+        adjoint = linear.adjoint(weight)
+        found.append([*linear.by_bones(adjoint).ravel(), linear.by_constant(adjoint, Constant("theta", 0))])
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], rtol=0.0, atol=2e-3 * np.abs(found[0]).max())
+
+
+def test_a_change_of_all_tissues_is_the_sum_of_changes() -> None:
+    model = scene("itmsm")
+    linear = Linearization(model, settle(model, bones_turned()), accuracy=1e-10)
+    adjoint = linear.adjoint(a_number())
+    parts = [linear.by_constant(adjoint, Constant("theta", tissue)) for tissue in (0, 1)]
+    assert linear.by_constant(adjoint, Constant("theta")) == pytest.approx(sum(parts), rel=1e-6)
+
+
+def test_refusals() -> None:
+    model, move = scene("neo-hookean", gravity=9.81), bones_turned()
+    *_, early = simulate(model, BonePath(move), SimulationOptions(increments=1, relax=RelaxOptions(max_steps=1)))
+    with pytest.raises(InputError, match=r"must have ended with CONVERGED, not STEP_LIMIT"):
+        Linearization(model, early)
+    hung = sag_free(model).model
+    linear = Linearization(hung, settle(hung, move))
+    with pytest.raises(InputError, match=r"the rest state that gravity pulls into the scan"):
+        linear.pull(Constant("gravity"))
+    with pytest.raises(InputError, match=r"there is no constant 'warmth' of tissue 0"):
+        Linearization(model, settle(model, move)).pull(Constant("warmth", 0))

@@ -1,0 +1,108 @@
+"""Derivatives of measures against central differences of the measures themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkMeasures, back_surface_rotation, measure
+from warp_trunk.measures.derivatives import (
+    Derivative,
+    hump_derivative,
+    point_derivative,
+    rotation_derivative,
+    shoulder_derivative,
+)
+from warp_trunk.preparation.phantom import phantom_case
+
+CASE = phantom_case()
+STEP = 1e-6
+
+
+def rough() -> Surface:
+    """A lopsided skin, no two of whose points are level."""
+    noise = np.random.default_rng(1).normal(scale=0.3, size=CASE.skin.vertices.shape)
+    return Surface(CASE.skin.vertices + noise, CASE.skin.faces)
+
+
+def differs(
+    number: Callable[[TrunkMeasures], float | None], found: Derivative, skin: Surface, landmarks: Landmarks
+) -> list[tuple[float, float]]:
+    """The change of a number in random directions, by its derivative and by central differences."""
+    pairs = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        along = rng.normal(size=skin.vertices.shape) * (seed != 1), rng.normal(size=landmarks.points.shape) * (seed != 0)
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = Surface(skin.vertices + sign * STEP * along[0], skin.faces)
+            value = number(measure(moved, Landmarks(landmarks.names, landmarks.points + sign * STEP * along[1])))
+            assert value is not None
+            ends.append(value)
+        predicted = np.vdot(found.vertices, along[0]) + np.vdot(found.landmarks, along[1])
+        pairs.append((float(predicted), (ends[0] - ends[1]) / (2.0 * STEP)))
+    return pairs
+
+
+def agree(pairs: list[tuple[float, float]]) -> None:
+    predicted, wanted = np.array(pairs).T
+    np.testing.assert_allclose(predicted, wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max())
+    assert np.abs(wanted).max() > 0.0
+
+
+@pytest.mark.parametrize("level", ["T2", "T5", "T8", "T12", "L2", "L4"])
+def test_rotation(level: str) -> None:
+    skin, landmarks = rough(), CASE.landmarks_before
+    tangent = back_surface_rotation(skin, landmarks)[level]
+    assert tangent is not None
+    found = rotation_derivative(skin, landmarks, level, tangent)
+    assert found.value == tangent.angle
+    agree(differs(lambda m: m.bsr[level], found, skin, landmarks))
+
+
+def test_both_kinds_of_contact_are_among_them() -> None:
+    from warp_trunk.measures.back_rotation import find_contacts
+
+    tangents = [t for t in back_surface_rotation(rough(), CASE.landmarks_before).values() if t is not None]
+    kinds = {c.bridge for t in tangents if (c := find_contacts(t.outline - t.spine, t.across)) is not None}
+    assert kinds == {True, False}
+
+
+@pytest.mark.parametrize("level", ["T5", "T8", "T12", "L2"])
+def test_hump(level: str) -> None:
+    skin, landmarks = rough(), CASE.landmarks_before
+    tangent = back_surface_rotation(skin, landmarks)[level]
+    assert tangent is not None
+    found = hump_derivative(skin, landmarks, level, tangent)
+    assert found is not None
+    agree(differs(lambda m: m.hump_height[level], found, skin, landmarks))
+
+
+def test_shoulders() -> None:
+    skin, landmarks = rough(), CASE.landmarks_before
+    found = shoulder_derivative(skin, landmarks)
+    measured = measure(skin, landmarks).shoulders
+    assert found is not None and measured is not None
+    assert found.value == pytest.approx(measured.difference, abs=1e-12)
+    agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, found, skin, landmarks))
+
+
+def test_a_shift_of_all_changes_nothing_and_a_turn_of_the_pelvis_turns_every_level() -> None:
+    skin, landmarks = rough(), CASE.landmarks_before
+    for level, tangent in back_surface_rotation(skin, landmarks).items():
+        if tangent is None:
+            continue
+        found = rotation_derivative(skin, landmarks, level, tangent)
+        whole = found.vertices.sum(axis=0) + found.landmarks.sum(axis=0)
+        np.testing.assert_allclose(whole, 0.0, atol=1e-12)
+
+
+def test_a_vertex_moves_by_what_it_moves_along_its_normal() -> None:
+    skin, landmarks = rough(), CASE.landmarks_before
+    found = point_derivative(skin, landmarks, 7, np.array([0.6, 0.0, 0.8]))
+    assert np.vdot(found.vertices, np.ones_like(skin.vertices)) == pytest.approx(1.4)
+    assert not found.landmarks.any()

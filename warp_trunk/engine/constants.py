@@ -1,0 +1,89 @@
+"""The constants that a model's energy reads, and the derivative of its weights in each of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+
+from .model import Model
+from .rest_mesh import RestMesh
+from .tissue import Tissue
+
+STEP = 1e-6
+"""Part of a constant by which it is changed to either side; weights are float64, and linear in most constants."""
+_MOST = {"poisson_ratio": 0.499}
+_OF_TERM = {"epsilon": "area", "theta": "volume"}
+
+
+@dataclass(frozen=True)
+class Constant:
+    """One number of the model."""
+
+    name: str
+    """A field of `Tissue`, or `gravity`."""
+    tissue: int | None = None
+    """Which of the model's tissues, from 0; None is gravity, or the same change in all of them."""
+
+
+def constants_of(model: Model) -> tuple[Constant, ...]:
+    """Every constant that moves an equilibrium of the model.
+
+    With displacements prescribed and no gravity only ratios of stiffness act, so that the Young's modulus of a
+    uniform trunk is none of them.
+    """
+    falls = model.gravity != 0.0
+    several = len(model.tissues) > 1
+    itmsm = "distance" in model.elements.terms
+    names = [name for name, term in _OF_TERM.items() if itmsm and term in model.elements.terms]
+    names += ["poisson_ratio"] * (not itmsm)
+    names += ["youngs_modulus"] * (falls or several) + ["density"] * falls
+    found = [Constant(name, number) for number in range(len(model.tissues)) for name in names]
+    return (*found, *([Constant("gravity")] if falls else []))
+
+
+def weight_derivative(model: Model, constant: Constant) -> dict[str, np.ndarray]:
+    """Derivative of the arrays of the model's energy that hold its weights in a constant, float64.
+
+    Raises:
+        InputError: a tissue or a constant that there is not.
+    """
+    value, lower, upper = _sides(model, constant)
+    step = upper - lower
+    high, low = (_weights(model, constant, there - value) for there in (upper, lower))
+    return {name: (high[name] - low[name]) / step for name in high}
+
+
+def _sides(model: Model, constant: Constant) -> tuple[float, float, float]:
+    """The constant, and the values below and above it at which weights are compared."""
+    if constant.name == "gravity":
+        value = model.gravity
+    elif constant.name in Tissue.__dataclass_fields__ and (constant.tissue or 0) in range(len(model.tissues)):
+        value = float(getattr(model.tissues[constant.tissue or 0], constant.name))
+    else:
+        raise InputError(
+            f"sensitivities: there is no constant '{constant.name}' of tissue {constant.tissue}; "
+            "take those of constants_of(model)"
+        )
+    step = STEP * max(abs(value), 1e-3)
+    return value, max(value - step, 0.0), min(value + step, _MOST.get(constant.name, np.inf))
+
+
+def _weights(model: Model, constant: Constant, change: float) -> dict[str, np.ndarray]:
+    """The weights where the constant differs by `change`."""
+    gravity = model.gravity + (change if constant.name == "gravity" else 0.0)
+    tissues = tuple(
+        replace(tissue, **{constant.name: getattr(tissue, constant.name) + change})
+        if constant.name != "gravity" and constant.tissue in (None, number)
+        else tissue
+        for number, tissue in enumerate(model.tissues)
+    )
+    return model.elements.weights(replace(scanned_mesh(model), tissues=tissues), gravity)
+
+
+def scanned_mesh(model: Model) -> RestMesh:
+    """The tetrahedra before surgery, where weights are taken, also if the rest state was moved from there."""
+    nodes = model.rest if model.scan is None else model.rest + model.scan
+    return RestMesh(nodes, model.corners, model.tissues, model.label, model.scalar, model.device)

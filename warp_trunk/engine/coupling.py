@@ -1,0 +1,64 @@
+"""The block of the true curvature that couples free nodes with prescribed ones: what a bone that moves pulls."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.elements import vec16i
+from warp_trunk.kernels.slabs import slab_kernels
+
+from .model import Model
+from .state import State
+
+
+class Coupling:
+    """d(gradient of the free nodes) / d(position of the prescribed ones) at a state, on the host in float64."""
+
+    def __init__(self, state: State) -> None:
+        """Takes it from the state's curvature as it is now; nothing of it is projected."""
+        model = state.model
+        self._free, self._prescribed = model.free_nodes, model.nodes - model.free_nodes
+        self._row, self._column, block_of = _pattern(model)
+        mat33 = wp.types.matrix((3, 3), model.scalar)
+        size, ranges = len(self._row), model.parallel.ranges
+        blocks = model.zeros(mat33, ranges, max(size, 1))
+        model.over_tets(
+            model.elements.kernels.true_curvature,
+            [model.array(block_of, vec16i), state.displacement],
+            [blocks],
+        )()
+        if ranges > 1:
+            model.parallel.record(slab_kernels(mat33).gather, size, [ranges], [blocks])()
+        self._blocks = blocks.numpy()[0, :size].astype(np.float64)
+        self._by_column = np.argsort(self._column, kind="stable")
+
+    def times(self, moved: np.ndarray) -> np.ndarray:
+        """What moving the prescribed nodes (prescribed, 3) adds to the gradient of the free ones, (free, 3)."""
+        return _sum_by(self._row, np.einsum("bij,bj->bi", self._blocks, moved[self._column]), self._free)
+
+    def transposed_times(self, weight: np.ndarray) -> np.ndarray:
+        """The transpose, from the free nodes (free, 3) to the prescribed ones, (prescribed, 3)."""
+        order = self._by_column
+        product = np.einsum("bij,bi->bj", self._blocks[order], weight[self._row[order]])
+        return _sum_by(self._column[order], product, self._prescribed)
+
+
+def _pattern(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Free row and prescribed column, from 0, of each block, and the block of each corner pair (tets, 16)."""
+    rows = np.repeat(model.corners, 4, axis=1).astype(np.int64)
+    columns = np.tile(model.corners, (1, 4)).astype(np.int64)
+    couples = model.is_free(rows) & ~model.is_free(columns)
+    unique, inverse = np.unique(rows[couples] * model.nodes + columns[couples], return_inverse=True)
+    block_of = np.full(rows.shape, -1, dtype=np.int32)
+    block_of[couples] = inverse
+    return unique // model.nodes, unique % model.nodes - model.free_nodes, block_of
+
+
+def _sum_by(row: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
+    """Sums of values (n, 3) by their rows, which ascend, shape (size, 3)."""
+    total = np.zeros((size, 3))
+    if len(row):
+        starts = np.flatnonzero(np.diff(row, prepend=-1))
+        total[row[starts]] = np.add.reduceat(values, starts)
+    return total
