@@ -50,6 +50,7 @@ from .results import Result, Summary, predicted_skin, read_result, read_summary,
 from .run.options import RunOptions
 from .run.prepare import Prepared, prepare
 from .run.run_case import RunResult, run_case
+from .run.sensitivities import Sensitivity, sensitivities
 
 __all__ = [
     "ApicalVertebra",
@@ -85,6 +86,7 @@ __all__ = [
     "RunOptions",
     "RunResult",
     "SacralLine",
+    "Sensitivity",
     "Shoulders",
     "SimulationOptions",
     "SkinComparison",
@@ -129,6 +131,7 @@ __all__ = [
     "rigid_path",
     "run_case",
     "sag_free",
+    "sensitivities",
     "simulate",
     "spline_path",
     "tissue_volume_change",

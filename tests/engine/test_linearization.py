@@ -26,7 +26,9 @@ LABEL = np.random.default_rng(2).dirichlet([1.0, 1.0], size=len(TRUNK.tets))
 def bones_turned() -> np.ndarray:
     angle = 0.3 * TRUNK.nodes[:, 2] / np.ptp(TRUNK.nodes[:, 2])
     x, y, _ = (TRUNK.nodes - TRUNK.nodes.mean(axis=0)).T
-    return np.column_stack([np.cos(angle) * x - np.sin(angle) * y - x, np.sin(angle) * x + np.cos(angle) * y - y, x])
+    return np.column_stack(
+        [np.cos(angle) * x - np.sin(angle) * y - x, np.sin(angle) * x + np.cos(angle) * y - y, x]
+    )
 
 
 def scene(energy: EnergyName, weights: WeightsName = "count", gravity: float = 0.0, **changed: float) -> Model:
@@ -95,7 +97,9 @@ def test_constants_against_differences(energy: EnergyName, weights: WeightsName,
         step = 1e-4 * value
         ends = []
         for there in (value + step, value - step):
-            changed = {"gravity": there} if constant.name == "gravity" else {constant.name: there, "gravity": gravity}
+            changed = (
+                {"gravity": there} if constant.name == "gravity" else {constant.name: there, "gravity": gravity}
+            )
             ends.append(settle(scene(energy, weights, **changed), move).displacement)
         wanted = (ends[0] - ends[1]) / (2.0 * step)
         assert np.abs(wanted).max() > 0.0

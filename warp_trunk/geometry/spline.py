@@ -104,15 +104,8 @@ def fit_spline(
     n = len(sources)
     origin = sources.mean(axis=0)
     scale = float(np.abs(sources - origin).max()) or 1.0
-    c = (sources - origin) / scale
-    terms = 4 if drift == "linear" else 1
-    A = np.zeros((n + terms, n + terms))
-    A[:n, :n] = np.linalg.norm(c[:, None] - c[None], axis=2) - (nugget / scale) * np.eye(n)
-    A[:n, n] = A[n, :n] = 1.0
-    if drift == "linear":
-        A[:n, n + 1 :] = c
-        A[n + 1 :, :n] = c.T
-    rhs = np.zeros((n + terms, 3))
+    A = spline_matrix((sources - origin) / scale, nugget / scale, drift)
+    rhs = np.zeros((len(A), 3))
     rhs[:n] = targets - sources
     solution = np.linalg.solve(A, rhs)
     solution += np.linalg.solve(A, rhs - A @ solution)  # one refinement, for landmarks met to 1e-9 mm
@@ -123,6 +116,18 @@ def fit_spline(
         constant=solution[n],
         linear=solution[n + 1 :].T / scale if drift == "linear" else np.zeros((3, 3)),
     )
+
+
+def spline_matrix(centres: np.ndarray, nugget: float = 0.0, drift: str = "linear") -> np.ndarray:
+    """The symmetric matrix of the weights and the affine part at centres (n, 3), shape (n + terms, n + terms)."""
+    n, terms = len(centres), 4 if drift == "linear" else 1
+    A = np.zeros((n + terms, n + terms))
+    A[:n, :n] = np.linalg.norm(centres[:, None] - centres[None], axis=2) - nugget * np.eye(n)
+    A[:n, n] = A[n, :n] = 1.0
+    if drift == "linear":
+        A[:n, n + 1 :] = centres
+        A[n + 1 :, :n] = centres.T
+    return A
 
 
 def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[str], drift: str) -> None:

@@ -93,12 +93,18 @@ def _mesh(case: Case, options: RunOptions, progress: Progress | None) -> TrunkMe
 
 def _path(case: Case, trunk: TrunkMesh, options: RunOptions) -> tuple[TrunkMesh, BonePath]:
     """The path of the bones, and the mesh with joints that its bones can move in."""
+    if options.bones == "rigid":
+        trunk = free_joints(trunk)
+    return trunk, find_path(case, trunk, options)
+
+
+def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
+    """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
     spline = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, choose_device(options.device))
     if options.bones == "spline":
-        return trunk, spline
+        return spline
     motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after)
-    trunk = free_joints(trunk)
-    return trunk, rigid_path(trunk, motions, spline)
+    return rigid_path(trunk, motions, spline)
 
 
 def _tissues(

@@ -10,6 +10,7 @@ import pytest
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, back_surface_rotation, measure
+from warp_trunk.measures.back_rotation import find_contacts
 from warp_trunk.measures.derivatives import (
     Derivative,
     hump_derivative,
@@ -36,7 +37,10 @@ def differs(
     pairs = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        along = rng.normal(size=skin.vertices.shape) * (seed != 1), rng.normal(size=landmarks.points.shape) * (seed != 0)
+        along = (
+            rng.normal(size=skin.vertices.shape) * (seed != 1),
+            rng.normal(size=landmarks.points.shape) * (seed != 0),
+        )
         ends = []
         for sign in (1.0, -1.0):
             moved = Surface(skin.vertices + sign * STEP * along[0], skin.faces)
@@ -65,8 +69,6 @@ def test_rotation(level: str) -> None:
 
 
 def test_both_kinds_of_contact_are_among_them() -> None:
-    from warp_trunk.measures.back_rotation import find_contacts
-
     tangents = [t for t in back_surface_rotation(rough(), CASE.landmarks_before).values() if t is not None]
     kinds = {c.bridge for t in tangents if (c := find_contacts(t.outline - t.spine, t.across)) is not None}
     assert kinds == {True, False}
@@ -86,7 +88,8 @@ def test_shoulders() -> None:
     skin, landmarks = rough(), CASE.landmarks_before
     found = shoulder_derivative(skin, landmarks)
     measured = measure(skin, landmarks).shoulders
-    assert found is not None and measured is not None
+    assert found is not None
+    assert measured is not None
     assert found.value == pytest.approx(measured.difference, abs=1e-12)
     agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, found, skin, landmarks))
 

@@ -147,9 +147,7 @@ def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
     if not by_volume:
         return Shares(edge, face, np.ones(1), edges)
     part = rest.volume / rest.volume.sum()
-    edge, face = (
-        np.outer(part, np.full(share.shape[1], share.sum() / share.shape[1])) for share in (edge, face)
-    )
+    edge, face = (np.outer(part, np.full(share.shape[1], share.sum() / share.shape[1])) for share in (edge, face))
     return Shares(edge, face, part * len(part), edges)
 
 

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
 
 
-def hump_derivative(
-    skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent
-) -> Derivative | None:
+def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative | None:
     """Height of the hump at a level [mm], and how it changes; None where there is none (`hump_height`).
 
     The top stays the same corner of the outline as it moves by a little; the other side is followed where it is as

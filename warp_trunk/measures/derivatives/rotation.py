@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
 
 
-def rotation_derivative(
-    skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent
-) -> Derivative:
+def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative:
     """Back surface rotation at a level [degrees], and how it changes.
 
     A tangent stays on its points of contact as they move by a little: to first order, points beside them do not

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | None:
     """How much higher the right shoulder stands [mm], and how that changes; None where it is missing.
 
-    The highest edge of the skin at each place stays the same as it moves by a little; the places move with the edge
-    of the narrower shoulder (`shoulder_heights`).
+    The highest edge of the skin at each place stays the same as it moves by a little; the places move with the
+    edge of the narrower shoulder (`shoulder_heights`).
 
     Args:
         skin: the surface to measure [mm].

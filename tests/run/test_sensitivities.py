@@ -1,0 +1,194 @@
+"""What a prediction depends on, against central differences of whole simulations."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from support.small_trunk import LEVELS, boned_case
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.engine.model import EnergyName
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface
+from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.preparation.phantom import phantom_case
+from warp_trunk.results import predicted_skin
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.prepare import Prepared, find_path, prepare
+from warp_trunk.run.sensitivities import Sensitivity, sensitivities
+
+ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")
+WITHIN = 0.02
+"""Part of the largest change of a number of its kind by which a derivative may miss the difference."""
+STEP = 1e-3
+"""Length of a direction of all landmarks [mm]: no point of contact jumps on the way."""
+
+
+def options_of(energy: EnergyName, bones: Literal["spline", "rigid"] = "spline", tets: int = 42_000) -> RunOptions:
+    return RunOptions(
+        energy=energy,
+        bones=bones,
+        mesh=MeshOptions(tets=tets, bone_voxel=6.0),
+        simulation=SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-7)),
+        precision="float64",
+        device="cpu",
+    )
+
+
+class Simulated:
+    """A case that was simulated, and can be simulated again with other landmarks or constants."""
+
+    def __init__(self, case: Case, options: RunOptions, trunk: TrunkMesh | None = None) -> None:
+        self.case, self.options, self.trunk = case, options, trunk
+        self.prepared = prepare(case, options, trunk)
+        self.relaxer = Relaxer(self.prepared.model, options.simulation.relax)
+        self.last = self.end(self.prepared, self.relaxer)
+        skin = predicted_skin(case, self.prepared.trunk, self.last.displacement)
+        self.vertices = [int(np.argmax(skin.vertices[:, 1])), 100]
+        self.found = sensitivities(case, self.prepared, self.last, options, vertices=self.vertices)
+        self.normals = vertex_normals(skin)
+
+    def end(self, prepared: Prepared, relaxer: Relaxer | None = None) -> Increment:
+        *_, last = simulate(prepared.model, prepared.bone_path, self.options.simulation, relaxer=relaxer)
+        assert last.relaxation.status is RelaxStatus.CONVERGED
+        return last
+
+    def with_landmarks(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """The numbers where landmarks have moved."""
+        case = replace(
+            self.case,
+            landmarks_before=Landmarks(
+                self.case.landmarks_before.names, self.case.landmarks_before.points + before
+            ),
+            landmarks_after=Landmarks(
+                self.case.landmarks_before.names, self.case.planned_landmarks.points + after
+            ),
+        )
+        path = find_path(case, self.prepared.trunk, self.options)
+        return self.numbers(case, self.end(replace(self.prepared, bone_path=path), self.relaxer))
+
+    def with_tissue(self, tissue: Tissue) -> np.ndarray:
+        """The numbers of another tissue."""
+        prepared = prepare(replace(self.case, tissue=tissue), self.options, self.trunk)
+        return self.numbers(self.case, self.end(prepared))
+
+    def numbers(self, case: Case, last: Increment) -> np.ndarray:
+        """Those of `found`, measured anew."""
+        skin = predicted_skin(case, self.prepared.trunk, last.displacement)
+        measured = measure(skin, case.planned_landmarks)
+        return np.array([self.number(one, measured, skin) for one in self.found], dtype=np.float64)
+
+    def number(self, one: Sensitivity, measured: TrunkMeasures, skin: Surface) -> float | None:
+        kind, _, what = one.name.partition(" ")
+        if kind == "shoulder":
+            return None if measured.shoulders is None else measured.shoulders.difference
+        if kind == "skin":
+            return float(skin.vertices[int(what)] @ self.normals[int(what)])
+        return (measured.bsr if kind == "bsr" else measured.hump_height)[what]
+
+
+def agree(names: list[str], predicted: np.ndarray, wanted: np.ndarray) -> None:
+    """Each within 2 % of the largest change of its kind."""
+    for kind in {name.split()[0] for name in names}:
+        of_kind = [name.split()[0] == kind for name in names]
+        worst = np.abs(predicted - wanted)[of_kind].max()
+        assert worst <= WITHIN * np.abs(wanted)[of_kind].max(), (kind, predicted[of_kind], wanted[of_kind])
+
+
+def check_landmarks(simulated: Simulated, directions: int) -> None:
+    shape = simulated.case.landmarks_before.points.shape
+    predicted, wanted = [], []
+    for seed in range(directions):
+        before, after = np.random.default_rng(seed).normal(size=(2, *shape))
+        ends = [simulated.with_landmarks(s * STEP * before, s * STEP * after) for s in (1.0, -1.0)]
+        wanted.append((ends[0] - ends[1]) / (2.0 * STEP))
+        predicted.append(
+            [np.vdot(s.landmarks_before, before) + np.vdot(s.landmarks_after, after) for s in simulated.found]
+        )
+    agree([s.name for s in simulated.found], np.array(predicted).T, np.array(wanted).T)
+
+
+def check_constants(simulated: Simulated, tissue: Tissue) -> None:
+    for name in simulated.found[0].constants:
+        value = getattr(tissue, name)
+        step = 1e-3 * value
+        ends = [simulated.with_tissue(replace(tissue, **{name: value + s * step})) for s in (1.0, -1.0)]
+        wanted = (ends[0] - ends[1]) / (2.0 * step)
+        agree([s.name for s in simulated.found], np.array([s.constants[name] for s in simulated.found]), wanted)
+
+
+BOX = boned_case()
+
+
+@pytest.mark.parametrize(("energy", "bones"), [("itmsm", "spline"), ("neo-hookean", "spline"), ("itmsm", "rigid")])
+def test_a_box_of_tissue_in_twenty_directions(energy: EnergyName, bones: Literal["spline", "rigid"]) -> None:
+    case, trunk = BOX
+    box = Simulated(case, options_of(energy, bones), trunk)
+    assert [one.name for one in box.found if one.name.startswith("bsr")] == [f"bsr {level}" for level in LEVELS]
+    check_landmarks(box, 20)
+    if bones == "rigid":  # all that moves is one bone, and the box with it: whatever it is made of
+        np.testing.assert_allclose([list(one.constants.values()) for one in box.found], 0.0, atol=1e-7)
+    else:
+        check_constants(box, case.tissue)
+
+
+def test_layers_and_gravity() -> None:
+    case, trunk = BOX
+    labelled = replace(trunk, tissue=np.arange(len(trunk.tets), dtype=np.int8) % 3)
+    given = replace(options_of("neo-hookean"), layers="mesh", gravity=9.81, rest="scan")
+    box = Simulated(replace(case, tissue=Tissue(youngs_modulus=200.0)), given, labelled)
+    assert {"fat.youngs_modulus", "muscle.poisson_ratio", "skin.density", "gravity"} <= set(box.found[0].constants)
+    hung = Simulated(box.case, replace(given, rest="sag-free"), labelled)
+    assert hung.found[0].constants == {}
+    check_landmarks(hung, 3)
+
+
+@pytest.fixture(scope="module", params=["itmsm", "neo-hookean"])
+def phantom(request: pytest.FixtureRequest) -> Simulated:
+    return Simulated(phantom_case(), options_of(request.param))
+
+
+def test_a_phantom(phantom: Simulated) -> None:
+    names = [one.name for one in phantom.found]
+    assert {"bsr T1", "bsr T8", "bsr L4", "shoulder difference"} <= set(names)
+    assert sum(name.startswith("hump ") for name in names) == 1
+    np.testing.assert_allclose(
+        [one.value for one in phantom.found], phantom.numbers(phantom.case, phantom.last), rtol=0.0, atol=1e-9
+    )
+    wanted = {"epsilon", "theta"} if phantom.options.energy == "itmsm" else {"poisson_ratio"}
+    assert set(phantom.found[0].constants) == wanted
+    check_landmarks(phantom, 2)
+    check_constants(phantom, phantom.case.tissue)
+
+
+@pytest.mark.skipif(not ANATOMY, reason="WARP_TRUNK_ANATOMY names no folder")
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_real_anatomy(energy: EnergyName) -> None:
+    bones = {path.stem: read_surface(path) for path in sorted(Path(ANATOMY, "bones").glob("*.ply"))}
+    case = make_case(read_surface(Path(ANATOMY, "skin.ply")), bones, SpineCurve(cobb=60.0), 0.7)
+    anatomy = Simulated(case, options_of(energy, tets=160_000))
+    check_landmarks(anatomy, 2)
+    check_constants(anatomy, anatomy.case.tissue)
+
+
+def test_a_vertex_that_is_not_there() -> None:
+    case, trunk = BOX
+    options = options_of("itmsm")
+    prepared = prepare(case, options, trunk)
+    *_, last = simulate(prepared.model, prepared.bone_path, options.simulation)
+    with pytest.raises(InputError, match=r"'vertices' must be from 0 to \d+, the vertices of the skin, not 99999"):
+        sensitivities(case, prepared, last, options, vertices=[99999])
