@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from support.synthetic import sphere
-from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.engine.trunk_mesh import oriented, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
-from warp_trunk.meshing.tetrahedra import cavity_points, oriented, tetrahedralize
+from warp_trunk.meshing.tetrahedra import cavity_points, tetrahedralize
 
 SKIN = sphere(100.0, (0.0, 0.0, 1300.0))
 BONES = [sphere(20.0, (x, 0.0, 1300.0), 2) for x in (-40.0, 40.0)]

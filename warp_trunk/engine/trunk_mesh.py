@@ -102,3 +102,11 @@ def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
     corners = nodes[tets]
     ji, ki, li = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
     return np.einsum("ti,ti->t", ji, np.cross(ki, li)) / 6.0
+
+
+def oriented(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """The same tetrahedra with two corners swapped where the volume is negative."""
+    flip = tet_volumes(nodes, tets) < 0.0
+    tets = tets.copy()
+    tets[flip, 2], tets[flip, 3] = tets[flip, 3], tets[flip, 2].copy()
+    return tets

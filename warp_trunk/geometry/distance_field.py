@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -118,3 +119,24 @@ def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:
     patches = np.empty(mask.shape, dtype=np.int32)
     ndimage.label(mask, ndimage.generate_binary_structure(3, 2 if diagonally else 1), output=patches)
     return patches
+
+
+def nearest_surface(points: np.ndarray, distances: Sequence[SurfaceDistance], reach: float) -> np.ndarray:
+    """Which surface has the least signed distance to each point, shape (points,), int32.
+
+    Points within `reach` [mm] of a surface's box are settled first, which is quick; the others by all surfaces.
+    """
+    nearest = np.full(len(points), -1, dtype=np.int32)
+    least = np.full(len(points), np.inf)
+    for within in (reach, None):
+        left = np.flatnonzero(nearest < 0)
+        for number, distance in enumerate(distances):
+            near = left
+            if within is not None:
+                inside = (points[left] > distance.lower - within) & (points[left] < distance.upper + within)
+                near = left[inside.all(axis=1)]
+            value = distance.at(points[near], within)
+            closer = value < least[near]  # NaN is not
+            nearest[near[closer]] = number
+            least[near[closer]] = value[closer]
+    return nearest

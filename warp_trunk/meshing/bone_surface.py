@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected
+from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected, nearest_surface
 from warp_trunk.geometry.isosurface import zero_surface
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import crossings, manifold_fault
@@ -82,7 +82,7 @@ def bone_surface(
             fault = "no bone is left inside the skin less the margin"
         else:
             surface = coarsen(solid, edge_length, tolerance)
-            bone = nearest_bone(surface.vertices, distances, _BAND * voxel)
+            bone = nearest_surface(surface.vertices, distances, _BAND * voxel)
             fault = _fault(surface, bone, names)
             if not fault:
                 return BoneSurface(surface, bone, voxel)
@@ -139,27 +139,6 @@ def _field(
     depth = skin_distance.on_grid(grid, whole, wanted, band + margin) + margin
     field[wanted] = np.maximum(field[wanted], depth[wanted])
     return field, grid
-
-
-def nearest_bone(points: np.ndarray, distances: Sequence[SurfaceDistance], reach: float) -> np.ndarray:
-    """Which bone has the least signed distance to each point, shape (points,), int32.
-
-    Points within `reach` [mm] of a bone's box are settled first, which is quick; the others by all bones.
-    """
-    nearest = np.full(len(points), -1, dtype=np.int32)
-    least = np.full(len(points), np.inf)
-    for within in (reach, None):
-        left = np.flatnonzero(nearest < 0)
-        for number, distance in enumerate(distances):
-            near = left
-            if within is not None:
-                inside = (points[left] > distance.lower - within) & (points[left] < distance.upper + within)
-                near = left[inside.all(axis=1)]
-            value = distance.at(points[near], within)
-            closer = value < least[near]  # NaN is not
-            nearest[near[closer]] = number
-            least[near[closer]] = value[closer]
-    return nearest
 
 
 def _fault(surface: Surface, bone: np.ndarray, names: tuple[str, ...]) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.engine.trunk_mesh import oriented
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors
@@ -216,11 +216,3 @@ def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
             raise RuntimeError(told[-1] if told else f"its process ended with status {ended.returncode}")
         with np.load(result, allow_pickle=False) as made:
             return made["nodes"], made["tets"]
-
-
-def oriented(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """The same tetrahedra with two corners swapped where the volume is negative."""
-    flip = tet_volumes(nodes, tets) < 0.0
-    tets = tets.copy()
-    tets[flip, 2], tets[flip, 3] = tets[flip, 3], tets[flip, 2].copy()
-    return tets

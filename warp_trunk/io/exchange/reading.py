@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
+from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, oriented
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.distance_field import SurfaceDistance, nearest_surface
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid
-from warp_trunk.meshing.bone_surface import nearest_bone
-from warp_trunk.meshing.tetrahedra import oriented
 
 from ..trunk_file import read_trunk
 from ..volume_files import read_mesh
@@ -76,7 +74,7 @@ def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:
     skin_nodes, faces = np.unique(boundary[~of_bone], return_inverse=True)
     names = tuple(bones)
     bone = np.full(len(nodes), -1, dtype=np.int32)
-    bone[on_bone] = nearest_bone(nodes[on_bone], [SurfaceDistance(bones[name]) for name in names], OFF_SURFACE)
+    bone[on_bone] = nearest_surface(nodes[on_bone], [SurfaceDistance(bones[name]) for name in names], OFF_SURFACE)
     trunk = TrunkMesh(
         nodes=nodes,
         tets=tets,
