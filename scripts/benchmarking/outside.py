@@ -37,71 +37,80 @@ def outside_curve(problem: Problem, setting: Setting, limit: float) -> Iterator[
     """
     from scipy.optimize import minimize
 
-    start = time.perf_counter()
-    model = make_model(problem, setting)
-    state = State(model)
-    state.place(problem.bone_path().at(1.0))
-    state.evaluate()  # loads the kernel
-    host = state.displacement.numpy().copy()
-    setup = time.perf_counter() - start
-
-    class LimitReachedError(Exception):
+    watched = _Minimisation(problem, setting, limit)
+    try:
+        end = minimize(
+            watched.energy_and_gradient,
+            watched.host[watched.model.free].astype(np.float64).ravel(),
+            jac=True,
+            method="L-BFGS-B",
+            callback=watched.after_iteration,
+            options={"maxcor": MEMORY, "maxiter": 10**9, "maxfun": 10**9, "ftol": 0.0, "gtol": 0.0},
+        )
+        watched.look(end.x, "STALLED")
+    except _LimitReachedError:
         pass
+    yield from watched.found
 
-    evaluations = iterations = 0
-    found: list[dict[str, Any]] = []
-    looking = 0.0
-    following = FIRST_ITERATIONS
-    began = time.perf_counter()
 
-    def energy_and_gradient(x: np.ndarray) -> tuple[float, np.ndarray]:
-        nonlocal evaluations
-        evaluations += 1
-        host[model.free] = x.reshape(-1, 3)
-        state.displacement.assign(host)
-        state.evaluate()
-        gradient = state.gradient.numpy()[model.free].astype(np.float64)
-        return state.energy().total, gradient.ravel()
+class _LimitReachedError(Exception):
+    pass
 
-    def look(x: np.ndarray, status: str) -> None:
-        nonlocal looking
+
+class _Minimisation:
+    """What SciPy minimises, and what is seen of it after 10, 20, 40, ... iterations."""
+
+    def __init__(self, problem: Problem, setting: Setting, limit: float) -> None:
+        start = time.perf_counter()
+        self.problem, self.limit = problem, limit
+        self.model = make_model(problem, setting)
+        self.state = State(self.model)
+        self.state.place(problem.bone_path().at(1.0))
+        self.state.evaluate()  # loads the kernel
+        self.host = self.state.displacement.numpy().copy()
+        self.evaluations = self.iterations = 0
+        self.following = FIRST_ITERATIONS
+        self.found: list[dict[str, Any]] = []
+        self.looking = 0.0
+        self.began = time.perf_counter()
+        self.setup = self.began - start
+
+    def energy_and_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        self.evaluations += 1
+        self.host[self.model.free] = x.reshape(-1, 3)
+        self.state.displacement.assign(self.host)
+        self.state.evaluate()
+        gradient = self.state.gradient.numpy()[self.model.free].astype(np.float64)
+        return self.state.energy().total, gradient.ravel()
+
+    def look(self, x: np.ndarray, status: str) -> None:
+        """Adds a point of the curve."""
         now = time.perf_counter()
-        host[model.free] = x.reshape(-1, 3)
-        displacement = to_mesh_order(model, wp.array(host, dtype=model.vec3, device="cpu"))
-        found.append(
+        self.host[self.model.free] = x.reshape(-1, 3)
+        places: Any = wp.array(self.host, dtype=self.model.vec3, device="cpu")
+        displacement = to_mesh_order(self.model, places)
+        self.found.append(
             {
                 "increments": 1,
                 "tolerance_mm": None,
-                "max_steps": iterations,
-                "seconds": now - began - looking,
-                **vars(problem.errors(displacement)),
+                "max_steps": self.iterations,
+                "seconds": now - self.began - self.looking,
+                **vars(self.problem.errors(displacement)),
                 "estimated_error_mm": None,
                 "status": status,
-                "steps": iterations,
+                "steps": self.iterations,
                 "linear_iterations": 0,
-                "evaluations": evaluations,
-                "setup_seconds": setup,
+                "evaluations": self.evaluations,
+                "setup_seconds": self.setup,
             }
         )
-        looking += time.perf_counter() - now
+        self.looking += time.perf_counter() - now
 
-    def after_iteration(x: np.ndarray) -> None:
-        nonlocal iterations, following
-        iterations += 1
-        if time.perf_counter() - began - looking > limit:
-            look(x, "TIME_LIMIT")
-            raise LimitReachedError
-        if iterations >= following:
-            following *= 2
-            look(x, "STEP_LIMIT")
-
-    free = host[model.free].astype(np.float64).ravel()
-    options = {"maxcor": MEMORY, "maxiter": 10**9, "maxfun": 10**9, "ftol": 0.0, "gtol": 0.0}
-    try:
-        end = minimize(
-            energy_and_gradient, free, jac=True, method="L-BFGS-B", callback=after_iteration, options=options
-        )
-        look(end.x, "STALLED")
-    except LimitReachedError:
-        pass
-    yield from found
+    def after_iteration(self, x: np.ndarray) -> None:
+        self.iterations += 1
+        if time.perf_counter() - self.began - self.looking > self.limit:
+            self.look(x, "TIME_LIMIT")
+            raise _LimitReachedError
+        if self.iterations >= self.following:
+            self.following *= 2
+            self.look(x, "STEP_LIMIT")

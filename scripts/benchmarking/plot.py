@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,6 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
         raise InputError("plot: needs matplotlib; run with 'uv run --with matplotlib'") from error
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
-    from matplotlib.lines import Line2D
 
     if not records:
         raise InputError("plot: there are no records to draw")
@@ -68,9 +67,21 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
 
-    methods = dict.fromkeys(method(setting) for setting in by_setting)
-    places = {_where(setting): _marker(setting) for setting in by_setting}
-    precisions = dict.fromkeys(setting.precision for setting in by_setting)
+    figure.legend(handles=_legend(by_setting), loc="outside right upper", frameon=False, fontsize=9)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=160)
+    plt.close(figure)
+
+
+def _legend(settings: Iterable[Setting]) -> list[Any]:
+    """A line for each method, a mark for each device, and a line for each precision."""
+    from matplotlib.lines import Line2D
+
+    settings = list(settings)
+    methods = dict.fromkeys(method(setting) for setting in settings)
+    places = {_where(setting): _marker(setting) for setting in settings}
+    precisions = dict.fromkeys(setting.precision for setting in settings)
     handles = [Line2D([], [], color=COLOURS[name], linewidth=3, label=NAMES[name]) for name in methods]
     handles += [
         Line2D([], [], color="#555555", linestyle="", marker=mark, label=where) for where, mark in places.items()
@@ -87,11 +98,7 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
         )
         for precision in precisions
     ]
-    figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=9)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=160)
-    plt.close(figure)
+    return handles
 
 
 def _goal_lines(axes: Any) -> None:

@@ -33,98 +33,108 @@ class Row:
     """Whether the rotation is measured by the landmarks with their errors as well."""
 
 
+def _vary(
+    group: Group, against: Choices, varied: dict[str, dict[str, Any]], start: Choices | None = None
+) -> list[Row]:
+    """A row for each label and what it changes of a run; of the one compared with, where none is given."""
+    return [Row(label, group, against, (replace(start or against, **change),)) for label, change in varied.items()]
+
+
+_VARIED: list[Row] = [
+    *_vary(
+        "computation",
+        EXACT,
+        {
+            f"tolerance {tolerance:g} mm{note}, against 1e-6 mm": {"tolerance": tolerance}
+            for tolerance, note in ((1.0, ""), (0.1, ""), (0.01, " (default)"))
+        },
+        DEFAULT,
+    ),
+    *_vary(
+        "computation",
+        DEFAULT,
+        {
+            "float64 instead of float32": {"precision": "float64"},
+            "1 increment instead of 10": {"increments": 1},
+            "5 increments instead of 10": {"increments": 5},
+            "20 increments instead of 10": {"increments": 20},
+        },
+    ),
+    *_vary(
+        "computation",
+        replace(DEFAULT, tets=FINEST),
+        {
+            "mesh of 145k, against 943k": {"tets": 145_000},
+            "mesh of 224k (default), against 943k": {"tets": 225_000},
+            "mesh of 487k, against 943k": {"tets": 500_000},
+        },
+    ),
+    *_vary(
+        "computation",
+        replace(NEO_HOOKEAN, tets=FINEST),
+        {
+            "neo-Hookean: mesh of 224k, against 943k": {"tets": 225_000},
+        },
+    ),
+    *_vary(
+        "model",
+        DEFAULT,
+        {
+            "neo-Hookean (nu 0.45) instead of itmsm": {"energy": "neo-hookean"},
+            "weights by volume": {"weights": "volume"},
+            "epsilon 0.1 instead of 1": {"epsilon": 0.1},
+            "epsilon 10 instead of 1": {"epsilon": 10.0},
+            "theta 1 instead of 10": {"theta": 1.0},
+            "theta 100 instead of 10": {"theta": 100.0},
+            "theta 1000 instead of 10": {"theta": 1000.0},
+            "skin, fat, muscle": {"layers": True},
+            "gravity, sag-free rest": {"gravity": G},
+            "gravity, scan as rest": {"gravity": G, "rest": "scan"},
+            "rigid bones instead of the spline": {"bones": "rigid"},
+        },
+    ),
+    *_vary(
+        "computation",
+        replace(BY_VOLUME, tets=FINEST),
+        {
+            "weights by volume: mesh of 224k, against 943k": {"tets": DEFAULT.tets},
+        },
+    ),
+    *_vary(
+        "model",
+        BY_VOLUME,
+        {
+            "neo-Hookean (nu 0.45) instead of weights by volume": {
+                "energy": "neo-hookean",
+                "weights": "count",
+            },
+        },
+    ),
+    *_vary(
+        "model",
+        replace(NEO_HOOKEAN, tets=FINEST),
+        {
+            "itmsm (default), against neo-Hookean of 943k": {"tets": DEFAULT.tets, "energy": "itmsm"},
+            "weights by volume, against neo-Hookean of 943k": vars(BY_VOLUME),
+        },
+    ),
+    *_vary(
+        "model",
+        NEO_HOOKEAN,
+        {
+            "neo-Hookean: nu 0.3 instead of 0.45": {"poisson_ratio": 0.3},
+            "neo-Hookean: nu 0.4 instead of 0.45": {"poisson_ratio": 0.4},
+            "neo-Hookean: nu 0.49 instead of 0.45": {"poisson_ratio": 0.49},
+            "neo-Hookean: skin, fat, muscle": {"layers": True},
+            "neo-Hookean: gravity, sag-free rest": {"gravity": G},
+        },
+    ),
+]
+"""What takes one run each."""
+
+
 def rows(landmark_samples: int, bone_samples: int) -> list[Row]:
     """Every row."""
-    found = [
-        *_vary(
-            "computation",
-            EXACT,
-            {
-                f"tolerance {tolerance:g} mm{note}, against 1e-6 mm": {"tolerance": tolerance}
-                for tolerance, note in ((1.0, ""), (0.1, ""), (0.01, " (default)"))
-            },
-            DEFAULT,
-        ),
-        *_vary(
-            "computation",
-            DEFAULT,
-            {
-                "float64 instead of float32": {"precision": "float64"},
-                "1 increment instead of 10": {"increments": 1},
-                "5 increments instead of 10": {"increments": 5},
-                "20 increments instead of 10": {"increments": 20},
-            },
-        ),
-        *_vary(
-            "computation",
-            replace(DEFAULT, tets=FINEST),
-            {
-                "mesh of 145k, against 943k": {"tets": 145_000},
-                "mesh of 224k (default), against 943k": {"tets": 225_000},
-                "mesh of 487k, against 943k": {"tets": 500_000},
-            },
-        ),
-        *_vary(
-            "computation",
-            replace(NEO_HOOKEAN, tets=FINEST),
-            {
-                "neo-Hookean: mesh of 224k, against 943k": {"tets": 225_000},
-            },
-        ),
-        *_vary(
-            "model",
-            DEFAULT,
-            {
-                "neo-Hookean (nu 0.45) instead of itmsm": {"energy": "neo-hookean"},
-                "weights by volume": {"weights": "volume"},
-                "epsilon 0.1 instead of 1": {"epsilon": 0.1},
-                "epsilon 10 instead of 1": {"epsilon": 10.0},
-                "theta 1 instead of 10": {"theta": 1.0},
-                "theta 100 instead of 10": {"theta": 100.0},
-                "theta 1000 instead of 10": {"theta": 1000.0},
-                "skin, fat, muscle": {"layers": True},
-                "gravity, sag-free rest": {"gravity": G},
-                "gravity, scan as rest": {"gravity": G, "rest": "scan"},
-                "rigid bones instead of the spline": {"bones": "rigid"},
-            },
-        ),
-        *_vary(
-            "computation",
-            replace(BY_VOLUME, tets=FINEST),
-            {
-                "weights by volume: mesh of 224k, against 943k": {"tets": DEFAULT.tets},
-            },
-        ),
-        *_vary(
-            "model",
-            BY_VOLUME,
-            {
-                "neo-Hookean (nu 0.45) instead of weights by volume": {
-                    "energy": "neo-hookean",
-                    "weights": "count",
-                },
-            },
-        ),
-        *_vary(
-            "model",
-            replace(NEO_HOOKEAN, tets=FINEST),
-            {
-                "itmsm (default), against neo-Hookean of 943k": {"tets": DEFAULT.tets, "energy": "itmsm"},
-                "weights by volume, against neo-Hookean of 943k": vars(BY_VOLUME),
-            },
-        ),
-        *_vary(
-            "model",
-            NEO_HOOKEAN,
-            {
-                "neo-Hookean: nu 0.3 instead of 0.45": {"poisson_ratio": 0.3},
-                "neo-Hookean: nu 0.4 instead of 0.45": {"poisson_ratio": 0.4},
-                "neo-Hookean: nu 0.49 instead of 0.45": {"poisson_ratio": 0.49},
-                "neo-Hookean: skin, fat, muscle": {"layers": True},
-                "neo-Hookean: gravity, sag-free rest": {"gravity": G},
-            },
-        ),
-    ]
     size = f"{LANDMARK_MEAN} +- {LANDMARK_SD} mm"
     each, shared = (
         tuple(Choices(increments=1, landmark_error=kind, sample=sample) for sample in range(landmark_samples))
@@ -132,17 +142,10 @@ def rows(landmark_samples: int, bone_samples: int) -> list[Row]:
     )
     bones = tuple(Choices(bone_error=BONE_MEAN, sample=sample) for sample in range(bone_samples))
     return [
-        *found,
+        *_VARIED,
         Row(f"landmarks off by {size}, before and after", "input", DEFAULT, each),
         Row("landmarks off likewise, BSR measured by them", "input", DEFAULT, each, measured_with_error=True),
         Row(f"landmarks off by {size}, the plan by the same", "input", DEFAULT, shared),
         Row(f"bones off by {BONE_MEAN} mm (meshed anew)", "input", DEFAULT, bones),
         Row("meshed anew (the noise of meshing)", "computation", DEFAULT, (replace(bones[0], bone_error=0.01),)),
     ]
-
-
-def _vary(
-    group: Group, against: Choices, varied: dict[str, dict[str, Any]], start: Choices | None = None
-) -> list[Row]:
-    """A row for each label and what it changes of a run; of the one compared with, where none is given."""
-    return [Row(label, group, against, (replace(start or against, **change),)) for label, change in varied.items()]

@@ -64,63 +64,80 @@ def equilibrium(
     Raises:
         NotConvergedError: no step lowers the energy, or too many steps.
     """
-    clock = _Clock()
-    free = np.flatnonzero(~held)
-    unknown = np.concatenate([free + component * len(start) for component in range(3)])
-    places = solid.basis.mesh.p.T[free]
-    displacement, energy = start.copy(), solid.energy(start)
+    descent = _Descent(solid, start, held, factorise)
     solve: Solve | None = None
-    factorisations, last = 0, np.inf
-
-    def curvature(positive: bool) -> Solve | None:
-        nonlocal factorisations
-        factorisations += 1
-        matrix = solid.stiffness(displacement, positive)[unknown][:, unknown]
-        clock.assembled()
-        try:
-            return factorise(matrix, places)
-        except ArithmeticError:
-            return None
-        finally:
-            clock.solved()
-
-    def direct(solve: Solve | None) -> tuple[np.ndarray, float, float]:
-        """A direction, how much of it lowers the energy (0: nothing), and the energy there."""
-        direction = np.zeros_like(start)
-        if solve is None:
-            return direction, 0.0, energy
-        clock.assembled()
-        direction[free] = -solve(forces.T.ravel()).reshape(3, -1).T
-        clock.solved()
-        if (direction[free] * forces).sum() <= 0.0:
-            for length in SHORTENED:
-                trial = solid.energy(displacement + length * direction)
-                if trial <= energy + solid.rounding:
-                    return direction, length, trial
-        return direction, 0.0, energy
-
+    last = np.inf
     for step in range(1, MOST_STEPS + 1):
-        forces = solid.forces(displacement)[free]
-        solve = solve or curvature(positive=False)
-        direction, length, trial = direct(solve)
+        solve = solve or descent.curvature(positive=False)
+        direction, length, trial = descent.direction(solve)
         if length == 0.0:
-            solve = curvature(positive=True)
-            direction, length, trial = direct(solve)
+            solve = descent.curvature(positive=True)
+            direction, length, trial = descent.direction(solve)
         longest = float(np.linalg.norm(direction, axis=1).max())
         if length == 0.0:
             raise NotConvergedError(f"no step lowers the energy in step {step}, of {longest:.3g} mm")
-        displacement, energy = displacement + length * direction, trial
+        descent.move(length * direction, trial)
         shrink = longest / last if length == 1.0 and step > 1 else 1.0
         last = longest
         left = longest * shrink / (1.0 - shrink) if shrink < 1.0 else longest
-        clock.assembled()
-        if enough(displacement) if enough else left <= tolerance:
+        if enough(descent.displacement) if enough else left <= tolerance:
             return Equilibrium(
-                displacement, step, factorisations, left, clock.assembly_seconds, clock.solve_seconds
+                descent.displacement,
+                step,
+                descent.factorisations,
+                left,
+                descent.clock.assembly_seconds,
+                descent.clock.solve_seconds,
             )
         if keep == 0.0 or (step > 1 and shrink > keep):
             solve = None
     raise NotConvergedError(f"{MOST_STEPS} steps, the last of {last:.3g} mm")
+
+
+class _Descent:
+    """Where the solid is, and which way lowers its energy."""
+
+    def __init__(self, solid: Solid, start: np.ndarray, held: np.ndarray, factorise: Factorise) -> None:
+        self.clock = _Clock()
+        self.displacement, self._energy = start.copy(), solid.energy(start)
+        self.factorisations = 0
+        self._solid, self._factorise = solid, factorise
+        self._free = np.flatnonzero(~held)
+        self._numbers = np.concatenate([self._free + component * len(start) for component in range(3)])
+        self._places = solid.basis.mesh.p.T[self._free]
+
+    def curvature(self, positive: bool) -> Solve | None:
+        """The factors of the stiffness here, or of its positive part; nothing where there are none."""
+        self.factorisations += 1
+        matrix = self._solid.stiffness(self.displacement, positive)[self._numbers][:, self._numbers]
+        self.clock.assembled()
+        try:
+            return self._factorise(matrix, self._places)
+        except ArithmeticError:
+            return None
+        finally:
+            self.clock.solved()
+
+    def direction(self, solve: Solve | None) -> tuple[np.ndarray, float, float]:
+        """A direction, how much of it lowers the energy (0: nothing), and the energy there."""
+        direction = np.zeros_like(self.displacement)
+        if solve is None:
+            return direction, 0.0, self._energy
+        forces = self._solid.forces(self.displacement)[self._free]
+        self.clock.assembled()
+        direction[self._free] = -solve(forces.T.ravel()).reshape(3, -1).T
+        self.clock.solved()
+        if (direction[self._free] * forces).sum() <= 0.0:
+            for length in SHORTENED:
+                trial = self._solid.energy(self.displacement + length * direction)
+                if trial <= self._energy + self._solid.rounding:
+                    return direction, length, trial
+        return direction, 0.0, self._energy
+
+    def move(self, step: np.ndarray, energy: float) -> None:
+        """Goes a step to where the energy is as given."""
+        self.displacement, self._energy = self.displacement + step, energy
+        self.clock.assembled()
 
 
 class _Clock:
