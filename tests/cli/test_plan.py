@@ -52,6 +52,14 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     assert f"warp-trunk simulate {folder / 'planned'}" in said
 
 
+def test_planned_case_is_told_apart_by_its_folder(folder: Path) -> None:
+    options = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5")
+    assert plan(folder, "short", *options) == 0
+    assert read_case(folder / "short").name == f"{phantom_case().name}, plan short"
+    assert main(["plan", str(folder / "short"), "--out", str(folder / "long"), *options]) == 0
+    assert read_case(folder / "long").name == f"{phantom_case().name}, plan long"
+
+
 def test_plan_that_was_written_makes_it_again(folder: Path) -> None:
     options = ("--uiv", "T3", "--liv", "L2", "--curve", "T8,cobb_after=25", "--kyphosis-T5-T12", "30")
     assert plan(folder, "first", *options) == 0

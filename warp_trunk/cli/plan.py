@@ -74,7 +74,7 @@ class Plan:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
             surgery = plan_surgery(case, self._intention(case.landmarks_before))
-            planned = surgery.planned_case(case)
+            planned = replace(surgery.planned_case(case), name=planned_name(case.name, self.out.resolve().name))
             with progress.stage("write", f"writing {self.out}"):
                 write_case(self.out, planned)
                 write_plan(self.out / PLAN, surgery.plan)
@@ -120,3 +120,8 @@ def check_out(out: Path, case: Path) -> None:
         what = "is the case itself" if out.resolve() == case.resolve() else "holds another case"
         raise InputError(f"{out}: {what}, which a plan does not overwrite; give --out a folder of its own")
     refuse_case(out.resolve().parent)
+
+
+def planned_name(patient: str, plan: str) -> str:
+    """What a planned case is called: two plans for one patient are told apart by their folders' names."""
+    return f"{patient.split(', plan ')[0]}, plan {plan}"
