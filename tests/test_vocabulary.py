@@ -1,5 +1,6 @@
 """The words of CONTRIBUTING are those of code, help and docs; the picture of the rooms is that of the code."""
 
+import contextlib
 import re
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import draw_architecture
 import pytest
 
 from warp_trunk.cli import main
+from warp_trunk.cli.commands import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 BANNED = {
@@ -53,12 +55,10 @@ def test_no_banned_word_stands_in_code_or_documentation():
     assert found == []
 
 
-@pytest.mark.parametrize(
-    "command", [[], ["simulate"], ["plan"], ["landmarks"], ["measure"], ["close"], ["make-case"]]
-)
+@pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_no_banned_word_stands_in_help(command, capsys):
-    with pytest.raises(SystemExit):
-        main([*command, "--help"])
+    with contextlib.suppress(SystemExit):
+        assert main([*command.split(), "--help"]) == 0
     said = capsys.readouterr().out
     assert "usage" in said
     assert offences("help", said) == []

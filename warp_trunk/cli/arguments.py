@@ -6,7 +6,7 @@ import contextlib
 import io
 import re
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import tyro
 from tyro.conf import OmitArgPrefixes
@@ -43,37 +43,24 @@ def whole_number(text: str) -> int:
 
 
 def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
-    """The command that the arguments ask for.
+    """The command of a class that the words after `warp-trunk`, its name first, ask for.
 
     Raises:
         InputError: arguments that do not fit; SystemExit where they ask for help.
     """
+    name, *words = arguments
     said = io.StringIO()
     options = {} if default is None else {"default": default}
     try:
         with contextlib.redirect_stderr(said):
             return tyro.cli(
-                OmitArgPrefixes[command],
-                prog="warp-trunk",
-                description="Predict how the trunk of a scoliosis patient looks after spine surgery.",
-                args=list(arguments),
-                registry=_registry,
-                **options,
+                OmitArgPrefixes[command], prog=f"warp-trunk {name}", args=words, registry=_registry, **options
             )
     except SystemExit as end:
         if not end.code:
             raise
         line = one_line(said.getvalue())
-        raise InputError(explained(arguments, line, named_commands(command)) or line) from None
-
-
-def named_commands(command: Any) -> dict[str, Any]:
-    """The class of each command of a union by its name; none for a single command."""
-    found = {}
-    for one in get_args(command):
-        if names := [part.name for part in get_args(one)[1:] if hasattr(part, "name")]:
-            found[names[0]] = get_args(one)[0]
-    return found
+        raise InputError(explained(name, words, line, command) or line) from None
 
 
 def one_line(box: str) -> str:

@@ -6,47 +6,11 @@ import os
 import sys
 import tempfile
 from collections.abc import Sequence
-from typing import Annotated
-
-import warp as wp
-from tyro.conf import subcommand
 
 from warp_trunk.errors import InputError
 
-from .arguments import parse
-from .close import Close
-from .demo import Demo
-from .doctor import Doctor
-from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED
-from .export import Export
-from .fit_atlas import FitAtlas
-from .landmarks import FindLandmarks
-from .make_case import MakeCase
-from .measure import Measure
-from .plan import Plan
-from .register import Register
-from .report import Report
-from .simulate import Simulate
-from .triangulate import Triangulate
-from .view import View
-
-Command = (
-    Annotated[Demo, subcommand("demo")]
-    | Annotated[Doctor, subcommand("doctor")]
-    | Annotated[Close, subcommand("close")]
-    | Annotated[Triangulate, subcommand("triangulate")]
-    | Annotated[Register, subcommand("register")]
-    | Annotated[FitAtlas, subcommand("fit-atlas")]
-    | Annotated[FindLandmarks, subcommand("landmarks")]
-    | Annotated[Plan, subcommand("plan")]
-    | Annotated[MakeCase, subcommand("make-case")]
-    | Annotated[Simulate, subcommand("simulate")]
-    | Annotated[View, subcommand("view")]
-    | Annotated[Report, subcommand("report")]
-    | Annotated[Measure, subcommand("measure")]
-    | Annotated[Export, subcommand("export")]
-)
-"""In the order in which they are used: to begin with, from a patient to a case, and from a case to a result."""
+from .commands import load, overview
+from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 
 
 def start_warp() -> None:
@@ -54,6 +18,9 @@ def start_warp() -> None:
 
     It writes past Python's streams, so the file descriptor is turned aside; anything else it says is passed on.
     """
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel
     sys.stderr.flush()
     kept = os.dup(2)
     with tempfile.TemporaryFile() as aside:
@@ -71,12 +38,17 @@ def start_warp() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status, 0 only for a simulation that converged."""
-    wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    if arguments[:1] in (["-h"], ["--help"]):
+        print(overview())
+        return OK
     try:
-        command = parse(Command, arguments)
+        kind = load(arguments)
+        from .arguments import parse  # after the help, for which it is not needed
+
+        command = parse(kind, arguments)
         start_warp()
-        return command.run(arguments[1:])
+        return command.run(arguments)
     except InputError as error:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return BAD_INPUT

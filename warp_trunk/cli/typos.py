@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import io
 import re
 from collections.abc import Mapping, Sequence
@@ -12,26 +11,23 @@ from typing import Any
 import tyro
 from tyro.conf import OmitArgPrefixes
 
+from .commands import nearest
+
 _KINDS = {"INT": "a whole number", "FLOAT": "a number", "PATH": "a path"}
 _EXAMPLES = {"INT": "4", "FLOAT": "0.5"}
 
 
-def explained(arguments: Sequence[str], said: str, commands: Mapping[str, Any]) -> str | None:
-    """The sentence for arguments that do not fit; None where the parser's own words serve.
+def explained(command: str, words: Sequence[str], said: str, kind: Any) -> str | None:
+    """The sentence for words that do not fit; None where the parser's own serve.
 
     Args:
-        arguments: the words after `warp-trunk`.
+        command: the command's name.
+        words: what follows it.
         said: what the parser said, in one line.
-        commands: the class of each command by its name.
+        kind: the command's class.
     """
-    names = ", ".join(commands)
-    if not arguments:
-        return f"a command is needed: one of {names}; start with warp-trunk demo"
-    command = arguments[0]
-    if command not in commands:
-        return f"'{command}': there is no such command{_nearest(command, commands)}; known are {names}"
-    known = _options(commands[command])
-    for word, value in zip(arguments[1:], [*arguments[2:], ""], strict=False):
+    known = _options(kind)
+    for word, value in zip(words, [*words[1:], ""], strict=False):
         option, _, given = word.partition("=")
         if word.startswith("--") and len(word) > 2 and option.replace("_", "-") not in known:
             return (
@@ -58,7 +54,7 @@ def _of_value(command: str, said: str, known: Mapping[str, str]) -> str | None:
     ):
         value, option = found[1], found[2]
         choices = [choice for choice in re.findall(r"'(.*?)'", found[3]) if choice != "None"]
-        return f"{option}: must be one of {', '.join(choices)}, not '{value}'{_nearest(value, choices)}"
+        return f"{option}: must be one of {', '.join(choices)}, not '{value}'{nearest(value, choices)}"
     if found := re.search(r"Missing from warp-trunk [\w-]+: (.*)", said):
         missing = re.findall(r"(--[\w-]+ [A-Z]+|^[A-Z]+)\b", found[1])
         if missing:
@@ -73,7 +69,7 @@ def _meant(option: str, value: str, known: Mapping[str, str]) -> str:
     for name, kind in known.items():
         if value and value in re.split(r"[{}|,]", kind):
             return f" (did you mean {name} {value}?)"
-    return _nearest(option, known)
+    return nearest(option, known)
 
 
 def _options(command: Any) -> dict[str, str]:
@@ -87,8 +83,3 @@ def _options(command: Any) -> dict[str, str]:
         for flag in re.findall(r"--[-\w]+", flags):
             found.setdefault(flag, kind.replace("{None}|", ""))
     return found
-
-
-def _nearest(word: str, known: Mapping[str, Any] | Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, list(known), n=1)
-    return f" (did you mean {near[0]}?)" if near else ""
