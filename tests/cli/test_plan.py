@@ -52,6 +52,13 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     assert f"warp-trunk simulate {folder / 'planned'}" in said
 
 
+def test_every_curve_of_the_command_is_planned(folder: Path) -> None:
+    curves = ("--curve", "T8,correction=0.6", "--curve", "L2,correction=0.5")
+    assert plan(folder, "curves", "--uiv", "T4", "--liv", "L4", *curves) == 0
+    written = read_plan(folder / "curves" / "plan.toml")
+    assert [(curve.apex, curve.correction) for curve in written.curves] == [("T8", 0.6), ("L2", 0.5)]
+
+
 def test_planned_case_is_told_apart_by_its_folder(folder: Path) -> None:
     options = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5")
     assert plan(folder, "short", *options) == 0

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import plan_surgery, read_plan, write_plan
@@ -46,9 +46,9 @@ class Plan:
     """Upper instrumented vertebra, such as T4."""
     liv: str | None = None
     """Lower instrumented vertebra, such as L1."""
-    curve: tuple[str, ...] = ()
-    """Each curve as its apex and what is asked of it: T8,correction=0.65,derotation=0.4 (or cobb_after and
-    rotation_after in degrees)."""
+    curve: UseAppendAction[tuple[str, ...]] = ()
+    """A curve as its apex and what is asked of it: T8,correction=0.65,derotation=0.4 (or cobb_after and
+    rotation_after in degrees); once for each curve."""
     kyphosis_T5_T12: float | None = None  # noqa: N815
     """Thoracic kyphosis after [degrees]; kept when left out."""
     lordosis_L1_L5: float | None = None  # noqa: N815
