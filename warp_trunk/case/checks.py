@@ -119,7 +119,7 @@ def check_case(
     check_palpated(case, options.landmark_off_skin, source.name)
     warnings += _check_both(case, options, source)
     check_bones_after(case, options.bone_changed, source.name)
-    return tuple(warnings)
+    return (*_posture(case), *warnings)
 
 
 def _check_both(case: Case, options: CheckOptions, source: CaseSource) -> list[str]:
@@ -129,6 +129,17 @@ def _check_both(case: Case, options: CheckOptions, source: CaseSource) -> list[s
     before, after, where = case.landmarks_before, case.landmarks_after, source.name("landmarks_after")
     check_motion(before, after, options.landmark_motion, where)
     return check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
+
+
+def _posture(case: Case) -> list[str]:
+    """What is to be said of a patient who was not scanned standing."""
+    if case.posture == "standing":
+        return []
+    return [
+        f"The patient was scanned {case.posture}, that is lying: curves are smaller then and the back is "
+        "flatter, so "
+        "that back surface rotation, humps and balance are not those of the standing patient."
+    ]
 
 
 def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None:

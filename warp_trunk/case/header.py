@@ -17,6 +17,8 @@ from .keys import numbers, quoted, refuse_unknown, shown
 from .landmarks import COLUMNS
 from .layer_table import LayerTable, layer_table, layer_text
 
+POSTURES = ("standing", "supine", "prone")
+"""How a patient may have been scanned."""
 _MOST = 1_000_000
 """No case.toml is longer than this [bytes]."""
 
@@ -33,6 +35,8 @@ class CaseHeader:
     """Patient axes of every position in the folder."""
     landmark_columns: tuple[str, ...] = COLUMNS
     """Columns of the CSV files of landmarks that hold name, x, y and z."""
+    posture: str = "standing"
+    """How the patient was scanned, one of `POSTURES`."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue, from the table [tissue]."""
     layers: LayerTable | None = None
@@ -58,6 +62,7 @@ def read_header(path: Path) -> CaseHeader:
         ("name", str, "text"),
         ("units", str, "text"),
         ("axes", str, "text"),
+        ("posture", str, "text"),
         ("landmark_columns", list, "a list of four column names"),
         ("tissue", dict, "a table, [tissue]"),
         ("layers", dict, "a table, [layers]"),
@@ -70,6 +75,11 @@ def read_header(path: Path) -> CaseHeader:
         raise InputError(
             f"{path}: 'units' must be one of {', '.join(MILLIMETRES)}, not '{values['units']}'; "
             "write the unit of the surfaces and landmarks"
+        )
+    if values.get("posture", "standing") not in POSTURES:
+        raise InputError(
+            f"{path}: 'posture' must be one of {', '.join(POSTURES)}, not '{values['posture']}'; "
+            "write how the patient was scanned"
         )
     if "landmark_columns" in values:
         values["landmark_columns"] = _columns(path, values["landmark_columns"])
@@ -109,6 +119,7 @@ def header_text(header: CaseHeader) -> str:
         f"name = {quoted(header.name)}",
         f'units = "{header.units}"',
         f'axes = "{header.axes.code}"  # the patient\'s left, back and up are L, P and S',
+        f'posture = "{header.posture}"',
         "",
         "[tissue]",
     ]

@@ -35,6 +35,9 @@ class Case:
     """Bones known after surgery, by name; each has the vertices of the one before, moved rigidly."""
     layers: Layers | None = None
     """Skin, fat and muscle, where the case says something of them."""
+    posture: str = "standing"
+    """How the patient was scanned, one of `POSTURES`; the curves of who lies are smaller and the back is
+    flatter."""
     bending_left: Landmarks | None = None
     """Points on the vertebrae while the patient bends to her left, some or all of those before surgery."""
     bending_right: Landmarks | None = None

@@ -47,6 +47,7 @@ def write_case(folder: str | Path, case: Case) -> None:
     header = CaseHeader(
         name=case.name,
         axes=Axes("LPS"),
+        posture=case.posture,
         tissue=case.tissue,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +16,6 @@ from warp_trunk.io.surface_files import check_written, read_surface, write_surfa
 from warp_trunk.preparation.scanning import (
     ClosedSkin,
     CloseOptions,
-    CutPlane,
     align_parts,
     check_parts,
     close_skin,
@@ -26,6 +24,7 @@ from warp_trunk.preparation.scanning import (
 )
 from warp_trunk.run.progress import Progress
 
+from .cut_planes import cut_planes
 from .exit_status import OK
 
 
@@ -53,7 +52,7 @@ class Close:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the closed skin."""
-        cuts = self._cuts()
+        cuts = cut_planes(self.cut, self.cut_above, self.cut_below)
         check_written(self.out)
         if self.transforms and len(self.transforms) != len(self.parts):
             raise InputError(
@@ -86,28 +85,6 @@ class Close:
         for name, matrix in zip(parts, matrices, strict=False):
             parts[name] = moved(parts[name], matrix)
         return parts
-
-    def _cuts(self) -> list[CutPlane]:
-        cuts = [_plane(text) for text in self.cut]
-        if self.cut_above is not None:
-            cuts.append(CutPlane((0.0, 0.0, self.cut_above), (0.0, 0.0, 1.0)))
-        if self.cut_below is not None:
-            cuts.append(CutPlane((0.0, 0.0, self.cut_below), (0.0, 0.0, -1.0)))
-        return cuts
-
-
-def _plane(text: str) -> CutPlane:
-    try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (6, 7):
-        raise InputError(
-            f"--cut: must be x,y,z,nx,ny,nz or x,y,z,nx,ny,nz,radius, not '{text}'; "
-            "give a point, a normal and how far the cut reaches"
-        )
-    x, y, z, nx, ny, nz, *radius = numbers
-    return CutPlane((x, y, z), (nx, ny, nz), radius[0] if radius else math.inf)
 
 
 def _tell(closed: ClosedSkin) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import difflib
 import importlib
+import keyword
 import textwrap
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,6 +20,7 @@ COMMANDS = {
     "triangulate": "Triangulate",
     "register": "Register",
     "fit-atlas": "FitAtlas",
+    "import": "Import",
     "landmarks": "FindLandmarks",
     "plan": "Plan",
     "make-case": "MakeCase",
@@ -67,7 +69,8 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def _module(name: str) -> str:
-    return name.replace("-", "_")
+    """The file of a command; a word of Python's own cannot be the name of a module."""
+    return f"{name}_case" if keyword.iskeyword(name) else name.replace("-", "_")
 
 
 def _sentence(name: str) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 DOUBT = "#d55e00"
 """What could not be told."""
 _BONE, _DOUBTED = np.array([0.95, 0.94, 0.92]), np.array([0.99, 0.80, 0.66])
+_SKIN = np.array([1.0, 0.93, 0.88])
 KIND_COLOURS = {"endplate": "#0072b2", "left_pedicle": "#009e73", "right_pedicle": "#aa3377", "asis": "#000000"}
 """Colours of Okabe and Ito and of Tol, apart for every kind of colour vision."""
 _WORDS = {
@@ -36,6 +37,8 @@ _ROOM = 22.0
 """Around the bones, for names and scale [mm]."""
 _LINE = 0.17
 """Height of a line of text [inches]."""
+_FINE = 2.5
+"""What is smaller on a bone is not drawn [mm]: surfaces from voxels have ten times the triangles that one sees."""
 _SCALE = 50.0
 """Length of the scale [mm]."""
 
@@ -61,7 +64,7 @@ _VIEWS = (
 )
 
 
-def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks) -> bytes:
+def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: Surface | None = None) -> bytes:
     """A picture on which a surgeon sees whether landmarks lie where they should, as a PNG file.
 
     Bones are seen through, as on a film: landmarks are drawn over all of them. Vertebrae whose landmarks could
@@ -70,6 +73,7 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks) -> byt
     Args:
         bones: those that landmarks were looked for on [mm]; others than vertebrae and hip bones are not drawn.
         found: what `find_landmarks` found on them.
+        skin: drawn behind the bones [mm], where it is given.
     """
     from matplotlib import rc_context  # heavy
 
@@ -77,6 +81,8 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks) -> byt
     every = np.vstack([bone.vertices for bone in drawn.values()])
     told = np.vstack([found.landmarks.points, *(drawn[name].vertices for name in drawn if name in VERTEBRAE)])
     every = every[every[:, 2] >= told[:, 2].min()]  # what is lower of the hip bones says nothing
+    if skin is not None:
+        every = np.vstack([every, skin.vertices])
     spans = [(view.flat(every).min(axis=0) - _ROOM, view.flat(every).max(axis=0) + _ROOM) for view in _VIEWS]
     tall = (spans[0][1] - spans[0][0])[1] * _MM
     wide = [float((high - low)[0]) * _MM for low, high in spans]
@@ -89,6 +95,8 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks) -> byt
             axes = figure.add_axes((start / width, below / height, own / width, tall / height))
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=view.title)
             axes.set_axis_off()
+            if skin is not None:
+                _draw_bone(axes, view, skin, _SKIN, FAINT, 0)
             _draw_bones(axes, view, drawn, found)
             _draw_landmarks(axes, view, found)
             _draw_sides(axes, view, low, high)
@@ -126,9 +134,10 @@ def _draw_bones(axes: Axes, view: _View, drawn: Mapping[str, Surface], found: Fo
             axes.text(edge + 3.0, middle[1], text, color=colour, fontsize=8.0, va="center")
 
 
-def _draw_bone(axes: Axes, view: _View, bone: Surface, colour: np.ndarray, outline: str) -> None:
+def _draw_bone(axes: Axes, view: _View, bone: Surface, colour: np.ndarray, outline: str, order: int = 1) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
+    bone = _coarser(bone)
     corners = bone.vertices[bone.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     towards = normal @ view.viewer / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
@@ -140,11 +149,23 @@ def _draw_bone(axes: Axes, view: _View, bone: Surface, colour: np.ndarray, outli
     )
     ends, times = np.unique(edges, axis=0, return_counts=True)
     turned = view.flat(bone.vertices[ends[times == 1]])  # where what is seen ends
-    axes.add_collection(LineCollection(list(turned), colors=outline, linewidths=1.6, capstyle="round", zorder=1))
+    axes.add_collection(
+        LineCollection(list(turned), colors=outline, linewidths=1.6, capstyle="round", zorder=order)
+    )
     polygons = PolyCollection(
-        list(view.flat(corners[seen])), facecolors=shade, edgecolors=shade, linewidths=0.2, zorder=1
+        list(view.flat(corners[seen])), facecolors=shade, edgecolors=shade, linewidths=0.2, zorder=order
     )
     axes.add_collection(polygons)
+
+
+def _coarser(bone: Surface) -> Surface:
+    """Vertices of one small cube become one, as far as a picture shows."""
+    cubes = np.floor(bone.vertices / _FINE).astype(np.int64)
+    _, number, count = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+    number = number.reshape(-1)
+    middle = np.stack([np.bincount(number, column) for column in bone.vertices.T], axis=1) / count[:, None]
+    faces = number[bone.faces]
+    return Surface(middle, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)].astype(np.int32))
 
 
 def _draw_landmarks(axes: Axes, view: _View, found: FoundLandmarks) -> None:

@@ -1,0 +1,54 @@
+"""The command that makes a case of a label map, on blocks."""
+
+import numpy as np
+import pytest
+from label_maps.voxelise import write_labels
+from PIL import Image
+
+from support.label_maps import LEVELS, NAMES, NUMBERS, labels, write_map
+from warp_trunk import read_case
+from warp_trunk.cli import main
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    return write_map(tmp_path_factory.mktemp("map"))
+
+
+def test_a_case_that_can_be_read_with_its_picture_and_its_confidence(files, tmp_path, capsys):
+    out = tmp_path / "case"
+    assert main(["import", str(files[0]), "--body", str(files[1]), "--out", str(out)]) == 0
+    case = read_case(out)
+    assert (case.name, case.posture) == ("case", "supine")
+    assert case.landmarks_before.vertebrae() == LEVELS
+    assert case.landmarks_after is None
+    rows = (out / "landmarks_confidence.csv").read_text().splitlines()
+    assert rows[0] == "vertebra,left_right_differ_mm,off_curve_deg,body_height_mm"
+    assert [row.split(",")[0] for row in rows[1:]] == list(LEVELS)
+    assert 10.0 < float(rows[1].split(",")[3]) < 20.0  # blocks of 16 mm
+    picture = np.asarray(Image.open(out / "landmarks_before.png").convert("RGB"))
+    assert (np.abs(picture.astype(int) - [233, 218, 207]).sum(axis=2) < 60).mean() > 0.1  # the skin, shaded
+    said = capsys.readouterr()
+    assert "6 bones drawn from voxels" in said.out
+    assert "scanned supine, that is lying" in said.err
+    with pytest.raises(SystemExit):
+        main(["import", "--help"])
+
+
+def test_what_is_missing_is_named_and_the_rest_is_written(files, tmp_path, capsys):
+    values, affine = labels()
+    write_labels(tmp_path / "a.nii.gz", np.where(values == NUMBERS["hip_left"], 5, values), affine, NAMES)
+    out = tmp_path / "case"
+    assert main(["import", str(tmp_path / "a.nii.gz"), "--body", str(files[1]), "--out", str(out)]) == 3
+    said = capsys.readouterr()
+    assert "asis_left: no landmarks: 'hip_left' is missing" in said.err
+    assert "not yet a case that surgery can be planned on" in said.err
+    assert "Not taken, as they are no bones of the trunk: label 5" in said.out
+    assert (out / "case.toml").is_file()
+    assert len(list((out / "bones").iterdir())) == 5
+
+
+def test_an_imported_case_is_not_written_onto_another(files, tmp_path, capsys):
+    (tmp_path / "case.toml").write_text("")
+    assert main(["import", str(files[0]), "--out", str(tmp_path)]) == 2
+    assert "is a case folder" in capsys.readouterr().err

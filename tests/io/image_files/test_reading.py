@@ -1,0 +1,149 @@
+"""NIfTI and NRRD files, whichever way their axes run."""
+
+import gzip
+import io
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import nibabel
+import nrrd
+import numpy as np
+import pytest
+
+from warp_trunk.errors import InputError
+from warp_trunk.io.image_files.reading import image_stem, read_labels, read_scan
+
+VALUES = np.zeros((4, 5, 6), dtype=np.uint8)
+VALUES[1, 2, 3], VALUES[3, 4, 5] = 7, 200
+RAS = np.array([[2.0, 0.1, 0.0, -10.0], [-0.1, 2.0, 0.0, 20.0], [0.0, 0.0, 3.0, 30.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def nifti(path: Path, values: Any = VALUES, affine=RAS, change=lambda image: None, kind=nibabel.Nifti1Image):
+    image = kind(values, affine)
+    change(image)
+    nibabel.save(image, path)
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz", "A.NII.GZ"])
+@pytest.mark.parametrize("kind", [nibabel.Nifti1Image, nibabel.Nifti2Image])
+@pytest.mark.parametrize("dtype", ["u1", "i2", "u2", "i4", "f4", "f8", ">i2", ">f4"])
+def test_labels_are_read_as_whole_numbers_in_lps(tmp_path, name, kind, dtype):
+    content = nifti(tmp_path / name.lower(), VALUES.astype(dtype), kind=kind).read_bytes()
+    (tmp_path / name).write_bytes(content)
+    image = read_labels(tmp_path / name)
+    assert image.layers.dtype == np.uint8
+    np.testing.assert_array_equal(image.layers, VALUES[None])
+    np.testing.assert_allclose(image.affine, np.diag([-1, -1, 1, 1]) @ RAS, atol=1e-5)
+
+
+def test_large_labels_widen_the_type_wherever_they_come(tmp_path):
+    values = np.zeros((300, 300, 200), dtype=np.uint16)
+    values[1, 1, 1], values[2, 2, 199] = 5, 40000
+    image = read_labels(nifti(tmp_path / "a.nii.gz", values))
+    assert image.layers.dtype == np.uint16
+    np.testing.assert_array_equal(image.layers[0], values)
+
+
+def test_units_of_the_header_become_millimetres(tmp_path):
+    in_metres = np.diag([1e-3, 1e-3, 1e-3, 1.0]) @ RAS
+    path = nifti(tmp_path / "a.nii", affine=in_metres, change=lambda i: i.header.set_xyzt_units("meter"))
+    np.testing.assert_allclose(read_labels(path).affine, np.diag([-1, -1, 1, 1]) @ RAS, rtol=1e-5)
+
+
+def test_two_affines_that_differ_are_told_and_the_sform_is_taken(tmp_path):
+    shifted = RAS.copy()
+    shifted[0, 3] += 25.0
+
+    def both(image):
+        image.set_sform(RAS, 1)
+        image.set_qform(np.diag([2.0, 2.0, 3.0, 1.0]), 1)
+
+    image = read_labels(nifti(tmp_path / "a.nii", change=both))
+    assert "its sform and its qform put voxels" in image.notes[0]
+    np.testing.assert_allclose(image.affine, np.diag([-1, -1, 1, 1]) @ RAS, atol=1e-5)
+
+
+def test_one_more_dimension_of_one_is_none(tmp_path):
+    assert read_labels(nifti(tmp_path / "a.nii", VALUES[..., None])).layers.shape == (1, 4, 5, 6)
+
+
+def test_a_ct_is_read_in_hounsfield_units(tmp_path):
+    values = np.linspace(-1000, 2000, VALUES.size).reshape(VALUES.shape)
+
+    def scaled(image):
+        image.header.set_data_dtype(np.int16)
+        image.header.set_slope_inter(0.5, -24.0)
+
+    path = nifti(tmp_path / "ct.nii.gz", values, change=scaled)
+    image = read_scan(path)
+    assert image.layers.dtype == np.int16
+    assert np.abs(image.layers[0] - nibabel.Nifti1Image.from_filename(path).get_fdata()).max() <= 0.5
+
+
+NRRD = {
+    "space": "left-posterior-superior",
+    "space directions": RAS[:3, :3].T,
+    "space origin": RAS[:3, 3],
+    "kinds": ["domain"] * 3,
+}
+
+
+@pytest.mark.parametrize("encoding", ["raw", "gzip"])
+@pytest.mark.parametrize(
+    ("space", "signs"), [("left-posterior-superior", 1), ("RAS", -1), ("right-anterior-superior", -1)]
+)
+def test_an_nrrd_says_itself_where_left_is(tmp_path, encoding, space, signs):
+    nrrd.write(str(tmp_path / "a.nrrd"), VALUES, {**NRRD, "space": space, "encoding": encoding})
+    image = read_labels(tmp_path / "a.nrrd")
+    np.testing.assert_array_equal(image.layers[0], VALUES)
+    np.testing.assert_allclose(image.affine, np.diag([signs, signs, 1, 1]) @ RAS)
+
+
+def test_segments_of_slicer_lie_in_layers(tmp_path):
+    layers = np.stack([VALUES == 7, 3 * (VALUES == 200)]).astype(np.uint8)
+    header = {
+        **NRRD,
+        "kinds": ["list", *["domain"] * 3],
+        "space directions": np.vstack([[np.nan] * 3, RAS[:3, :3].T]),
+    }
+    header |= {"Segment0_Name": "T8", "Segment0_LabelValue": "1", "Segment0_Layer": "0"}
+    header |= {"Segment1_Name": "left rib 8", "Segment1_LabelValue": "3", "Segment1_Layer": "1"}
+    nrrd.write(str(tmp_path / "a.seg.nrrd"), layers, header)
+    image = read_labels(tmp_path / "a.seg.nrrd")
+    assert image.names == ({1: "T8"}, {3: "left rib 8"})
+    assert np.argwhere(image.layers == 3).tolist() == [[1, 3, 4, 5]]
+    np.testing.assert_allclose(image.affine[:3], RAS[:3])
+
+
+def test_a_missing_package_is_named_with_the_cure(tmp_path):
+    code = (
+        "import sys, importlib.util as u\n"
+        "found = u.find_spec\n"
+        "u.find_spec = lambda name, *a: None if name == 'nibabel' else found(name, *a)\n"
+        "from pathlib import Path\n"
+        "from warp_trunk.io.image_files.reading import read_labels\n"
+        f"read_labels(Path({str(nifti(tmp_path / 'a.nii'))!r}))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "pip install 'warp-trunk[images]'" in done.stderr.splitlines()[-1]
+    assert "nibabel" not in done.stderr.splitlines()[-1]
+
+
+def test_a_file_that_packs_more_than_it_can_hold_is_not_unpacked(tmp_path):
+    content = bytearray(nibabel.Nifti1Image(np.zeros((10, 10, 10), dtype=np.uint8), RAS).to_bytes())
+    content[42:48] = np.array([700, 700, 700], dtype="<i2").tobytes()
+    packed = io.BytesIO()
+    with gzip.GzipFile(fileobj=packed, mode="wb") as stream:
+        stream.write(bytes(content))
+    (tmp_path / "a.nii.gz").write_bytes(packed.getvalue())
+    with pytest.raises(InputError, match=r"says 343000000 bytes of voxels, its \d+ bytes cannot hold them"):
+        read_labels(tmp_path / "a.nii.gz")
+
+
+def test_stems_of_image_files():
+    assert [image_stem(Path(name)) for name in ("a/T8.nii.gz", "T8.seg.nrrd", "x.y.nii", "T8.NRRD")] == [
+        "T8", "T8", "x.y", "T8",
+    ]  # fmt: skip

@@ -1,0 +1,164 @@
+"""Label maps of a spine of blocks, to a case."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from label_maps.voxelise import write_labels
+
+from support.label_maps import LEVELS, NUMBERS, bones, labels, write_map, write_masks, write_seg_nrrd
+from warp_trunk import find_landmarks
+from warp_trunk.case.landmarks import VERTEBRA_POINTS
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.io.surface_files import write_surface
+from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source
+from warp_trunk.preparation.label_maps.sources import read_body
+
+QUICK = ImportOptions(edge_length=12.0)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    return write_map(tmp_path_factory.mktemp("map"))
+
+
+@pytest.fixture(scope="module")
+def made(files: tuple[Path, Path]) -> Imported:
+    return import_case(read_source(files[0]), read_body(files[1]), "a", QUICK)
+
+
+def test_bones_have_their_names_and_places(made):
+    assert set(made.case.bones) == set(bones())
+    for name, bone in bones().items():
+        off = np.abs(SurfaceDistance(bone).at(made.case.bones[name].vertices))
+        assert off.mean() < 0.45, name  # edges of blocks are rounded
+        assert abs(made.shapes[name].change) < 0.01
+
+
+def test_landmarks_are_those_of_the_true_bones(made):
+    true = find_landmarks(bones()).complete()
+    found = made.case.landmarks_before
+    assert set(found.names) == set(true.names)
+    off = [np.linalg.norm(found.point(name) - true.point(name)) for name in true.names]
+    assert np.mean(off[:-2]) < 0.7  # the fronts of these hip bones are flat, so that spines are anywhere on them
+    assert len(made.found.vertebrae) == len(LEVELS)
+    assert made.case.posture == "supine"
+
+
+def test_the_skin_is_closed_and_where_the_body_is(made):
+    skin = made.case.skin
+    check_solid(skin, "skin")
+    x, y, z = skin.vertices.T
+    side = np.abs(z - 190.0) < 150.0
+    off = np.hypot(x / 135.0, y / 105.0)[side] - 1.0
+    assert np.abs(off).mean() * 120.0 < 0.8
+    assert np.abs(skin.vertices[:, 2]).max() < 412.0
+    lowest = min(made.case.bones[hip].vertices[:, 2].min() for hip in ("hip_left", "hip_right"))
+    assert z.min() == pytest.approx(lowest - 25.0, abs=0.1)
+    assert np.sum(z < z.min() + 0.2) > 100  # flat
+    assert [plane.unit[2] for plane in made.cuts] == [-1.0]
+
+
+SAME: dict[str, Callable[[Path], Path]] = {
+    "masks": lambda folder: write_masks(folder / "masks"),
+    "LPS": lambda folder: write_seg_nrrd(folder / "a.seg.nrrd"),
+    "RAS": lambda folder: write_seg_nrrd(folder / "a.seg.nrrd", "right-anterior-superior"),
+}
+
+
+@pytest.mark.parametrize("form", SAME)
+def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, form):
+    again = import_case(read_source(SAME[form](tmp_path)), read_body(files[1]), "a", QUICK)
+    assert list(again.case.bones) == list(made.case.bones)
+    for name, bone in made.case.bones.items():
+        np.testing.assert_allclose(again.case.bones[name].vertices, bone.vertices, atol=1e-4)
+    np.testing.assert_allclose(again.case.skin.vertices, made.case.skin.vertices, atol=1e-4)
+    np.testing.assert_allclose(again.case.landmarks_before.points, made.case.landmarks_before.points, atol=1e-3)
+
+
+def test_axes_that_run_the_other_way_give_the_same_bones(made, files, tmp_path):
+    values, affine = labels()
+    turned = affine.copy()
+    turned[:3, 3] += affine[:3, 0] * (values.shape[0] - 1)
+    turned[:3, 0] *= -1.0
+    write_labels(tmp_path / "a.nii", values[::-1], turned)
+    source = read_source(tmp_path / "a.nii", "totalsegmentator-v2")
+    again = import_case(source, read_body(files[1]), "a", QUICK)
+    for name, bone in made.case.bones.items():
+        check_solid(again.case.bones[name], name)
+        assert np.abs(SurfaceDistance(bone).at(again.case.bones[name].vertices)).max() < 0.05
+
+
+def test_a_folder_of_masks_has_its_body_and_names_what_is_empty_and_left_over(made, tmp_path):
+    source = read_source(write_masks(tmp_path / "masks"))
+    assert (source.left_over, source.empty) == (["spleen"], ["T9"])
+    again = import_case(source, None, "a", QUICK)
+    np.testing.assert_allclose(again.case.skin.vertices, made.case.skin.vertices, atol=1e-4)
+
+
+def test_surfaces_by_names_of_others(made, tmp_path):
+    names = {"T5": "fifth thoracic vertebra", "T6": "FMA9945", "T7": "vertebrae_T7", "hip_left": "Left hip bone"}
+    for name, bone in bones().items():
+        write_surface(tmp_path / f"{names.get(name, name)}.stl", bone)
+    write_surface(tmp_path / "body.ply", made.case.skin)
+    write_surface(tmp_path / "spleen.ply", made.case.skin)
+    again = import_case(read_source(tmp_path), None, "a", QUICK)
+    assert set(again.case.bones) == set(bones())
+    assert len(again.found.vertebrae) == len(LEVELS)
+
+
+def test_numbers_without_names_are_not_guessed(tmp_path):
+    write_labels(tmp_path / "a.nii.gz", *labels())
+    with pytest.raises(
+        InputError, match=r"mean other bones in other versions .* give --labels totalsegmentator-v1 or"
+    ):
+        read_source(tmp_path / "a.nii.gz")
+
+
+def test_a_table_of_names_from_a_file(tmp_path):
+    write_labels(tmp_path / "a.nii.gz", *labels())
+    rows = [f"{NUMBERS[f'vertebrae_{level}']},{level} vertebra" for level in LEVELS]
+    (tmp_path / "names.csv").write_text("number,name\n" + "\n".join(rows))
+    source = read_source(tmp_path / "a.nii.gz", str(tmp_path / "names.csv"))
+    assert source.names == set(LEVELS)
+    assert sorted(source.left_over) == [f"label {NUMBERS[hip]}" for hip in ("hip_left", "hip_right")]
+
+
+def test_the_first_sacral_vertebra_is_a_part_of_the_sacrum(tmp_path):
+    values, affine = labels()
+    values = values.copy()
+    values[values == NUMBERS["vertebrae_T5"]] = NUMBERS["vertebrae_S1"]
+    values[values == NUMBERS["vertebrae_T6"]] = NUMBERS["sacrum"]
+    write_labels(tmp_path / "a.nii.gz", values, affine)
+    source = read_source(tmp_path / "a.nii.gz", "totalsegmentator-v2")
+    own = np.isin(values, [NUMBERS["sacrum"], NUMBERS["vertebrae_S1"]]).sum() * 1.5**3
+    assert source.masks["sacrum"].volume == pytest.approx(own)
+
+
+def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
+    values, affine = labels()
+    inside = np.argwhere(values == NUMBERS["vertebrae_T5"])
+    height = (inside[:, 2].min() + inside[:, 2].max()) // 2
+    write_labels(tmp_path / "a.nii.gz", values[:, :, :height], affine)
+    made = import_case(read_source(tmp_path / "a.nii.gz", "totalsegmentator-v2"), read_body(files[1]), "a", QUICK)
+    assert made.found.unsure == {"T5": "the image ends in it, so that only a part is there"}
+    assert "T5" in made.case.bones
+    assert len(made.case.landmarks_before.names) == 3 * len(VERTEBRA_POINTS) + 2
+
+
+def test_a_trunk_needs_a_body(files):
+    with pytest.raises(InputError, match=r"^import: there is no body among the labels.* give --body FILE"):
+        import_case(read_source(files[0]), None, "a", QUICK)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [({"smoothing": -1.0}, "'smoothing' must be " "from 0 to 5 mm, not -1.0"), ({"edge_length": 0.0},
+    "'edge_length'"), ({"posture": "sitting"}, "'posture' must be one of standing, supine, prone, not 'sitting'")],
+)  # fmt: skip
+def test_options_out_of_range(options, said):
+    with pytest.raises(InputError, match=said):
+        ImportOptions(**options)

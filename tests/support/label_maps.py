@@ -1,0 +1,98 @@
+"""Label maps of a spine of blocks, as segmentation programs write them."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from label_maps.voxelise import grid_around, label_map, theirs, voxelise, write_labels
+
+from support.blocks import spine_and_hips
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.label_maps.mask import Mask
+from warp_trunk.preparation.label_maps.tables import TABLES
+
+LEVELS = ("T5", "T6", "T7", "T8")
+NUMBERS = {name: number for number, name in TABLES["totalsegmentator-v2"].items()}
+NAMES = {number: name for name, number in NUMBERS.items()}
+OBLIQUE = np.array([[0.98, -0.17, 0.10], [0.18, 0.98, -0.05], [-0.09, 0.07, 0.99]])
+"""Nearly orthonormal; `grid` makes it so."""
+
+
+def bones() -> dict[str, Surface]:
+    """Four vertebrae with a canal, and hip bones."""
+    return {name: bone for name, bone in spine_and_hips().items() if name in (*LEVELS, "hip_left", "hip_right")}
+
+
+def grid(spacing: tuple[float, float, float], mirrored: bool = False, oblique: bool = False) -> Any:
+    """Affine and shape of a grid around the bones."""
+    turn = np.linalg.qr(OBLIQUE)[0] * np.sign(np.diag(np.linalg.qr(OBLIQUE)[1])) if oblique else np.eye(3)
+    every = Surface(np.vstack([bone.vertices for bone in bones().values()]), np.zeros((0, 3), dtype=np.int32))
+    return grid_around(every, spacing, turn * [-1.0 if mirrored else 1.0, 1.0, 1.0])
+
+
+@cache
+def labels() -> tuple[np.ndarray, np.ndarray]:
+    """The bones on voxels of 1.5 mm with the numbers of TotalSegmentator v2, and the affine."""
+    affine, shape = grid((1.5, 1.5, 1.5))
+    return label_map({NUMBERS[theirs(name)]: bone for name, bone in bones().items()}, affine, shape), affine
+
+
+def body() -> tuple[np.ndarray, np.ndarray]:
+    """A trunk of elliptic sections around the bones on voxels of 4 mm, 440 mm tall, and its affine."""
+    affine = np.diag([4.0, 4.0, 4.0, 1.0])
+    affine[:3, 3] = -160.0, -130.0, -60.0
+    i, j, k = np.meshgrid(*map(np.arange, (80, 65, 125)), indexing="ij")
+    x, y, z = (4.0 * n + o for n, o in zip((i, j, k), affine[:3, 3], strict=True))
+    inside = ((x / 135.0) ** 2 + (y / 105.0) ** 2 < 1.0) & (np.abs(z - 190.0) < 220.0)
+    return inside.astype(np.uint8), affine
+
+
+def write_map(folder: Path) -> tuple[Path, Path]:
+    """The label map with names, and the mask of the body."""
+    write_labels(folder / "labels.nii.gz", *labels(), NAMES)
+    write_labels(folder / "body.nii.gz", *body())
+    return folder / "labels.nii.gz", folder / "body.nii.gz"
+
+
+def write_masks(folder: Path) -> Path:
+    """One mask for each class, empty ones too, and one of the body."""
+    folder.mkdir()
+    values, affine = labels()
+    for name in (*(theirs(bone) for bone in bones()), "vertebrae_T9", "spleen"):
+        write_labels(folder / f"{name}.nii.gz", (values == NUMBERS.get(name, 1)).astype(np.uint8), affine)
+    write_labels(folder / "body.nii.gz", *body())
+    return folder
+
+
+def write_seg_nrrd(path: Path, space: str = "left-posterior-superior") -> Path:
+    """The same as a segmentation of 3D Slicer: two layers, each bone a segment with a name."""
+    import nrrd
+
+    values, affine = labels()
+    own = sorted(set(np.unique(values).tolist()) - {0})
+    layers = np.stack([np.where(values == own[0], 1, 0), np.where(values == own[0], 0, values)]).astype(np.uint8)
+    signs = np.array([-1.0, -1.0, 1.0]) if space.startswith("right") else np.ones(3)
+    header: dict[str, Any] = {
+        "space": space,
+        "kinds": ["list", "domain", "domain", "domain"],
+        "space directions": np.vstack([np.full(3, np.nan), affine[:3, :3].T * signs]),
+        "space origin": affine[:3, 3] * signs,
+    }
+    for number, value in enumerate(own):
+        header[f"Segment{number}_Name"] = NAMES[value]
+        header[f"Segment{number}_LabelValue"] = str(1 if number == 0 else value)
+        header[f"Segment{number}_Layer"] = str(int(number > 0))
+    nrrd.write(str(path), layers, header)
+    return path
+
+
+def mask_of(surface: Surface, spacing: tuple[float, float, float], turn: np.ndarray | None = None) -> Mask:
+    """A surface on voxels."""
+    affine, shape = grid_around(surface, spacing, np.eye(3) if turn is None else turn)
+    box, inside = voxelise(surface, affine, shape)
+    i, j, k = (part.start for part in box)
+    a, b, c = shape
+    return Mask(inside, (i, j, k), affine, (a, b, c))

@@ -1,0 +1,1 @@
+"""Label maps and scans: NIfTI and NRRD, read slab by slab, so that no header can fill the memory."""

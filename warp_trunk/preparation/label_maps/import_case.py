@@ -1,0 +1,167 @@
+"""From masks and surfaces with our names to a case with landmarks."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from warp_trunk.case import Case
+from warp_trunk.case.header import POSTURES
+from warp_trunk.case.landmarks import ASIS, VERTEBRAE, Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+
+from ..landmark_finder import FoundLandmarks, find_landmarks
+from ..scanning import CutPlane
+from .mask import Mask
+from .names import SKIN
+from .skin import body_skin
+from .sources import Source
+from .surfaces import BoneShape, bone_shape
+
+TRUNK = re.compile(r"[TL]\d+|rib_(left|right)_\d\d|sternum|sacrum|hip_(left|right)")
+"""The bones that a case is made of."""
+MORE = re.compile(r"scapula_(left|right)|clavicle_(left|right)|costal_cartilage_(left|right)_\d\d")
+"""Bones that it may have besides."""
+Stage = Callable[[str, str], AbstractContextManager[object]]
+"""Shows that a stage has begun, by its name and a sentence."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions:
+    """How a label map becomes a case."""
+
+    smoothing: float = 0.8
+    """How much the stairs of voxels on bones are smoothed: standard deviation of a Gaussian [mm]."""
+    edge_length: float = 7.0
+    """Length of the edges of the skin [mm]."""
+    more_bones: bool = False
+    """Take shoulder blades, collar bones and costal cartilages too; without them soft tissue fills their place."""
+    posture: Literal["supine", "prone", "standing"] = "supine"
+    """How the patient was scanned: supine, prone or standing."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a number out of range or a posture that is not known."""
+        for name, least, most in (("smoothing", 0.0, 5.0), ("edge_length", 2.0, 20.0)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and least <= value <= most):
+                raise InputError(f"import: '{name}' must be from {least:g} to {most:g} mm, not {value}")
+        if self.posture not in POSTURES:
+            raise InputError(f"import: 'posture' must be one of {', '.join(POSTURES)}, not '{self.posture}'")
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A case as far as the image reaches, and what was done to get it."""
+
+    case: Case
+    """Without landmarks of bones on which they could not be told."""
+    found: FoundLandmarks
+    """The landmarks, what speaks for them, and what was not found."""
+    shapes: Mapping[str, BoneShape]
+    """Of the bones that came from voxels."""
+    cuts: tuple[CutPlane, ...]
+    """Where the body was cut flat."""
+    notes: tuple[str, ...]
+    """What a user should look at, a sentence each."""
+
+
+def import_case(
+    source: Source,
+    body: Mask | None,
+    name: str,
+    options: ImportOptions | None = None,
+    *,
+    cuts: tuple[CutPlane, ...] = (),
+    stage: Stage = lambda _name, _doing: nullcontext(),
+) -> Imported:
+    """Make a case of what was found in an image.
+
+    Args:
+        source: masks and surfaces, see `read_source`.
+        body: the body; that of the source when left out.
+        name: what to call the case.
+        options: how; the defaults when left out.
+        cuts: where to cut the body flat, besides neck and thighs.
+        stage: shows the stages.
+
+    Raises:
+        InputError: there is no body, no vertebra, or nothing that a surface comes of.
+    """
+    options = options or ImportOptions()
+    body = body or source.masks.get(SKIN)
+    if body is None and SKIN not in source.surfaces:
+        raise InputError(
+            "import: there is no body among the labels, and a trunk needs its skin; give --body FILE "
+            "(TotalSegmentator "
+            "-ta body makes one) or --ct FILE"
+        )
+    wanted = [n for n in sorted(source.masks) if _is_bone(n)]
+    with stage("bones", f"drawing the surfaces of {len(wanted)} bones"):
+        shapes = _shapes({n: source.masks[n] for n in wanted}, options.smoothing)
+    surfaces = {n: s for n, s in source.surfaces.items() if _is_bone(n)}
+    surfaces |= {n: shape.surface for n, shape in shapes.items()}
+    made: tuple[CutPlane, ...] = ()
+    with stage("skin", "drawing the skin"):
+        if body is None:
+            skin = source.surfaces[SKIN]
+        else:
+            drawn = body_skin(body, surfaces, cuts, options.edge_length)
+            skin, made = drawn.surface, drawn.cuts
+    bones = {n: s for n, s in surfaces.items() if TRUNK.fullmatch(n) or (options.more_bones and MORE.fullmatch(n))}
+    with stage("landmarks", "finding landmarks"):
+        found = _landmarks(bones, source.masks)
+    case = Case(name=name, skin=skin, bones=bones, landmarks_before=found.landmarks, posture=options.posture)
+    return Imported(case, found, shapes, made, tuple(_notes(source, shapes, bones)))
+
+
+def _is_bone(name: str) -> bool:
+    return bool(TRUNK.fullmatch(name) or MORE.fullmatch(name) or name.startswith("humerus"))
+
+
+def _shapes(masks: Mapping[str, Mask], smoothing: float) -> dict[str, BoneShape]:
+    """The surface of each; several at a time, as SciPy and Warp let go of the interpreter while they work."""
+    shapes: dict[str, BoneShape] = {}
+    names = list(masks)
+    for name in names[:1]:  # alone, so that kernels are compiled once
+        shapes[name] = bone_shape(masks[name], name, smoothing)
+    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
+        shapes |= zip(names[1:], pool.map(lambda n: bone_shape(masks[n], n, smoothing), names[1:]), strict=True)
+    return shapes
+
+
+def _landmarks(bones: Mapping[str, Surface], masks: Mapping[str, Mask]) -> FoundLandmarks:
+    """Landmarks of whole bones; a vertebra that the image cuts off has none."""
+    cut = {
+        name: "the image ends in it, so that only a part is there"
+        for name in VERTEBRAE
+        if name in bones and name in masks and masks[name].faces_at_border()
+    }
+    whole = {name: bone for name, bone in bones.items() if name not in cut}
+    if not any(name in whole for name in VERTEBRAE):
+        return FoundLandmarks(
+            Landmarks((), np.empty((0, 3))), {}, {**cut, **dict.fromkeys(ASIS, "there is no spine")}
+        )
+    found = find_landmarks(whole)
+    reasons = {**found.unsure, **cut}
+    return replace(found, unsure={name: reasons[name] for name in (*VERTEBRAE, *ASIS) if name in reasons})
+
+
+def _notes(source: Source, shapes: Mapping[str, BoneShape], bones: Mapping[str, Surface]) -> list[str]:
+    notes = list(source.notes)
+    for name, shape in shapes.items():
+        if name in bones and shape.dropped:
+            share = 100.0 * sum(shape.dropped) / (shape.volume + sum(shape.dropped))
+            notes.append(
+                f"{name}: {len(shape.dropped)} pieces that do not hang together with the largest were left out, "
+                f"{sum(shape.dropped) / 1000.0:.2f} cm3 ({share:.1f} %)."
+            )
+    return notes

@@ -1,0 +1,118 @@
+"""What others call bones, and what they are called here.
+
+Words are understood, not whole names, so that `vertebrae_T8` and `rib_left_1` of TotalSegmentator, "eighth
+thoracic vertebra" and "left first rib" of the Foundational Model " "of Anatomy (BodyParts3D), "T8 vertebra" of
+3D Slicer and `rib_left_01` of this program are all known.
+"""
+
+from __future__ import annotations
+
+import re
+
+SKIN, CARTILAGES, FAT, MUSCLE, ARMS = (
+    "skin",
+    "costal_cartilages",
+    "subcutaneous_fat",
+    "skeletal_muscle",
+    "extremities",
+)
+"""What is no single bone: the body, both sides' costal cartilages in one, tissue, arms and legs."""
+_LEVELS = {"C": 7, "T": 13, "L": 6}
+_REGIONS = {"cervical": "C", "thoracic": "T", "dorsal": "T", "lumbar": "L"}
+_ORDINALS = (
+    "first second third fourth fifth sixth seventh eighth ninth tenth eleventh twelfth thirteenth".split()  # noqa: SIM905
+)
+_SIDES = {"left": "left", "l": "left", "lt": "left", "right": "right", "r": "right", "rt": "right"}
+_PAIRED = {
+    "hip": "hip",
+    "pelvis": "hip",
+    "innominate": "hip",
+    "coxal": "hip",
+    "coxae": "hip",
+    "scapula": "scapula",
+    "clavicle": "clavicle",
+    "clavicula": "clavicle",
+    "humerus": "humerus",
+    "femur": "femur",
+}
+_SINGLE = {"sacrum": "sacrum", "sternum": "sternum"}
+_BODIES = {("body",), ("body", "trunc"), ("body", "trunk"), ("trunk",), ("skin",), ("body", "trunc", "mask")}
+_NO_BONE = {"implant", "prosthesis", "muscle", "artery", "vein", "vena", "nerve", "disc", "disk", "body", "bodies"}
+"""Words that make something else of a bone's name; a vertebra's body is no vertebra."""
+_FMA = {
+    **dict(zip((f"T{n}" for n in range(1, 13)),
+               (9165, 9187, 9209, 9248, 9922, 9945, 9968, 9991, 10014, 10037, 10059, 10081), strict=True)),
+    **{f"L{n}": 13071 + n for n in range(1, 6)},
+    **dict(zip((f"rib_left_{n:02d}" for n in range(1, 13)),
+               (7987, 8012, 8039, 8148, 8093, 8202, 8256, 8310, 8391, 8472, 8532, 8534), strict=True)),
+    **dict(zip((f"rib_right_{n:02d}" for n in range(1, 13)),
+               (7857, 7882, 7909, 7957, 8066, 8175, 8229, 8283, 8364, 8445, 8531, 8533), strict=True)),
+    "hip_left": 16587, "hip_right": 16586, "sacrum": 16202, "C7": 12525,
+    "scapula_left": 13396, "scapula_right": 13395, "clavicle_left": 13323, "clavicle_right": 13322,
+}  # fmt: skip
+_BY_FMA = {number: name for name, number in _FMA.items()}
+
+
+def known_name(text: str) -> str | None:
+    """Our name for what a segmentation or a collection of surfaces calls `text`; None where it is none of ours.
+
+    Bones are named as in a case (`T8`, `rib_left_01`, `hip_left`); what is no single bone by the constants of this
+    module.
+    """
+    words = re.findall(r"[a-z]+|\d+", text.lower())
+    if "fma" in words and words.index("fma") + 1 < len(words):
+        number = words[words.index("fma") + 1]
+        if number.isdigit() and int(number) in _BY_FMA:
+            return _BY_FMA[int(number)]
+    if tuple(words) in _BODIES:
+        return SKIN
+    if words == ["body", "extremities"]:
+        return ARMS
+    if words[-2:] == ["subcutaneous", "fat"] or words[:2] == ["subcutaneous", "adipose"]:
+        return FAT
+    if words == ["skeletal", "muscle"]:
+        return MUSCLE
+    if _NO_BONE & set(words):
+        return None
+    sides = {_SIDES[word] for word in words if word in _SIDES}
+    side = sides.pop() if len(sides) == 1 else None
+    number = _number(words)
+    if "rib" in words or "ribs" in words or "costal" in words:
+        return _rib(words, side, number)
+    for word, name in _SINGLE.items():
+        if word in words and len(words) <= 2:
+            return name
+    for word, name in _PAIRED.items():
+        if word in words and side is not None:
+            return f"{name}_{side}"
+    return _vertebra(words, number)
+
+
+def _rib(words: list[str], side: str | None, number: int | None) -> str | None:
+    if "cartilage" in words or "cartilages" in words:
+        if side is None:
+            return CARTILAGES if number is None else None
+        return f"costal_cartilage_{side}_{number:02d}" if number is not None and number <= 10 else None
+    return f"rib_{side}_{number:02d}" if side is not None and number is not None and number <= 13 else None
+
+
+def _vertebra(words: list[str], number: int | None) -> str | None:
+    if words and words[0] in ("vertebra", "vertebrae", "vert"):
+        words = words[1:]
+    elif words and words[-1] in ("vertebra", "vertebrae"):
+        words = words[:-1]
+    if words == ["s", "1"]:
+        return "sacrum"  # TotalSegmentator labels the first sacral vertebra apart
+    region = _REGIONS.get(words[1] if len(words) > 1 else "")
+    if region is None and len(words) == 2 and words[1].isdigit():
+        region, number = words[0].upper(), int(words[1])
+    if region not in _LEVELS or number is None or not 1 <= number <= _LEVELS[region]:
+        return None
+    return f"{region}{number}"
+
+
+def _number(words: list[str]) -> int | None:
+    """The one number among the words, also in letters."""
+    found = [int(word) for word in words if word.isdigit() and len(word) < 4]
+    found += [_ORDINALS.index(word) + 1 for word in words if word in _ORDINALS]
+    return found[0] if len(found) == 1 and found[0] > 0 else None

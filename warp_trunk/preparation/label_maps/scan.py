@@ -1,0 +1,55 @@
+"""The body in a CT, by its density, without the table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.io.image_files.reading import read_scan
+
+from .mask import Mask, depth, largest_piece, reduced
+
+AIR = -300.0
+"""What is denser than this is body [HU]: between lung and fat, as usual for the outline of the body."""
+_TABLE = 12.0
+"""What is thinner than this is no body [mm]: tables, blankets, cables."""
+_BLOCK = 2.5
+"""Blocks of voxels on which the body is looked for have sides below this [mm]."""
+
+
+def body_in_scan(path: Path) -> Mask:
+    """The mask of the body: denser than air, without what is thin, filled layer by layer.
+
+    Returns:
+        A mask on blocks of voxels of the scan.
+
+    Raises:
+        InputError: a damaged file, or nothing that is as dense as a body.
+    """
+    from scipy import ndimage  # heavy
+
+    image = read_scan(path)
+    spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
+    factors = tuple(max(1, int(_BLOCK / side)) for side in spacing)
+    dense = reduced(image.layers[0] > AIR, factors) >= 0.5
+    affine = image.affine.copy()
+    affine[:3, 3] += affine[:3, :3] @ (0.5 * (np.array(factors) - 1.0))
+    affine[:3, :3] *= factors
+    spacing = spacing * factors
+    if not dense.any():
+        raise InputError(f"{path}: nothing in it is denser than {AIR:g} HU; give a CT in Hounsfield units")
+    # the field is padded by copies, so that a body that goes on beyond the image is not thin there
+    room = tuple(int(np.ceil(_TABLE / side)) + 1 for side in spacing)
+    padded = np.pad(dense, [(n, n) for n in room], mode="edge")
+    core = depth(padded, spacing) > 0.5 * _TABLE
+    opened = depth(~core, spacing) <= 0.5 * _TABLE
+    opened = opened[tuple(slice(n, -n) for n in room)] & dense
+    body, _ = largest_piece(opened)
+    axis = int(np.abs(affine[2, :3] / spacing).argmax())  # from foot to head
+    for layer in range(body.shape[axis]):
+        at = (*[slice(None)] * axis, layer)
+        body[at] = ndimage.binary_fill_holes(body[at])  # lungs and bowel, open to the border or not
+    i, j, k = body.shape
+    return Mask(body, (0, 0, 0), affine, (i, j, k))

@@ -1,0 +1,238 @@
+"""From the body in an image to the closed skin of the trunk."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_trunk.case.landmarks import ASIS, VERTEBRAE
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.distance_field import Grid
+from warp_trunk.geometry.isosurface import one_solid, zero_surface
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import crossings
+
+from ..scanning.cutting import CutPlane, cut_flat
+from .mask import Mask, distance, largest_piece, reduced
+
+_FINE = 2.5
+"""The field of the body is kept on blocks of voxels whose sides stay below this [mm]."""
+_SMOOTH = 2.0
+"""Standard deviation of the Gaussian that takes the stairs off the skin [mm]."""
+_GRID = 0.65
+"""Spacing of the grid on which the surface is drawn, in edge lengths."""
+_BEYOND = 25.0
+"""The trunk is cut this far above the highest vertebra and below the hip bones [mm]: as the scans of a trunk
+end."""
+_PAST_BORDER = 12.0
+"""Where the image ends, the body goes on for this far [mm], so that it can be cut flat at the border."""
+_TOLERANCE = 0.1
+"""How far coarsening may move the skin, in edge lengths; it is moved back afterwards."""
+_TO_SKIN = 3.0
+"""How far a vertex of the coarser surface may be moved back onto the skin [mm]."""
+_STEP = 1.0
+"""Half of the distance over which the slope of the field is taken [mm]."""
+_BORDER = 2
+"""Blocks of the outside around all."""
+_BARELY = 1.0
+"""A plane that less than this lies beyond [mm] cuts nothing."""
+_UPRIGHT = 0.7
+"""A plane whose normal is within 45 degrees of the z axis is that of a neck or of the thighs."""
+_HEAD, _BESIDE, _HANGING = 25.0, 30.0, 0.3
+"""The head of a humerus is this large [mm], an arm's plane lies this far beside the bone [mm], and an arm hangs
+where its bone points down by more than this cosine."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodySkin:
+    """The skin of the trunk, and where it was cut."""
+
+    surface: Surface
+    """Closed, of one piece, oriented outward [mm]."""
+    cuts: tuple[CutPlane, ...]
+    """Flat ends: neck, thighs, arms, and where the image ends."""
+
+
+def body_skin(mask: Mask, bones: Mapping[str, Surface], cuts: Sequence[CutPlane], edge_length: float) -> BodySkin:
+    """The outside of the body, cut flat.
+
+    Args:
+        mask: the body, arms and legs or not; what is around it, as a table, only where it does not touch.
+        bones: surfaces by name [mm]; the highest vertebra and the hip bones say where the trunk ends, humeri where
+            the arms begin.
+        cuts: where to cut besides; where one is above or below, nothing is cut by itself there.
+        edge_length: of the triangles [mm].
+
+    Raises:
+        InputError: a body of which no clean surface comes.
+    """
+    planes = [*cuts, *_trunk_ends(bones, cuts), *_image_ends(mask)]
+    whole = [plane for plane in planes if math.isinf(plane.radius)]
+    arms = [plane for plane in planes if plane not in whole] + _arm_cuts(mask, bones)
+    field = _field(mask, whole, arms)
+    surface = field.surface(edge_length)
+    made = list(arms)
+    for plane in whole:
+        if plane.distance(surface.vertices).max() > _BARELY:
+            surface = cut_flat(surface, [plane], edge_length)
+            made.append(plane)
+        elif plane in cuts:
+            raise InputError(f"--cut: nothing of the body lies beyond {plane}; move it, or turn its normal round")
+    return BodySkin(surface, tuple(made))
+
+
+@dataclass(frozen=True, eq=False)
+class _Field:
+    """Signed distance to the skin on blocks of voxels, negative inside."""
+
+    values: np.ndarray
+    """[mm], shape (i, j, k)."""
+    affine: np.ndarray
+    """From numbers of blocks to LPS [mm], shape (4, 4)."""
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Interpolated at points (n, 3) [mm]; outside of the blocks it is large."""
+        from scipy import ndimage  # heavy
+
+        voxels = (points - self.affine[:3, 3]) @ np.linalg.inv(self.affine[:3, :3]).T
+        return ndimage.map_coordinates(self.values, voxels.T, order=1, mode="constant", cval=_PAST_BORDER)
+
+    def surface(self, edge_length: float) -> Surface:
+        """The zero surface: drawn and coarsened on a grid of its own, then drawn onto this field."""
+        corners = np.array(np.meshgrid(*[(0, n - 1) for n in self.values.shape])).reshape(3, -1).T
+        corners = corners @ self.affine[:3, :3].T + self.affine[:3, 3]
+        spacing = _GRID * edge_length
+        lower = corners.min(axis=0) - spacing
+        x, y, z = (np.ceil((corners.max(axis=0) - lower) / spacing).astype(int) + 2).tolist()
+        grid = Grid(lower, spacing, (x, y, z))
+        nodes = np.argwhere(np.ones(grid.shape, dtype=bool))
+        drawn = self.at(grid.positions(nodes)).reshape(grid.shape).astype(np.float32)
+        surface = coarsen(zero_surface(one_solid(drawn, spacing), grid), edge_length, _TOLERANCE * edge_length)
+        return self._drawn_onto(surface)
+
+    def _drawn_onto(self, surface: Surface) -> Surface:
+        """Vertices moved along their normals to where the field is zero, where nothing crosses by that."""
+        vertices, normals = surface.vertices, vertex_normals(surface)
+        moved = np.zeros(len(vertices))
+        for _ in range(3):
+            here = vertices + moved[:, None] * normals
+            slope = (self.at(here + _STEP * normals) - self.at(here - _STEP * normals)) / (2.0 * _STEP)
+            moved -= self.at(here) / np.maximum(slope, 0.5)
+            moved = np.clip(moved, -_TO_SKIN, _TO_SKIN)
+        for share in (1.0, 0.5):
+            closer = Surface(vertices + share * moved[:, None] * normals, surface.faces)
+            if not len(crossings(closer)):
+                return closer
+        return surface
+
+
+def _field(mask: Mask, whole: Sequence[CutPlane], arms: Sequence[CutPlane]) -> _Field:
+    """Distance to the skin of the body's largest piece, somewhat past the planes that it will be cut at."""
+    from scipy import ndimage  # heavy
+
+    factors = tuple(max(1, int(_FINE / side)) for side in mask.spacing)
+    solid = reduced(mask.inside, factors) >= 0.5
+    spacing = mask.spacing * factors
+    room = [int(np.ceil(_PAST_BORDER / side)) for side in spacing]
+    ends = {(axis, side) for axis, side in mask.faces_at_border() if _is_end(mask, axis)}
+    for axis in range(3):
+        width = [(0, 0)] * 3
+        for side in (0, 1):
+            width[axis] = (room[axis], 0) if side == 0 else (0, room[axis])
+            solid = np.pad(solid, width, mode="edge" if (axis, side) in ends else "constant")
+    affine = mask.affine.copy()
+    affine[:3, :3] *= factors
+    affine[:3, 3] = mask.place(np.zeros((1, 3)) + 0.5 * (np.array(factors) - 1.0) - np.array(room) * factors)[0]
+    _cut_voxels(solid, affine, whole, arms)
+    solid = np.asarray(ndimage.binary_fill_holes(np.pad(largest_piece(solid)[0], _BORDER)))
+    affine[:3, 3] -= affine[:3, :3] @ np.full(3, _BORDER)
+    return _Field(ndimage.gaussian_filter(distance(solid, spacing), _SMOOTH / spacing), affine)
+
+
+def _cut_voxels(
+    solid: np.ndarray, affine: np.ndarray, whole: Sequence[CutPlane], arms: Sequence[CutPlane]
+) -> None:
+    """Takes away what lies beyond the planes of the arms, and well beyond those of the ends."""
+    for k in range(solid.shape[2]):  # a layer at a time, for the memory
+        voxels = np.argwhere(solid[..., k])
+        points = np.column_stack([voxels, np.full(len(voxels), k)]) @ affine[:3, :3].T + affine[:3, 3]
+        gone = np.zeros(len(voxels), dtype=bool)
+        for plane in whole:
+            gone |= plane.distance(points) > _PAST_BORDER
+        for plane in arms:
+            near = np.linalg.norm(points - np.array(plane.point), axis=1) < plane.radius
+            gone |= near & (plane.distance(points) > 0.0)
+        solid[(*voxels[gone].T, k)] = False
+
+
+def _trunk_ends(bones: Mapping[str, Surface], cuts: Sequence[CutPlane]) -> list[CutPlane]:
+    """Above the highest thoracic vertebra and below the hip bones, where nothing was asked for."""
+    planes = []
+    spine = [name for name in VERTEBRAE if name in bones]
+    hips = [bones[hip].vertices[:, 2].min() for hip in ASIS.values() if hip in bones]
+    if spine[:1] == [VERTEBRAE[0]] and not any(math.isinf(c.radius) and c.unit[2] > _UPRIGHT for c in cuts):
+        top = float(bones[spine[0]].vertices[:, 2].max()) + _BEYOND
+        planes.append(CutPlane((0.0, 0.0, top), (0.0, 0.0, 1.0)))
+    if hips and not any(math.isinf(c.radius) and c.unit[2] < -_UPRIGHT for c in cuts):
+        planes.append(CutPlane((0.0, 0.0, float(min(hips)) - _BEYOND), (0.0, 0.0, -1.0)))
+    return planes
+
+
+def _is_end(mask: Mask, axis: int) -> bool:
+    """Whether an axis of the image is that of the patient, from foot to head."""
+    return abs(mask.affine[2, axis]) / mask.spacing[axis] > _UPRIGHT
+
+
+def _image_ends(mask: Mask) -> list[CutPlane]:
+    """Where the image ends above or below and the body goes on."""
+    planes = []
+    for axis, side in mask.faces_at_border():
+        if not _is_end(mask, axis):
+            continue
+        voxel = (np.array(mask.shape) - 1.0) / 2.0
+        voxel[axis] = -0.5 if side == 0 else mask.shape[axis] - 0.5
+        point = voxel @ mask.affine[:3, :3].T + mask.affine[:3, 3]
+        normal = np.linalg.inv(mask.affine[:3, :3])[axis] * (1.0 if side else -1.0)
+        x, y, z = point.tolist()
+        u, v, w = normal.tolist()
+        planes.append(CutPlane((x, y, z), (u, v, w)))
+    return planes
+
+
+def _arm_cuts(mask: Mask, bones: Mapping[str, Surface]) -> list[CutPlane]:
+    """Planes that take the arms off, where the body has arms and their bones are known.
+
+    A hanging arm is cut along its bone, beside it; a raised one across its bone, above the shoulder.
+    """
+    planes = []
+    for side, left in (("left", 1.0), ("right", -1.0)):
+        bone, shoulder = bones.get(f"humerus_{side}"), bones.get(f"scapula_{side}")
+        if bone is None or shoulder is None or not _holds(mask, bone.vertices):
+            continue
+        middle = bone.vertices.mean(axis=0)
+        along = np.linalg.svd(bone.vertices - middle, full_matrices=False)[2][0]
+        along *= np.sign(along @ (middle - shoulder.vertices.mean(axis=0))) or 1.0
+        reach = (bone.vertices - middle) @ along
+        head = middle + (reach.min() + _HEAD) * along
+        if along[2] < -_HANGING:
+            normal = np.array([left, 0.0, 0.0]) - left * along[0] * along
+            normal /= np.linalg.norm(normal)
+            point, radius = head - _BESIDE * normal, float(np.ptp(reach))
+        else:
+            normal, point, radius = along, head, float(np.ptp(reach)) + _BESIDE
+        x, y, z = point.tolist()
+        u, v, w = normal.tolist()
+        planes.append(CutPlane((x, y, z), (u, v, w), radius))
+    return planes
+
+
+def _holds(mask: Mask, points: np.ndarray) -> bool:
+    """Whether most of the points lie in the mask."""
+    voxels = np.rint((points - mask.affine[:3, 3]) @ np.linalg.inv(mask.affine[:3, :3]).T).astype(int) - mask.first
+    inside = ((voxels >= 0) & (voxels < mask.inside.shape)).all(axis=1)
+    return bool(inside.any() and mask.inside[tuple(voxels[inside].T)].sum() > 0.5 * len(points))
