@@ -6,10 +6,10 @@ import contextlib
 import io
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_type_hints
 
 import tyro
-from tyro.conf import OmitArgPrefixes
+from tyro.conf import OmitArgPrefixes, UseAppendAction
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from warp_trunk.errors import InputError
@@ -49,6 +49,8 @@ def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
         InputError: arguments that do not fit; SystemExit where they ask for help.
     """
     name, *words = arguments
+    if twice := _given_twice(command, words):
+        raise InputError(f"{twice}: is given more than once, and only the last one would count; give it once")
     said = io.StringIO()
     options = {} if default is None else {"default": default}
     try:
@@ -61,6 +63,21 @@ def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
             raise
         line = one_line(said.getvalue())
         raise InputError(explained(name, words, line, command) or line) from None
+
+
+def _given_twice(command: Any, words: Sequence[str]) -> str | None:
+    """The first option that is given again, though it is not one that may be repeated."""
+    hints = get_type_hints(command, include_extras=True)
+    repeatable = {name for name, hint in hints.items() if UseAppendAction in getattr(hint, "__metadata__", ())}
+    seen: set[str] = set()
+    for word in words:
+        option = word.partition("=")[0]
+        field = option.removeprefix("--").replace("-", "_")
+        if option.startswith("--") and field not in repeatable:
+            if field in seen:
+                return option
+            seen.add(field)
+    return None
 
 
 def one_line(box: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -44,7 +44,7 @@ class Close:
     """Cut the trunk flat at this z [mm], the neck."""
     cut_below: float | None = None
     """Cut the trunk flat at this z [mm], the thighs."""
-    cut: tuple[str, ...] = ()
+    cut: UseAppendAction[tuple[str, ...]] = ()
     """Cut flat at planes, the arms. x,y,z,nx,ny,nz,radius: a point, the normal to what goes, and how far from the
     point the cut reaches [mm]."""
     options: Annotated[CloseOptions, tyro.conf.arg(name="")] = field(default_factory=CloseOptions)

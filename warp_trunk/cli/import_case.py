@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.case import check_case, write_case
 from warp_trunk.case.places import refuse_case
@@ -49,7 +49,7 @@ class Import:
     """Cut the trunk flat at this z [mm], the neck; 25 mm above T1 when left out."""
     cut_below: float | None = None
     """Cut the trunk flat at this z [mm], the thighs; 25 mm below the hip bones when left out."""
-    cut: tuple[str, ...] = ()
+    cut: UseAppendAction[tuple[str, ...]] = ()
     """Cut flat at planes, the arms. x,y,z,nx,ny,nz,radius: a point, the normal to what goes, and how far from the
     point the cut reaches [mm]."""
     options: Annotated[ImportOptions, tyro.conf.arg(name="")] = field(default_factory=ImportOptions)
