@@ -2,6 +2,7 @@ import pytest
 
 from warp_trunk.case import Axes
 from warp_trunk.case.header import CaseHeader, header_text, read_header
+from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 
@@ -23,6 +24,7 @@ def test_round_trip(tmp_path, name):
         units="cm",
         axes=Axes("ASR"),
         tissue=Tissue(epsilon=0.1 + 0.2, theta=1e-9, density=1e17, youngs_modulus=3),
+        uncertainty=Uncertainty(cobb=0.1 + 0.2, theta=7),
     )
     assert read(tmp_path, header_text(header)) == header
 
@@ -43,6 +45,14 @@ def test_round_trip(tmp_path, name):
         ("[tissue]\ntheta = true", "'tissue.theta' must be a number, not True"),
         ("[tissue]\ndensity = -1", "'density' must be a finite number of at least 1e-09, not -1.0"),
         ("[tissue]\nepsilon = nan", "'epsilon' must be a finite number of at least 0, not nan"),
+        ("[uncertainty]\nrib = 1", "unknown key 'uncertainty.rib'; did you mean 'uncertainty.ribs'?"),
+        (
+            "[uncertainty]\ncobb = -1",
+            "'cobb' must be a number from 0 to 1000, not -1.0; 0 is certain",
+        ),
+        ("[uncertainty]\ntheta = 0.5", "'theta' must be a number from 1 to 1000, not 0.5; it is a factor: 1 is"),
+        ("[uncertainty]\nmesh_length = nan", "'mesh_length' must be a number from 0 to 1000, not nan"),
+        ("uncertainty = 2", "'uncertainty' must be a table, [uncertainty], not 2"),
         ('units = "inch"', "'units' must be one of mm, cm, m, not 'inch'"),
         ('axes = "LRS"', "one letter of L R, one of P A and one of S I, not 'LRS'"),
         ("name = ", "cannot be read as TOML"),

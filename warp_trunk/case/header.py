@@ -16,6 +16,7 @@ from .axes import MILLIMETRES, Axes
 from .keys import numbers, quoted, refuse_unknown, shown
 from .landmarks import COLUMNS
 from .layer_table import LayerTable, layer_table, layer_text
+from .uncertainty import Uncertainty
 
 POSTURES = ("standing", "supine", "prone")
 """How a patient may have been scanned."""
@@ -41,6 +42,8 @@ class CaseHeader:
     """Constants of the soft tissue, from the table [tissue]."""
     layers: LayerTable | None = None
     """Skin, fat and muscle, from the table [layers]."""
+    uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
+    """How uncertain the case is, from the table [uncertainty]."""
 
 
 def read_header(path: Path) -> CaseHeader:
@@ -66,6 +69,7 @@ def read_header(path: Path) -> CaseHeader:
         ("landmark_columns", list, "a list of four column names"),
         ("tissue", dict, "a table, [tissue]"),
         ("layers", dict, "a table, [layers]"),
+        ("uncertainty", dict, "a table, [uncertainty]"),
     ):
         if key in table:
             if not isinstance(table[key], kind):
@@ -90,6 +94,9 @@ def read_header(path: Path) -> CaseHeader:
             values["tissue"] = _tissue(path, values["tissue"])
         if "layers" in values:
             values["layers"] = layer_table(path, values["layers"])
+        if "uncertainty" in values:
+            known = [field.name for field in dataclasses.fields(Uncertainty)]
+            values["uncertainty"] = Uncertainty(**numbers(path, values["uncertainty"], known, "uncertainty."))
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
@@ -124,4 +131,11 @@ def header_text(header: CaseHeader) -> str:
         "[tissue]",
     ]
     lines += [f"{key} = {float(value)!r}" for key, value in dataclasses.asdict(header.tissue).items()]
+    changed = [
+        f"{field.name} = {value!r}"
+        for field in dataclasses.fields(Uncertainty)
+        if (value := float(getattr(header.uncertainty, field.name))) != field.default
+    ]
+    if changed:
+        lines += ["", "[uncertainty]", *changed]
     return "\n".join(lines) + "\n" + ("" if header.layers is None else layer_text(header.layers))

@@ -64,6 +64,7 @@ def read_checked_case(
         actual_skin=None if actual is None else files.surface("actual_skin", actual),
         tissue=header.tissue,
         posture=header.posture,
+        uncertainty=header.uncertainty,
         bones_after={
             name: files.surface(f"bones_after/{name}", path)
             for name, path in surface_files(files.folder / "bones_after").items()

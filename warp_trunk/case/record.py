@@ -11,6 +11,7 @@ from warp_trunk.geometry.surface import Surface
 
 from .landmarks import Landmarks
 from .layers import Layers
+from .uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,8 @@ class Case:
     posture: str = "standing"
     """How the patient was scanned, one of `POSTURES`; the curves of who lies are smaller and the back is
     flatter."""
+    uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
+    """How uncertain it is what the clinic gives and the model assumes."""
     bending_left: Landmarks | None = None
     """Points on the vertebrae while the patient bends to her left, some or all of those before surgery."""
     bending_right: Landmarks | None = None

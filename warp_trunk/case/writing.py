@@ -49,6 +49,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         axes=Axes("LPS"),
         posture=case.posture,
         tissue=case.tissue,
+        uncertainty=case.uncertainty,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )
     with atomic_write(folder / "case.toml") as unfinished:

@@ -21,6 +21,7 @@ from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.measures import measure
 from warp_trunk.measures.skin_quality import skin_quality
 
+from .bands import SKIN_SD, FoundBands, write_skin_sd
 from .summarize import summarize
 from .summary import SUMMARY, Summary, write_summary
 
@@ -79,12 +80,13 @@ def write_result(
     seconds: Mapping[str, float] | None = None,
     warnings: Sequence[str] = (),
     recording: Path | None = None,
+    found: FoundBands | None = None,
 ) -> Summary:
     """Write the result of a simulation, with all of the case that its report needs.
 
     That is `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where the
     case has an actual skin after surgery, `landmarks_before.csv`,
-    `landmarks_after.csv`, `trunk.vtu`, `summary.json` and the recording.
+    `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the recording, and `skin_sd.csv` where there are bands.
 
     Every file is written under another name and moved when all are complete, summary.json last; a folder that
     has one is whole. A recording or an actual skin of an earlier simulation in the same folder is removed.
@@ -99,6 +101,7 @@ def write_result(
         seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
         warnings: what makes the result doubtful; faults of the predicted skin are added.
         recording: a finished recording, which is moved into the folder.
+        found: how sure the numbers and the skin are, where that is known.
 
     Returns:
         The summary as written.
@@ -113,7 +116,15 @@ def write_result(
     skin = predicted_skin(case, trunk, displacement)
     measured = _measured(case, skin)
     summary = summarize(
-        case, trunk, model, increments, **measured, parameters=parameters, seconds=seconds, warnings=warnings
+        case,
+        trunk,
+        model,
+        increments,
+        **measured,
+        parameters=parameters,
+        seconds=seconds,
+        warnings=warnings,
+        bands=None if found is None else found.bands,
     )
     surfaces = {SKIN_BEFORE: case.skin, PREDICTED_SKIN: skin}
     if case.actual_skin is not None:
@@ -124,8 +135,10 @@ def write_result(
     for name, points in landmarks.items():
         write_landmarks(partial(folder / name), points)
     write_trunk(partial(folder / TRUNK), trunk, displacement)
+    if found is not None:
+        write_skin_sd(partial(folder / SKIN_SD), found.skin_sd)
     written = write_summary(partial(folder / SUMMARY), summary)
-    _complete(folder, [*surfaces, *landmarks, TRUNK, SUMMARY], recording)
+    _complete(folder, [*surfaces, *landmarks, TRUNK, *([] if found is None else [SKIN_SD]), SUMMARY], recording)
     return written
 
 
@@ -142,7 +155,12 @@ def _measured(case: Case, skin: Surface) -> dict[str, Any]:
 
 def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:
     """Gives every file its own name, the summary last, after what an earlier simulation left is gone."""
-    for name in (SUMMARY, RECORDING, ACTUAL_SKIN):  # without a summary, what lies there is no whole result
+    for name in (
+        SUMMARY,
+        RECORDING,
+        ACTUAL_SKIN,
+        SKIN_SD,
+    ):  # without a summary nothing here is whole
         (folder / name).unlink(missing_ok=True)
     if recording is not None:
         os.replace(recording, folder / RECORDING)

@@ -12,6 +12,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 
+from .bands import SKIN_SD, read_skin_sd
 from .checkpoint import unfinished
 from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PREDICTED_SKIN, SKIN_BEFORE
 from .summary import SUMMARY, Summary, parse_summary
@@ -35,6 +36,9 @@ class Result:
     """The same points after surgery, same names in the same order."""
     summary: Summary
     """The contents of summary.json."""
+    skin_sd: np.ndarray | None = None
+    """Standard deviation of the place of each vertex of the predicted skin along its normal [mm], shape
+    (vertices,); None without bands."""
 
 
 def read_result(folder: str | Path) -> Result:
@@ -65,6 +69,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_before=planned,
         landmarks_after=reached,
         summary=summary,
+        skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
     )
 
 

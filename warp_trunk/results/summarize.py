@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.measures import TrunkMeasures
 
+    from .bands import Bands
+
 STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
 """The parts of every run, whose seconds a summary gives."""
-SCENE_STAGES = ("layers", "rest")
-"""Those that only a scene with layers or gravity has."""
+SCENE_STAGES = ("layers", "rest", "bands")
+"""Those that only a scene with layers or gravity has, or a run that tells how sure it is."""
 
 
 def summarize(
@@ -43,6 +45,7 @@ def summarize(
     seconds: Mapping[str, float] | None = None,
     quality: SkinQuality | None = None,
     warnings: Sequence[str] = (),
+    bands: Bands | None = None,
 ) -> Summary:
     """The summary of a simulation, with the faults of its predicted skin among the warnings."""
     last = increments[-1].relaxation
@@ -71,6 +74,7 @@ def summarize(
         versions=versions(),
         warnings=(*warnings, *(() if quality is None else quality.faults)),
         skin_quality=quality,
+        bands=bands,
     )
 
 

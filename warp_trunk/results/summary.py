@@ -20,6 +20,8 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.measures import CobbAngle
 from warp_trunk.measures.skin_quality import SkinQuality
 
+from .bands import Bands
+
 SUMMARY = "summary.json"
 Rotations = dict[str, float | None]
 """Back surface rotation [degrees] by vertebral level; None where it is missing."""
@@ -134,6 +136,8 @@ class Summary:
     """What makes the result doubtful, a sentence each."""
     skin_quality: SkinQuality | None = None
     """Worst stretch and fold of the predicted skin."""
+    bands: Bands | None = None
+    """How sure each number is; None where that was not asked for."""
 
     def __post_init__(self) -> None:
         """Raises ValueError for a status that no relaxation has."""

@@ -47,6 +47,9 @@ class RunOptions:
     case.toml has in [layers] when left out."""
     bones: Literal["spline", "rigid"] = "spline"
     """How bones are carried: by the thin-plate spline through all landmarks, or each of them rigidly."""
+    bands: bool = False
+    """Tell how sure each number is, from the errors that case.toml states in [uncertainty]; takes some fifty
+    linear solves more."""
     record: bool = True
     """Write recording.rrd, which the viewer steps through."""
     record_steps: bool = False

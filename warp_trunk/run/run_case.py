@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
 from warp_trunk.case import check_case
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import Increment, simulate
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -31,6 +32,7 @@ from warp_trunk.results import (
 )
 from warp_trunk.results.summary_text import markdown
 
+from .bands import find_bands
 from .options import RunOptions, parameters
 from .prepare import Prepared, prepare
 from .progress import Progress
@@ -38,9 +40,9 @@ from .warnings import curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.relaxation import RelaxStatus
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.results import Summary
+    from warp_trunk.results.bands import FoundBands
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,7 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warn
     finally:
         if recording is not None:
             recording.close()
+    found = _bands(case, prepared, last, options, progress)
     summary = write_result(
         folder,
         case,
@@ -152,10 +155,24 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warn
         parameters=parameters(options),
         seconds={**progress.seconds, "total": progress.seconds.get("load", 0.0) + time.perf_counter() - start},
         warnings=warnings,
+        found=found,
         recording=None if recording is None or recording.failed else recording.path,
     )
     checkpoint.remove()
     return RunResult(last.relaxation.status, before, after, summary, folder)
+
+
+def _bands(
+    case: Case, prepared: Prepared, increment: Increment, options: RunOptions, progress: Progress
+) -> FoundBands | None:
+    """How sure the numbers are, where that is asked for and there is an equilibrium to ask it of."""
+    if not options.bands:
+        return None
+    if increment.relaxation.status is not RelaxStatus.CONVERGED:
+        progress.message("no bands: the relaxation did not converge")
+        return None
+    with progress.stage("bands", "finding how sure each number is"):
+        return find_bands(case, prepared, increment, options)
 
 
 def _given(case: Case, options: RunOptions, progress: Progress) -> tuple[Case, TrunkMesh | None]:

@@ -64,6 +64,7 @@ def sensitivities(
     options: RunOptions | None = None,
     *,
     vertices: Sequence[int] = (),
+    linear: Linearization | None = None,
 ) -> tuple[Sensitivity, ...]:
     """What the back surface rotation of each level, the largest hump and the shoulders depend on.
 
@@ -77,6 +78,7 @@ def sensitivities(
         increment: the last increment that `simulate` yielded.
         options: those that `prepare` was given.
         vertices: vertices of the skin of which the place along the normal is asked for too.
+        linear: the trunk linearised at the increment, where there is one; made when left out.
 
     Raises:
         InputError: the last relaxation did not converge, or there is no such vertex.
@@ -84,7 +86,7 @@ def sensitivities(
     options = options or RunOptions()
     skin = predicted_skin(case, prepared.trunk, increment.displacement)
     numbers = dict(_numbers(skin, case.planned_landmarks, vertices))
-    linear = Linearization(prepared.model, increment)
+    linear = linear or Linearization(prepared.model, increment)
     adjoints = [linear.adjoint(_on_nodes(prepared, number.vertices)) for number in numbers.values()]
     by_bones = np.array([linear.by_bones(adjoint) for adjoint in adjoints])
     held = prepared.trunk.prescribed

@@ -1,0 +1,290 @@
+"""Bands: how sure each number of a prediction is, from stated sources of error.
+
+Each source changes each number in proportion, by its sensitivity; sources are independent, so their variances add.
+Draws of all errors at once, whose tissue follows by one linear solve each, show the skin, and whether proportion
+holds: the measures of a drawn skin are compared with what the sensitivities say of the same draw. Where they
+differ, the deviation is corrected by the ratio of the two, which is 1 for a number in proportion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.uncertainty import REFERENCES
+from warp_trunk.engine.linearization import Linearization
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures.sagittal import kyphosis, lordosis
+from warp_trunk.measures.spine import spine_of
+from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
+from warp_trunk.results import predicted_skin
+from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
+
+from .options import RunOptions
+from .prepare import Prepared, find_path
+from .sensitivities import Sensitivity, constant_names, sensitivities
+from .sources import Source, sources_of
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.engine.simulation import Increment
+
+DRAWS = 32
+"""Draws of all errors; a standard deviation of so many is known to an eighth of itself."""
+SPINE_DRAWS = 1000
+"""Draws of the landmarks alone, for what is measured on the spine."""
+PROPORTION = 0.3
+"""A number changes in proportion where draws stray from it by less than this part of their size."""
+_LANDMARKS, _MESH = "landmarks", "mesh"
+
+
+def find_bands(
+    case: Case,
+    prepared: Prepared,
+    increment: Increment,
+    options: RunOptions | None = None,
+    *,
+    draws: int = DRAWS,
+    seed: int = 1,
+) -> FoundBands:
+    """How sure the numbers of a prediction are, by the sources of error that the case states.
+
+    Args:
+        case: what was simulated, with its `uncertainty`.
+        prepared: what `prepare` made of it.
+        increment: the last increment that `simulate` yielded.
+        options: those that `prepare` was given.
+        draws: of all errors at once; they show the skin and whether numbers change in proportion, at least 2.
+        seed: of the draws.
+
+    Raises:
+        InputError: the last relaxation did not converge, or fewer than two draws.
+    """
+    if draws < 2:
+        raise InputError(f"bands: 'draws' must be at least 2, not {draws}")
+    options = options or RunOptions()
+    linear = Linearization(prepared.model, increment)
+    found = sensitivities(case, prepared, increment, options, linear=linear)
+    sources = sources_of(case, prepared, options)
+    effects = {source.name: np.array([_effect(source, one) for one in found]) for source in sources}
+    marks = _landmark_sd(case, found)
+    mesh = np.array([_mesh_sd(case, one) for one in found])
+    scene = _Scene(case, prepared, options, linear, increment, found)
+    drawn = scene.draw(sources, np.array([*effects.values()]), draws, np.random.default_rng(seed))
+    shared = sum((effect**2 for effect in effects.values()), start=marks["apart"] ** 2)
+    kept = [effects[source.name] ** 2 for source in sources if not source.of_surgery]
+    exact = sum(kept, start=marks["same"] ** 2)
+    sds = np.sqrt(shared * drawn.ratio**2 + mesh**2)
+    bands = {
+        one.name: Band.of(one.value, float(sd), linear=bool(straight))
+        for one, sd, straight in zip(found, sds, drawn.linear, strict=True)
+    }
+    skin_sd = np.sqrt(drawn.skin**2 + case.uncertainty.mesh_length**2)
+    return FoundBands(
+        Bands(
+            bsr_deg=_of_kind(bands, "bsr "),
+            max_hump_mm=next(iter(_of_kind(bands, "hump ").values()), None),
+            shoulder_difference_mm=bands.get("shoulder difference"),
+            spine=_spine_bands(case, sources, np.random.default_rng(seed)),
+            exact={
+                one.name: Band.of(one.value, float(sd))
+                for one, sd in zip(found, np.sqrt(exact * drawn.ratio**2 + mesh**2), strict=True)
+            },
+            sources=_ranked(case, found, sources, {**effects, _LANDMARKS: marks["apart"], _MESH: mesh}),
+            left_out=_left_out(prepared, options),
+            skin_mean_mm=float(skin_sd.mean()),
+            skin_max_mm=float(skin_sd.max()),
+            draws=draws,
+        ),
+        skin_sd,
+    )
+
+
+def _effect(source: Source, one: Sensitivity) -> float:
+    """What one standard deviation of a source changes in a number."""
+    change = sum(one.constants[name] * value for name, value in source.constants.items())
+    if source.landmarks_after is not None:
+        change += float(np.vdot(one.landmarks_after, source.landmarks_after))
+    if source.bones is not None:
+        change += float(np.vdot(one.bones, source.bones))
+    return change
+
+
+def _landmark_sd(case: Case, found: Sequence[Sensitivity]) -> dict[str, np.ndarray]:
+    """What errors of landmarks do to each number: of their own before and after (`apart`), or the `same`."""
+    sd = case.uncertainty.landmark_sd
+    apart = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in found]
+    same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in found]
+    return {"apart": sd * np.array(apart), "same": sd * np.array(same)}
+
+
+def _mesh_sd(case: Case, one: Sensitivity) -> float:
+    given = case.uncertainty
+    return given.mesh_rotation if one.unit == "degrees" else given.mesh_length
+
+
+def _of_kind(bands: Mapping[str, Band], prefix: str) -> dict[str, Band]:
+    return {name.removeprefix(prefix): band for name, band in bands.items() if name.startswith(prefix)}
+
+
+def _ranked(
+    case: Case, found: Sequence[Sensitivity], sources: Sequence[Source], effects: Mapping[str, np.ndarray]
+) -> tuple[BandSource, ...]:
+    """Every source with its effects, the largest for back surface rotation first."""
+    given = case.uncertainty
+    texts = {source.name: (source.spread, source.reference) for source in sources}
+    size = f"{given.landmark_error:g} +- {given.landmark_error_sd:g} mm, before and after each"
+    texts[_LANDMARKS] = (size, REFERENCES["landmark_error"])
+    texts[_MESH] = (f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm", REFERENCES["mesh"])
+    rotation = np.array([one.unit == "degrees" for one in found])
+    order = sorted(effects, key=lambda name: -float(np.square(effects[name][rotation]).sum()))
+    return tuple(
+        BandSource(
+            name=name,
+            spread=texts[name][0],
+            reference=texts[name][1],
+            sd={one.name: abs(float(sd)) for one, sd in zip(found, effects[name], strict=True)},
+        )
+        for name in order
+    )
+
+
+def _left_out(prepared: Prepared, options: RunOptions) -> tuple[str, ...]:
+    said = []
+    if prepared.model.scan is not None:
+        said.append(
+            "the constants of the tissue: under gravity they move the rest state too, which is not followed"
+        )
+    if options.bones != "spline":
+        said.append("how ribs follow: it is known for bones that the spline carries")
+    return tuple(said)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What draws of all errors show."""
+
+    ratio: np.ndarray
+    """Deviation of each number over what its sensitivities say of the same draws, shape (numbers,)."""
+    linear: np.ndarray
+    """Whether each changes in proportion, shape (numbers,)."""
+    skin: np.ndarray
+    """Standard deviation of each vertex along its normal [mm], shape (vertices,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What every draw needs."""
+
+    case: Case
+    prepared: Prepared
+    options: RunOptions
+    linear: Linearization
+    increment: Increment
+    found: tuple[Sensitivity, ...]
+
+    def draw(
+        self, sources: Sequence[Source], effects: np.ndarray, draws: int, random: np.random.Generator
+    ) -> _Drawn:
+        """Draws all errors at once, and lets the tissue follow."""
+        case, trunk = self.case, self.prepared.trunk
+        skin = predicted_skin(case, trunk, self.increment.displacement)
+        normals, shape = vertex_normals(skin), case.landmarks_before.points.shape
+        names = constant_names(self.prepared)
+        pulls = {
+            source.name: sum(change * self.linear.pull(names[name]) for name, change in source.constants.items())
+            for source in sources
+            if source.constants
+        }
+        along, straight, measured = [], [], []
+        for _ in range(draws):
+            sizes = random.standard_normal(len(sources))
+            before, after = case.uncertainty.landmark_sd * random.standard_normal((2, *shape))
+            said = [
+                np.vdot(one.landmarks_before, before) + np.vdot(one.landmarks_after, after) for one in self.found
+            ]
+            straight.append(said + sizes @ effects.reshape(len(sources), len(self.found)))
+            bones, pull = np.zeros_like(trunk.nodes), np.zeros_like(trunk.nodes)
+            for source, size in zip(sources, sizes, strict=True):
+                bones += 0.0 if source.bones is None else size * source.bones
+                after = after + (0.0 if source.landmarks_after is None else size * source.landmarks_after)
+                pull += size * pulls.get(source.name, 0.0)
+            moved = self.moved(before, after)
+            bones += find_path(moved, trunk, self.options).at(1.0) - self.prepared.bone_path.at(1.0)
+            followed = self.linear.follow(bones, pull)[trunk.skin_nodes]
+            along.append(np.einsum("vi,vi->v", followed, normals))
+            drawn_skin = Surface(skin.vertices + followed, skin.faces)
+            measured.append(self.numbers(measure(drawn_skin, moved.planned_landmarks)))
+        said, seen = np.array(straight), np.array(measured) - [one.value for one in self.found]
+        return _Drawn(*_proportion(said, seen), skin=np.sqrt(np.square(along).mean(axis=0)))
+
+    def moved(self, before: np.ndarray, after: np.ndarray) -> Case:
+        """The case with its landmarks moved."""
+        names, case = self.case.landmarks_before.names, self.case
+        return replace(
+            case,
+            landmarks_before=Landmarks(names, case.landmarks_before.points + before),
+            landmarks_after=Landmarks(names, case.planned_landmarks.points + after),
+        )
+
+    def numbers(self, measured: TrunkMeasures) -> list[float]:
+        """The numbers of another skin, at the same levels; NaN where one is missing."""
+        values: list[float | None] = []
+        for one in self.found:
+            kind, _, level = one.name.partition(" ")
+            if kind == "bsr":
+                values.append(measured.bsr.get(level))
+            elif kind == "hump":
+                values.append(measured.hump_height.get(level))
+            else:
+                values.append(None if measured.shoulders is None else measured.shoulders.difference)
+        return [math.nan if value is None else value for value in values]
+
+
+def _proportion(said: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ratio of deviations and whether proportion holds, of changes said and seen, (draws, numbers) each.
+
+    Where a draw has no such number, or nothing varies, the ratio is 1; the former is not in proportion.
+    """
+    known = np.isfinite(seen)
+    whole = known.all(axis=0)
+    seen = np.where(known, seen, said)
+    spread, wanted = seen.std(axis=0), said.std(axis=0)
+    ratio = np.divide(spread, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
+    stray = np.sqrt(np.square(seen - said).mean(axis=0))
+    return ratio, whole & (stray <= PROPORTION * np.maximum(wanted, 1e-9))
+
+
+def _spine_bands(case: Case, sources: Sequence[Source], random: np.random.Generator) -> dict[str, Band]:
+    """Bands of what is measured on the planned spine alone, by draws of its landmarks and of the surgery."""
+    after = case.planned_landmarks
+    moves = [source.landmarks_after for source in sources if source.landmarks_after is not None]
+    value, drawn = _of_spine(after), []
+    for _ in range(SPINE_DRAWS):
+        change = case.uncertainty.landmark_sd * random.standard_normal(after.points.shape)
+        change += sum((random.standard_normal() * move for move in moves), start=np.zeros_like(change))
+        drawn.append(_of_spine(Landmarks(after.names, after.points + change)))
+    return {
+        name: Band.of(number, float(np.std([one[name] for one in drawn])))
+        for name, number in value.items()
+        if all(name in one for one in drawn)
+    }
+
+
+def _of_spine(landmarks: Landmarks) -> dict[str, float]:
+    """Measures of a spine by their names in the record of measures; those that are missing are left out."""
+    spine = spine_of(landmarks)
+    shift = trunk_shift(spine, sacral_line(landmarks))
+    values = {f"kyphosis_deg {ends}": angle for ends, angle in kyphosis(spine).items()}
+    values |= {f"lordosis_deg {ends}": angle for ends, angle in lordosis(spine).items()}
+    if shift is not None:
+        values |= {"trunk_shift_mm": shift.lateral, "trunk_shift_forward_mm": shift.forward}
+    return {name: value for name, value in values.items() if value is not None}

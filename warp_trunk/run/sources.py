@@ -1,0 +1,142 @@
+"""The sources of error of a prediction: what one standard deviation of each changes.
+
+A source is a name, what it varies, by how much and where that comes from; another one is a function here and a
+word in `sources_of`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.bone_motion.articulation import bone_motions
+from warp_trunk.bone_motion.bone_path import BonePath, rigid_path
+from warp_trunk.case.uncertainty import FACTORS, REFERENCES
+from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
+
+from .options import RunOptions
+from .prepare import Prepared
+from .sensitivities import constant_names
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.case.landmarks import Landmarks
+
+LEAST_CORRECTION = 10.0
+"""A curve that surgery changes by less than this was not corrected [degrees]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What one standard deviation of a source changes."""
+
+    name: str
+    """What is uncertain."""
+    spread: str
+    """By how much, in words."""
+    reference: str
+    """Where that comes from."""
+    of_surgery: bool = False
+    """Whether it is how surgery meets the plan, which a plan carried out exactly leaves out."""
+    landmarks_after: np.ndarray | None = None
+    """Change of the landmarks after surgery, and of the bones with them [mm], shape (landmarks, 3)."""
+    bones: np.ndarray | None = None
+    """Change of the places of nodes on bone after surgery [mm], shape (nodes, 3)."""
+    constants: dict[str, float] = field(default_factory=dict)
+    """Change of constants by their name in `Sensitivity.constants`, in their units."""
+
+
+def sources_of(case: Case, prepared: Prepared, options: RunOptions) -> tuple[Source, ...]:
+    """All sources but the landmarks, whose errors have no direction, and the mesh, which nothing carries."""
+    return (*_surgery(case), *_ribs(case, prepared, options), *_constants(case, prepared))
+
+
+def _surgery(case: Case) -> Iterator[Source]:
+    """How exactly surgery meets the plan: the amount of the whole correction, and the turn of each apex."""
+    before, after, given = case.landmarks_before, case.planned_landmarks, case.uncertainty
+    curves = cobb_angles(before)
+    reached = curves_after(curves, after)
+    corrected = {
+        curve: abs(curve.angle - angle) for curve, angle in zip(curves, reached, strict=True) if angle is not None
+    }
+    main = max(corrected, key=corrected.__getitem__, default=None)
+    if main is None or corrected[main] < LEAST_CORRECTION:
+        return
+    if given.cobb:
+        yield Source(
+            "amount of correction",
+            f"{given.cobb:g} degrees of Cobb of {main.upper} to {main.lower}",
+            REFERENCES["cobb"],
+            of_surgery=True,
+            landmarks_after=(given.cobb / corrected[main]) * (after.points - before.points),
+        )
+    for curve in corrected:
+        if given.rotation and corrected[curve] >= LEAST_CORRECTION:
+            turned = math.radians(given.rotation) * _bump(after, curve)[:, None] * _turned_about_z(after)
+            yield Source(
+                f"rotation of {curve.apex}",
+                f"{given.rotation:g} degrees, less towards the ends of its curve",
+                REFERENCES["rotation"],
+                of_surgery=True,
+                landmarks_after=turned,
+            )
+
+
+def _bump(landmarks: Landmarks, curve: CobbAngle) -> np.ndarray:
+    """1 at the apex of a curve, falling to 0 at half a curve beyond its ends, for each landmark, shape (n,)."""
+    heights = {level: landmarks.of_bone(level).points[:, 2].mean() for level in landmarks.vertebrae()}
+    apex, upper, lower = (heights[level] for level in (curve.apex, curve.upper, curve.lower))
+    shape = np.zeros(len(landmarks.names))
+    for row, name in enumerate(landmarks.names):
+        level = name.partition("_")[0]
+        if level in heights:
+            end = upper if heights[level] > apex else lower
+            part = (heights[level] - apex) / (1.5 * (end - apex)) if end != apex else float(level != curve.apex)
+            shape[row] = math.cos(0.5 * math.pi * min(abs(part), 1.0)) ** 2
+    return shape
+
+
+def _turned_about_z(landmarks: Landmarks) -> np.ndarray:
+    """Velocity of each landmark of a vertebra that turns about the vertical through its middle, shape (n, 3)."""
+    velocity = np.zeros_like(landmarks.points)
+    for level in landmarks.vertebrae():
+        rows = [row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")]
+        away = landmarks.points[rows] - landmarks.points[rows].mean(axis=0)
+        velocity[rows] = np.column_stack([-away[:, 1], away[:, 0], np.zeros(len(rows))])
+    return velocity
+
+
+def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
+    """How ribs follow: part of the way from where the spline takes all bones to where each goes rigidly."""
+    part = case.uncertainty.ribs
+    if not part or options.bones != "spline":
+        return
+    trunk = prepared.trunk
+    motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after)
+    splined = prepared.bone_path.at(1.0)
+    rigid = rigid_path(trunk, motions, BonePath(splined)).at(1.0)
+    words = f"{part:g} of the way from bones that bend with the spline to rigid ones"
+    yield Source("how ribs follow", words, REFERENCES["ribs"], bones=part * (rigid - splined))
+
+
+def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
+    """The tissue: each uncertain constant of the model; but for moduli, one varies in all layers at once."""
+    if prepared.model.scan is not None:
+        return
+    by_kind: dict[str, dict[str, float]] = {}
+    for name, constant in constant_names(prepared).items():
+        spread = getattr(case.uncertainty, constant.name, None)
+        if spread is None or spread == (1.0 if constant.name in FACTORS else 0.0):
+            continue
+        value = getattr(prepared.model.tissues[constant.tissue or 0], constant.name)
+        change = value * math.log(spread) if constant.name in FACTORS else spread
+        by_kind.setdefault(name if constant.name == "youngs_modulus" else constant.name, {})[name] = change
+    for kind, changes in by_kind.items():
+        constant = kind.rpartition(".")[2]
+        spread = getattr(case.uncertainty, constant)
+        words = f"a factor of {spread:g}" if constant in FACTORS else f"{spread:g}"
+        yield Source(kind.replace("_", " "), words, REFERENCES[constant], constants=changes)
