@@ -10,6 +10,7 @@ from warp_trunk.engine.model import Model, build_model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import write_result
+from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
 from .small_trunk import made_up_increments, small_case
 
@@ -29,6 +30,7 @@ def write_small_result(
     turn_more: float | None = None,
     without: str | None = None,
     warnings: tuple[str, ...] = (),
+    found: FoundBands | None = None,
 ) -> Path:
     """Write a result; the prediction is turned by 12 degrees at T4, evenly less towards 0 at the bottom.
 
@@ -39,6 +41,7 @@ def write_small_result(
         turn_more: how many degrees the actual skin is turned further at every height; None for no actual skin.
         without: a level whose plane misses the trunk.
         warnings: what the run warned of.
+        found: how sure the numbers are.
     """
     case, trunk = small_case()
     increments = made_up_increments(trunk, status=status)
@@ -61,5 +64,33 @@ def write_small_result(
         increments,
         parameters={"tolerance": 0.01},
         warnings=warnings,
+        found=found,
     )
     return folder
+
+
+def small_bands(vertices: int) -> FoundBands:
+    """Bands of the small result: a deviation of 1.5 degrees at every level, of 2 mm on all of the skin."""
+    rotations = {
+        level: Band.of(angle, 1.5, linear=level != "T4")
+        for level, angle in (("T4", 12.0), ("T8", 9.3), ("T12", 6.7), ("L3", 4.0))
+    }
+    source = BandSource(
+        name="landmarks",
+        spread="2.1 +- 1.5 mm",
+        reference="section <5.2> of [2]",
+        sd={"bsr T4": 1.4, "hump T4": 0.7},
+    )
+    bands = Bands(
+        bsr_deg=rotations,
+        max_hump_mm=Band.of(11.0, 2.0),
+        shoulder_difference_mm=None,
+        spine={"kyphosis_deg T5-T12": Band.of(30.0, 6.0), "trunk_shift_mm": Band.of(-2.0, 1.0)},
+        exact={f"bsr {level}": Band.of(band.value, 0.5) for level, band in rotations.items()},
+        sources=(source,),
+        left_out=("the weather",),
+        skin_mean_mm=2.0,
+        skin_max_mm=2.0,
+        draws=32,
+    )
+    return FoundBands(bands, np.full(vertices, 2.0))

@@ -25,7 +25,8 @@ from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
 from warp_trunk.measures.table import comparison_text, measures_text
 from warp_trunk.measures.volume import tissue_volume_change
-from warp_trunk.results import partial, read_result
+from warp_trunk.results import partial, read_result, read_summary
+from warp_trunk.results.bands import levels_in_band
 from warp_trunk.results.folder import PREDICTED_SKIN, TRUNK
 from warp_trunk.results.summary import SUMMARY
 from warp_trunk.run.progress import Progress
@@ -66,9 +67,13 @@ class Measure:
                     check_place(self.against, actual, case)
             with progress.stage("measure", "measuring"):
                 record, text = measured(case, skin, actual, self.when)
+                inside = in_bands(file, record)
                 tissue = tissue_change(file, skin)
         record["tissue_volume_change_percent"] = tissue
         print(text)
+        if inside is not None:
+            record["against"]["in_band"] = inside
+            print(f"\n{bands_text(inside)}")
         if tissue is not None:
             print(f"\nvolume of the soft tissue   {tissue:+.2f} %")
         write_record(stem, record)
@@ -93,6 +98,24 @@ def measured(
         record |= {"actual": measures_record(other), "against": comparison_record(comparison)}
         text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
     return record, "\n".join(text)
+
+
+def in_bands(file: Path, record: dict[str, Any]) -> dict[str, bool | None] | None:
+    """By level, whether the actual rotation lies in the band of the prediction; None where there is no band."""
+    if "actual" not in record or file.name != PREDICTED_SKIN or not (file.parent / SUMMARY).is_file():
+        return None
+    bands = read_summary(file.parent).bands
+    if bands is None:
+        return None
+    return levels_in_band(bands, {level: one["bsr_deg"] for level, one in record["actual"]["levels"].items()})
+
+
+def bands_text(inside: dict[str, bool | None]) -> str:
+    """How many levels of the actual back lie in their bands, and which do not."""
+    known = [level for level, is_in in inside.items() if is_in is not None]
+    out = [level for level in known if not inside[level]]
+    text = f"Actual back surface rotation in its 95 % band at {len(known) - len(out)} of {len(known)} levels"
+    return text + (f"; not at {', '.join(out)}" if out else "")
 
 
 def tissue_change(file: Path, skin: Surface) -> float | None:

@@ -94,3 +94,21 @@ class BarPlot:
             if angle is not None:
                 lines.append(np.array([[self.zero, y], [self.zero + self.scale * angle, y]], np.float32))
         return lines
+
+    def whiskers(self, ranges: Mapping[str, tuple[float, float]]) -> list[np.ndarray]:
+        """Lines over the middle bars from one angle to another [degrees], with a stroke at either end.
+
+        Args:
+            ranges: by level, the two angles.
+
+        Returns:
+            For each level that is among the rows three lines, each (2, 2) float32.
+        """
+        lines = []
+        for row, level in enumerate(self.levels):
+            if level in ranges:
+                low, high = (self.zero + self.scale * angle for angle in ranges[level])
+                half = 0.4 * BAR
+                lines.append([[low, row], [high, row]])
+                lines += [[[x, row - half], [x, row + half]] for x in (low, high)]
+        return [np.array(line, np.float32) for line in lines]

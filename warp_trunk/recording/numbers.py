@@ -13,6 +13,7 @@ from . import drawing
 if TYPE_CHECKING:
     from warp_trunk.engine.energies.energy import Energy
     from warp_trunk.measures import TrunkMeasures
+    from warp_trunk.results.bands import Band
 
     from .scene import Log
 
@@ -66,6 +67,12 @@ class Numbers:
         self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in now.bsr.values()]))
         text = table(self._before, now, self._target, self._target_name, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
+
+    def bands(self, bands: Mapping[str, Band]) -> None:
+        """Logs how sure the rotations at the end are, as whiskers over their bars."""
+        ranges = {level: (band.low, band.high) for level, band in bands.items()}
+        lines = self._plot.whiskers(ranges)
+        self._log("bars/whiskers", self._rr.LineStrips2D(lines, radii=0.08 * drawing.BAR, colors=drawing.TEXT))
 
     def relaxation(self, energy: Energy, estimated_error: float, linear_iterations: int) -> None:
         """Logs the energy by term, the error as its logarithm, and the work, after an increment or a step."""

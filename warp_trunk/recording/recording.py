@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.state import State
     from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.results.bands import Bands
 
 
 class Recording:
@@ -137,6 +138,11 @@ class Recording:
         displacement = state.host_displacement()
         self._scene.skin(displacement, {"displacement": self._values["displacement"](displacement, 0.0)})
         self._numbers.relaxation(step.energy, step.estimated_error, step.linear_iterations)
+
+    def bands(self, bands: Bands) -> None:
+        """Adds to the last increment how sure its rotations are."""
+        self._numbers.bands(bands.bsr_deg)
+        self._send()
 
     def wait(self) -> None:
         """Waits until all that was recorded has arrived; nothing to wait for where a relaxation lay between."""

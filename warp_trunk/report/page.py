@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.comparison import DETECTABLE
 
+from .band_rows import BAND_HEAD, SOURCE_HEAD, band_rows, source_rows
 from .modelled import modelled, not_modelled
 from .sentences import glance, sentences
 from .tables import error_rows, head, measure_rows, rotation_rows
@@ -48,11 +49,16 @@ def page(
         many="many" if len(poses) > 2 else "",
         titles=", ".join(pose.look.title for pose in poses),
         glance=glance(poses),
-        sentences=sentences(poses, comparison),
+        sentences=sentences(poses, comparison, summary.bands),
         measure_head=head(poses, "measure"),
         measure_rows=measure_rows(poses),
         rotation_head=head(poses, "level"),
         rotation_rows=rotation_rows(poses),
+        bands=summary.bands,
+        band_head=BAND_HEAD,
+        band_rows=band_rows(summary.bands) if summary.bands else [],
+        source_head=SOURCE_HEAD,
+        source_rows=source_rows(summary.bands) if summary.bands else [],
         error_rows=error_rows(comparison) if comparison else [],
         detectable=DETECTABLE,
         increments=len(summary.increments),
@@ -77,7 +83,9 @@ def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str
         lstrip_blocks=True,
     )
     style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
-    pictures = {"shoulders": None} | {name: b64encode(drawing).decode() for name, drawing in drawings.items()}
+    pictures = {"shoulders": None, "sure": None} | {
+        name: b64encode(drawing).decode() for name, drawing in drawings.items()
+    }
     return environment.get_template(template).render(style=style, pictures=pictures, **values).lstrip()
 
 

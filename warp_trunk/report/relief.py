@@ -132,6 +132,20 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: View = BEHIN
     return Relief(depth, normal, seen_from(centroids.reshape(-1, 3), landmarks, view)[:, [0, 2]])
 
 
+def seen_values(skin: Surface, landmarks: Landmarks, seen: Window, values: np.ndarray) -> np.ndarray:
+    """What a viewer from behind sees of values of the vertices, shape (rows, columns); NaN beside the trunk.
+
+    Args:
+        skin: the skin [mm].
+        landmarks: those that go with it [mm].
+        seen: where to look.
+        values: a number for each vertex, shape (vertices,).
+    """
+    face, weights = _first_hits(seen_from(skin.vertices, landmarks, BEHIND), skin.faces, seen)
+    shown = np.einsum("ijk,ijk->ij", weights, values[skin.faces[face]])
+    return np.where(face < 0, np.nan, shown)
+
+
 def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[np.ndarray, np.ndarray]:
     """The face seen in each pixel, -1 for none, and the weights of its corners (rows, columns, 3)."""
     import warp as wp

@@ -7,20 +7,26 @@ from typing import TYPE_CHECKING
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.comparison import DETECTABLE
 
+from .band_rows import band_sentence
 from .curves import CurveChange, curve_changes, main_curves
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from warp_trunk.results.bands import Bands
+
     from .style import Pose
 
 
-def sentences(poses: Sequence[Pose], comparison: SkinComparison | None) -> dict[str, str]:
+def sentences(
+    poses: Sequence[Pose], comparison: SkinComparison | None, bands: Bands | None = None
+) -> dict[str, str]:
     """What is planned, what changes, what stays, and how sure that is; by these headings.
 
     Args:
         poses: before surgery and predicted.
         comparison: of the predicted skin with the actual one, where that is known.
+        bands: how sure the numbers are, where that is known.
     """
     before, predicted = poses[0].measures, poses[1].measures
     changes = curve_changes(poses[0], poses[1])
@@ -29,7 +35,9 @@ def sentences(poses: Sequence[Pose], comparison: SkinComparison | None) -> dict[
         "What is planned": _plan(changes),
         "What changes": " ".join(filter(None, [_change(before, predicted, several), _bearing(before, predicted)])),
         "What stays": _rest(before, predicted),
-        "How sure this is": _trust(comparison),
+        "How sure this is": " ".join(
+            filter(None, ["" if bands is None else band_sentence(bands, before.worst_level), _trust(comparison)])
+        ),
     }
 
 

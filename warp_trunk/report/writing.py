@@ -21,8 +21,10 @@ from .section_pictures import section_pictures
 from .skin_pictures import back_picture, front_picture, shoulders_picture, side_picture
 from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
+from .sure_picture import sure_picture
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.figure import Figure
 
     from warp_trunk.results import Result
@@ -64,7 +66,8 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
             "shoulders": shoulders_picture(poses),
             "spine_behind": spine_picture(poses[:2], BEHIND),
             "spine_side": spine_picture(poses[:2], RIGHT),
-            "rotation": rotation_plot(poses),
+            "rotation": rotation_plot(poses, None if read.summary.bands is None else read.summary.bands.bsr_deg),
+            "sure": _sure(poses[1], read.skin_sd),
             "sections": section_pictures(poses),
             "convergence": convergence_plot(read.summary),
         }
@@ -128,6 +131,13 @@ def _backs(poses: Sequence[Pose]) -> dict[str, Figure | None]:
     seen = window([(pose.skin, pose.landmarks) for pose in poses])
     reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
     return {"back": back_picture(poses, reliefs, seen), "hump": hump_picture(poses, reliefs, seen)}
+
+
+def _sure(pose: Pose, skin_sd: np.ndarray | None) -> Figure | None:
+    if skin_sd is None:
+        return None
+    seen = window([(pose.skin, pose.landmarks)])
+    return sure_picture(pose, relief(pose.skin, pose.landmarks, seen), seen, skin_sd)
 
 
 def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, bytes]:

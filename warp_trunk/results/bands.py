@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,6 +77,15 @@ class Bands:
     """Its largest value [mm]."""
     draws: int
     """Draws of all errors at once by which the skin and the proportion were judged."""
+
+
+def levels_in_band(bands: Bands, actual: Mapping[str, float | None]) -> dict[str, bool | None]:
+    """Whether the actual rotation of each level [degrees] lies in its band; None where it is not known."""
+    found = {level: actual.get(level) for level in bands.bsr_deg}
+    return {
+        level: None if angle is None else bands.bsr_deg[level].low <= angle <= bands.bsr_deg[level].high
+        for level, angle in found.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -138,14 +138,16 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warn
             *warnings,
             *ending_warnings(last.relaxation, held, folded_tissue(prepared.trunk, prepared.bone_path)),
         ]
+        found = _bands(case, prepared, last, options, progress)
         if recording is not None:
+            if found is not None:
+                recording.bands(found.bands)
             skin = predicted_skin(case, prepared.trunk, last.displacement)
             faults = skin_quality(case.skin, skin, case.landmarks_before).faults
             recording.finish(markdown(case, last, before, after, [*warnings, *faults]))
     finally:
         if recording is not None:
             recording.close()
-    found = _bands(case, prepared, last, options, progress)
     summary = write_result(
         folder,
         case,

@@ -1,0 +1,87 @@
+"""What report, viewer and measures say of how sure a prediction is."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.report_results import small_bands, write_small_result
+from support.small_trunk import small_case
+from warp_trunk.cli.measure import Measure
+from warp_trunk.recording.drawing import BarPlot
+from warp_trunk.report import write_report
+from warp_trunk.report.band_rows import band_rows, band_sentence, source_rows
+from warp_trunk.results import read_result
+from warp_trunk.results.bands import Band
+
+FOUND = small_bands(len(small_case()[0].skin.vertices))
+BANDS = FOUND.bands
+
+
+def test_the_page_tells_it(tmp_path: Path) -> None:
+    page = write_report(write_small_result(tmp_path, found=FOUND)).read_text()
+    assert "How sure each number is" in page
+    assert "Left out: the weather." in page
+    assert "section &lt;5.2&gt; of [2]" in page
+    assert (tmp_path / "report" / "sure.png").stat().st_size > 5000
+    assert "In 19 of 20 such operations the back would be turned at" in page
+
+
+def test_without_bands_nothing_is_said(plain_report: Path) -> None:
+    assert "How sure each number is" not in plain_report.read_text()
+    assert not (plain_report.parent / "report" / "sure.png").exists()
+
+
+def test_rows() -> None:
+    rows = {row[0]: row[1:] for row in band_rows(BANDS)}
+    assert rows["T4 [°]"] == ["12.0 right", "1.5", "9.1 right", "14.9 right", "0.5", "no"]
+    assert rows["Kyphosis T5-T12 [°]"] == ["30.0", "6.0", "18.2", "41.8", "–", "–"]
+    assert rows["Trunk shift [mm]"][:2] == ["−2.0", "1.0"]
+    assert source_rows(BANDS) == [["landmarks", "2.1 +- 1.5 mm", "1.40", "0.70", "section <5.2> of [2]"]]
+    assert all(len(row) == 7 for row in band_rows(BANDS))
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (8.0, "turned at T8 between 5 and 11 degrees"),
+        (-8.0, "turned at T8 between 5 and 11 degrees"),
+        (1.0, "between 2 degrees with the left side further back and 4 with the right side"),
+    ],
+)
+def test_the_sentence(value: float, said: str) -> None:
+    bands = replace(BANDS, bsr_deg={"T8": Band.of(value, 1.5)})
+    assert said in band_sentence(bands, "T8")
+    assert "rough" not in band_sentence(bands, "T8")
+    assert "rough" in band_sentence(BANDS, "T4")
+    assert band_sentence(bands, "L1") == ""
+
+
+def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = write_small_result(tmp_path / "result", turn_more=2.0, found=FOUND)
+    Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run([])
+    said = capsys.readouterr().out
+    record = json.loads((tmp_path / "measures.json").read_text())
+    inside = record["against"]["in_band"]
+    actual = {level: one["bsr_deg"] for level, one in record["actual"]["levels"].items()}
+    bands = read_result(result).summary.bands
+    assert bands is not None
+    for level, band in bands.bsr_deg.items():
+        assert inside[level] == (abs(actual[level] - band.value) <= 1.96 * 1.5)
+    found = re.search(r"in its 95 % band at (\d) of 4 levels", said)
+    assert found is not None
+    assert int(found[1]) == sum(inside.values())
+
+
+def test_whiskers_stand_on_their_rows() -> None:
+    plot = BarPlot.of({"T4": 10.0, "T8": -5.0})
+    line, left, right = plot.whiskers({"T8": (-7.0, -3.0), "L9": (0.0, 1.0)})
+    np.testing.assert_allclose(line[:, 1], 1.0)
+    np.testing.assert_allclose((line[:, 0] - plot.zero) / plot.scale, [-7.0, -3.0], atol=1e-5)
+    assert left[0, 0] == left[1, 0] == line[0, 0]
+    assert right[0, 0] == line[1, 0]
