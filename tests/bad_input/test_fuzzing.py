@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import nrrd
 import numpy as np
 import pytest
+from label_maps.voxelise import write_labels
 
 from support.biplanar import biplanar
 from support.draws import Draws, fresh_seeds
@@ -28,10 +30,12 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume, write_volume
+from warp_trunk.io.image_files.reading import read_labels, read_scan
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.meshing import cache
 from warp_trunk.meshing.layers.labels import labels_from_mesh
+from warp_trunk.preparation.label_maps.tables import label_table
 from warp_trunk.preparation.reconstruction import read_film
 from warp_trunk.preparation.reconstruction.films import read_projection
 from warp_trunk.preparation.scanning import read_transform
@@ -69,6 +73,22 @@ def film_file(path: Path) -> None:
 def volume_file(path: Path) -> None:
     trunk = boned_case()[1]
     write_volume(path, trunk, np.zeros_like(trunk.nodes), Tissue())
+
+
+def image_file(path: Path) -> None:
+    labels = np.zeros((6, 7, 8), dtype=np.int16)
+    labels[2:4, 3:5, 3:6] = 5
+    if path.name.endswith(".nrrd"):
+        header: dict[str, Any] = {
+            "space": "LPS",
+            "space directions": 2.0 * np.eye(3),
+            "space origin": np.zeros(3),
+            "Segment0_Name": "T8",
+            "Segment0_LabelValue": "5",
+        }
+        nrrd.write(str(path), labels, header)
+    else:
+        write_labels(path, labels, np.diag([2.0, 2.0, 2.0, 1.0]), {5: "vertebrae_T8"})
 
 
 def labelled_file(path: Path) -> None:
@@ -142,6 +162,11 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
     "projection": ("a.txt", text_file("1 0 0 5\n0 1 0 6\n0 0 1 7\n"), read_projection),
     "film": ("a.csv", film_file, lambda path: read_film(path, path.with_suffix(".txt"))),
     "labels": ("a.vtu", labelled_file, lambda path: labels_from_mesh(boned_case()[1], path)),
+    "labels .nii": ("a.nii", image_file, read_labels),
+    "labels .nii.gz": ("a.nii.gz", image_file, read_labels),
+    "labels .seg.nrrd": ("a.seg.nrrd", image_file, read_labels),
+    "scan .nii.gz": ("a.nii.gz", image_file, read_scan),
+    "label table": ("a.csv", text_file("number,name\n5,vertebrae_T8\n"), lambda path: label_table(str(path))),
     "trunk.vtu": ("a.vtu", volume_file, read_trunk),
     **{name: (f"a{name}", volume_file, read_volume_of_case) for name in (".vtu", ".vtk", ".xdmf", ".msh", ".inp")},
     "mesh cache": (f"mesh-{'0' * 64}.npz", cached_file, lambda path: cache.load_cached("0" * 64)),

@@ -21,9 +21,11 @@ from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
 from ..scanning import CutPlane
+from .image_checks import doubts_of_image
 from .mask import Mask
 from .names import SKIN
-from .skin import body_skin
+from .segmentation_checks import doubts_of_bones
+from .skin import body_skin, check_cuts
 from .sources import Source
 from .surfaces import BoneShape, bone_shape
 
@@ -104,6 +106,8 @@ def import_case(
             "(TotalSegmentator "
             "-ta body makes one) or --ct FILE"
         )
+    if body is not None:
+        check_cuts(body, cuts)
     wanted = [n for n in sorted(source.masks) if _is_bone(n)]
     with stage("bones", f"drawing the surfaces of {len(wanted)} bones"):
         shapes = _shapes({n: source.masks[n] for n in wanted}, options.smoothing)
@@ -120,7 +124,13 @@ def import_case(
     with stage("landmarks", "finding landmarks"):
         found = _landmarks(bones, source.masks)
     case = Case(name=name, skin=skin, bones=bones, landmarks_before=found.landmarks, posture=options.posture)
-    return Imported(case, found, shapes, made, tuple(_notes(source, shapes, bones)))
+    spine = {n: bones[n] for n in VERTEBRAE if n in bones}
+    notes = [
+        *_notes(source, shapes, bones),
+        *doubts_of_bones(bones),
+        *doubts_of_image({n: source.masks[n] for n in bones if n in source.masks}, body, spine),
+    ]
+    return Imported(case, found, shapes, made, tuple(notes))
 
 
 def _is_bone(name: str) -> bool:

@@ -81,9 +81,17 @@ def body_skin(mask: Mask, bones: Mapping[str, Surface], cuts: Sequence[CutPlane]
         if plane.distance(surface.vertices).max() > _BARELY:
             surface = cut_flat(surface, [plane], edge_length)
             made.append(plane)
-        elif plane in cuts:
-            raise InputError(f"--cut: nothing of the body lies beyond {plane}; move it, or turn its normal round")
     return BodySkin(surface, tuple(made))
+
+
+def check_cuts(body: Mask, cuts: Sequence[CutPlane]) -> None:
+    """InputError for a plane that the box around the body does not reach beyond, or lies beyond altogether."""
+    corners = body.place(np.array(np.meshgrid(*[(0, n) for n in body.inside.shape])).reshape(3, -1).T - 0.5)
+    for plane in cuts:
+        away = plane.distance(corners)
+        if away.max() <= 0.0 or away.min() >= 0.0:
+            part = "nothing" if away.max() <= 0.0 else "all"
+            raise InputError(f"--cut: {part} of the body lies beyond {plane}; move it, or turn its normal round")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,174 @@
+"""What segmentation gets wrong is named with the cure, and what is right is not."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from support.blocks import blocks, moved, spine_and_hips
+from support.label_maps import mask_of
+from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.label_maps.image_checks import doubts_of_image
+from warp_trunk.preparation.label_maps.mask import Mask
+from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_bones
+
+Bones = dict[str, Surface]
+
+
+def trunk() -> Bones:
+    """Vertebrae, hip bones, and ribs that end 2 mm from the bodies of their vertebrae."""
+    bones = spine_and_hips()
+    for number in range(1, 13):
+        middle = bones[f"T{number}"].vertices.mean(axis=0)
+        for side, sign in (("left", 1), ("right", -1)):
+            rib = blocks((((16, -4, -4), (100, 4, 4)),))
+            rib = rib if sign > 0 else Surface(rib.vertices * [-1.0, 1.0, 1.0], rib.faces[:, ::-1])
+            bones[f"rib_{side}_{number:02d}"] = moved(rib, np.eye(3), [0.0, middle[1], middle[2]])
+    return bones
+
+
+def both(one: Surface, other: Surface) -> Surface:
+    return Surface(
+        np.vstack([one.vertices, other.vertices]), np.vstack([one.faces, other.faces + len(one.vertices)])
+    )
+
+
+def scaled(bone: Surface, by: float) -> Surface:
+    middle = bone.vertices.mean(axis=0)
+    return Surface(middle + by * (bone.vertices - middle), bone.faces)
+
+
+def renamed(bones: Bones, names: dict[str, str]) -> Bones:
+    return {names.get(name, name): bone for name, bone in bones.items()}
+
+
+def swapped(bones: Bones, names: list[str]) -> Bones:
+    other = {n: n.replace("left", "#").replace("right", "left").replace("#", "right") for n in names}
+    return renamed(bones, other)
+
+
+def without(bones: Bones, *names: str) -> Bones:
+    return {name: bone for name, bone in bones.items() if name not in names}
+
+
+def skipped(bones: Bones) -> Bones:
+    """T12 is not there, and all below stand one place higher."""
+    up = bones["T11"].vertices.mean(axis=0) - bones["T12"].vertices.mean(axis=0)
+    return {
+        name: Surface(bone.vertices + up, bone.faces) if name[0] == "L" else bone
+        for name, bone in without(bones, "T12", "rib_left_12", "rib_right_12").items()
+    }
+
+
+def headless(bones: Bones) -> Bones:
+    rib = bones["rib_left_07"]
+    return {**bones, "rib_left_07": Surface(rib.vertices + np.array([40.0, 0.0, 0.0]), rib.faces)}
+
+
+FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
+    "nothing": (lambda b: b, []),
+    "a spine without ribs": (lambda b: {n: s for n, s in b.items() if "rib" not in n}, []),
+    "two in one": (
+        lambda b: {**without(b, "T9"), "T8": both(b["T8"], b["T9"])},
+        ["T8: is 2.0 times as large as its neighbours; are two vertebrae in it?"],
+    ),
+    "a part of one": (
+        lambda b: {**b, "L2": scaled(b["L2"], 0.7)},
+        ["L2: has 34 % of its neighbours' volume; is a part of it in another label?"],
+    ),
+    "a jump in the numbers": (
+        skipped,
+        [
+            "Of the left ribs number 12 has no label",
+            "Of the right ribs number 12 has no label",
+            "T11 and L1: are as near as neighbours, though T12 would be between them",
+        ],
+    ),
+    "a vertebra without a label, and the rest shifted": (
+        lambda b: renamed(without(b, "L1", "L5"), {"L2": "L1", "L3": "L2", "L4": "L3"}),
+        ["T12 and L1: are 2.0 times as far apart as their neighbours; is a vertebra between them without a label"],
+    ),
+    "all sides exchanged": (
+        lambda b: swapped(b, [n for n in b if "left" in n or "right" in n]),
+        ["Left and right are exchanged in all 13 pairs of bones: the axes of the file are mirrored"],
+    ),
+    "one pair exchanged": (
+        lambda b: swapped(b, ["rib_left_05", "rib_right_05"]),
+        ["rib_left_05: lies right of rib_right_05; exchange these two labels."],
+    ),
+    "six lumbar vertebrae": (
+        lambda b: {**b, "L6": moved(b["L5"], np.eye(3), [0.0, 0.0, -20.0])},
+        ["L6: one more than most people have"],
+    ),
+    "eleven ribs": (lambda b: without(b, "rib_left_12"), ["Of the left ribs number 12 has no label"]),
+    "a rib without its head": (
+        headless,
+        ["rib_left_07: ends ", "mm from T7; its head is missing from the label."],
+    ),
+    "ribs numbered one too high": (
+        lambda b: renamed(
+            without(b, "rib_right_12"),
+            {
+                **{f"rib_right_{n:02d}": f"rib_right_{n + 2:02d}" for n in range(1, 11)},
+                "rib_right_11": "rib_right_01",
+            },
+        ),
+        [
+            "Of the right ribs number 2 has no label",
+            "The right ribs 1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 lie at T11, T1",
+        ],
+    ),
+    "one rib numbered wrong": (
+        lambda b: {**without(b, "rib_left_09"), "rib_left_04": b["rib_left_09"]},
+        ["Of the left ribs number 9 has no label", "rib_left_04: lies at T9, not at T4; is it numbered wrong?"],
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_segmentation_is_named_and_nothing_else(fault):
+    change, said = FAULTS[fault]
+    doubts = doubts_of_bones(change(trunk()))
+    assert [part for part in said if not any(part in doubt for doubt in doubts)] == [], doubts
+    assert len(doubts) == len({part for part in said if "mm from" not in part}), doubts
+
+
+def test_a_hole_in_the_sacrum_is_told_and_its_foramina_are_not():
+    foramina = blocks(
+        (
+            *(((x, 0, z), (x + 10, 12, z + 24)) for x in (-40, -16, 6, 30) for z in (0, 30)),
+            *(((-40, 0, z), (40, 12, z + 10)) for z in (-8, 22, 52)),
+        )
+    )
+    window = blocks((((-40, 0, 0), (-16, 12, 60)), ((16, 0, 0), (40, 12, 60)), ((-40, 0, 50), (40, 12, 60)),
+                     ((-40, 0, 0), (40, 12, 8))))  # fmt: skip
+    assert doubts_of_image({"sacrum": mask_of(foramina, (1.5, 1.5, 1.5))}, None, {}) == []
+    (doubt,) = doubts_of_image({"sacrum": mask_of(window, (1.5, 1.5, 1.5))}, None, {})
+    assert doubt.startswith("sacrum: has a hole of 11 cm2")
+
+
+@pytest.mark.parametrize(
+    ("axis", "side", "word"), [(0, 0, "right"), (0, 1, "left"), (1, 0, "front"), (1, 1, "back")]
+)
+def test_a_trunk_cut_off_by_the_border_of_the_image(axis, side, word):
+    spine = {name: bone for name, bone in spine_and_hips().items() if name in VERTEBRAE}
+    affine = np.diag([5.0, 5.0, 5.0, 1.0])
+    affine[:3, 3] = -150.0, -150.0, 100.0
+    first, shape = [10, 10, 10], [60, 60, 90]
+    if side == 0:
+        first[axis] = 0
+    else:
+        shape[axis] = 10 + (40, 32, 60)[axis]
+    cut = Mask(np.ones((40, 32, 60), dtype=bool), (first[0], first[1], 10), affine, (shape[0], shape[1], 90))
+    assert cut.faces_at_border() == {(axis, side): (32 if axis == 0 else 40) * 60}
+    doubts = [d for d in doubts_of_image({}, cut, spine) if f"by the {word} border" in d]
+    assert len(doubts) == 1
+    assert "back surface rotation from T2 to L3 is not that of the patient" in doubts[0]
+
+
+def test_bones_that_the_image_ends_in_are_named():
+    inside = np.ones((4, 4, 4), dtype=bool)
+    masks = {name: Mask(inside, first, np.eye(4), (20, 20, 20)) for name, first in
+             (("T1", (5, 5, 16)), ("T2", (5, 5, 12)))}  # fmt: skip
+    assert doubts_of_image(masks, None, {}) == ["The image ends in T1: only the parts that it shows are there."]

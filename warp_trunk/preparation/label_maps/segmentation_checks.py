@@ -1,0 +1,162 @@
+"""What segmentation programs get wrong, each with the cure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import enclosed_volume
+
+_LARGER, _SMALLER = 1.7, 0.5
+"""Volume of a vertebra over the median of its neighbours', which grow by a tenth from one to the next."""
+_WIDER = 1.6
+"""Distance between two neighbours over the median of those around."""
+_FROM_VERTEBRA = 8.0
+"""The head of a rib is nearer to its vertebra than this [mm]: 3 mm at most in the anatomy of BodyParts3D."""
+_ALIKE = 3
+"""So many ribs of a side that are at another vertebra than their number says are numbered wrong together."""
+_RIB = re.compile(r"rib_(left|right)_(\d\d)")
+_CURE = "Correct the labels, in 3D Slicer for example"
+
+
+def doubts_of_bones(bones: Mapping[str, Surface]) -> list[str]:
+    """What is doubtful about the bones that a segmentation gives, a sentence each with the cure.
+
+    Args:
+        bones: surfaces by name, in LPS [mm].
+    """
+    spine = {name: bones[name] for name in VERTEBRAE if name in bones}
+    return [*_sides(bones), *_numbers(bones), *_sizes(spine), *_spacing(spine), *_ribs(bones, spine)]
+
+
+def _sides(bones: Mapping[str, Surface]) -> list[str]:
+    """Pairs whose left bone lies right of the right one."""
+    pairs = [(name, name.replace("left", "right")) for name in bones if "left" in name]
+    pairs = [(left, right) for left, right in pairs if right in bones]
+    wrong = [
+        left for left, right in pairs if bones[left].vertices[:, 0].mean() <= bones[right].vertices[:, 0].mean()
+    ]
+    if wrong and len(wrong) == len(pairs):
+        return [
+            f"Left and right are exchanged in all {len(pairs)} pairs of bones: the axes of the file are "
+            "mirrored, or "
+            "the names; write the file again with its orientation, and look where the heart is."
+        ]
+    return [f"{name}: lies right of {name.replace('left', 'right')}; exchange these two labels." for name in wrong]
+
+
+def _numbers(bones: Mapping[str, Surface]) -> list[str]:
+    """More or fewer ribs and vertebrae than usual."""
+    doubts = []
+    more = [name for name in bones if name in ("T13", "L6") or name.endswith("_13")]
+    if more:
+        doubts.append(
+            f"{', '.join(sorted(more))}: one more than most people have; look whether the numbering is "
+            "shifted. It stays "
+            "a bone, and has no landmarks."
+        )
+    for side in ("left", "right"):
+        have = {int(m[2]) for m in map(_RIB.fullmatch, bones) if m and m[1] == side}
+        missing = sorted(set(range(1, 13)) - have)
+        if have and missing:
+            names = ", ".join(map(str, missing))
+            doubts.append(
+                f"Of the {side} ribs number {names} has no label: cut off by the image, not there in this "
+                "patient, or "
+                "numbered wrong; look which."
+            )
+    return doubts
+
+
+def _sizes(spine: Mapping[str, Surface]) -> list[str]:
+    """Vertebrae much larger or smaller than their neighbours."""
+    volumes = {name: enclosed_volume(bone) for name, bone in spine.items()}
+    doubts = []
+    for name, volume in volumes.items():
+        at = VERTEBRAE.index(name)
+        near = [volumes[n] for n in VERTEBRAE[max(0, at - 2) : at + 3] if n in volumes and n != name]
+        if len(near) < 2:
+            continue
+        share = volume / float(np.median(near))
+        if share > _LARGER:
+            doubts.append(
+                f"{name}: is {share:.1f} times as large as its neighbours; are two vertebrae in it? {_CURE}."
+            )
+        if share < _SMALLER:
+            doubts.append(
+                f"{name}: has {100 * share:.0f} % of its neighbours' volume; is a part of it in another "
+                f"label? {_CURE}."
+            )
+    return doubts
+
+
+def _spacing(spine: Mapping[str, Surface]) -> list[str]:
+    """Numbers that jump where no bone is left out, and bones left out where no number is."""
+    if len(spine) < 4:
+        return []
+    centres = {name: bone.vertices.mean(axis=0) for name, bone in spine.items()}
+    gaps = {(a, b): float(np.linalg.norm(centres[a] - centres[b])) for a, b in pairwise(spine)}
+    steps = {pair: VERTEBRAE.index(pair[1]) - VERTEBRAE.index(pair[0]) for pair in gaps}
+    doubts = []
+    pairs = list(gaps)
+    for i, pair in enumerate(pairs):
+        around = [gaps[p] / steps[p] for p in pairs[max(0, i - 2) : i + 3] if p != pair]
+        share = gaps[pair] / float(np.median(around))
+        if steps[pair] == 1 and share > _WIDER:
+            doubts.append(
+                f"{pair[0]} and {pair[1]}: are {share:.1f} times as far apart as their neighbours; is a "
+                "vertebra between "
+                f"them without a label, and the numbers below it shifted? {_CURE}."
+            )
+        if steps[pair] > 1 and share < 0.5 * (1 + steps[pair]):
+            left_out = ", ".join(VERTEBRAE[VERTEBRAE.index(pair[0]) + 1 : VERTEBRAE.index(pair[1])])
+            doubts.append(
+                f"{pair[0]} and {pair[1]}: are as near as neighbours, though {left_out} would be between "
+                "them; this "
+                "patient has fewer vertebrae, or the numbers jump. Look which, and number them as they "
+                "are counted."
+            )
+    return doubts
+
+
+def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[str]:
+    """Ribs away from their vertebrae, or at others."""
+    from scipy.spatial import KDTree  # heavy
+
+    trees = {name: KDTree(bone.vertices) for name, bone in spine.items() if name[0] == "T"}
+    shifts: dict[str, dict[int, int]] = {"left": {}, "right": {}}
+    doubts = []
+    for name in sorted(bones):
+        found = _RIB.fullmatch(name)
+        number = int(found[2]) if found else 0
+        if not found or f"T{number}" not in trees:
+            continue
+        points = bones[name].vertices
+        away = {level: float(tree.query(points)[0].min()) for level, tree in trees.items()}
+        nearest = min(away, key=lambda level: away[level])
+        at = int(nearest[1:])
+        if at not in (number - 1, number) and away[f"T{number}"] > _FROM_VERTEBRA:
+            shifts[found[1]][number] = at
+        elif away[f"T{number}"] > _FROM_VERTEBRA:
+            doubts.append(
+                f"{name}: ends {away[f'T{number}']:.0f} mm from T{number}; its head is missing from the "
+                f"label. {_CURE}."
+            )
+    for side, moved in shifts.items():
+        if len(moved) >= _ALIKE:
+            doubts.append(
+                f"The {side} ribs {', '.join(map(str, moved))} lie at "
+                f"T{', T'.join(map(str, moved.values()))}: their "
+                f"numbers, or those of the vertebrae, are shifted. {_CURE}."
+            )
+        else:
+            doubts += [
+                f"rib_{side}_{number:02d}: lies at T{at}, not at T{number}; is it numbered wrong? {_CURE}."
+                for number, at in moved.items()
+            ]
+    return doubts
