@@ -171,7 +171,7 @@ def test_a_phantom(phantom: Simulated) -> None:
     )
     wanted = {"epsilon", "theta"} if phantom.options.energy == "itmsm" else {"poisson_ratio"}
     assert set(phantom.found[0].constants) == wanted
-    check_landmarks(phantom, 2)
+    check_landmarks(phantom, 1)
     check_constants(phantom, phantom.case.tissue)
 
 

@@ -62,7 +62,7 @@ class Uncertainty:
 
 REFERENCES: Mapping[str, str] = MappingProxyType(
     {
-        "landmark_error": "2.1 +- 1.5 mm, reconstruction from two films, section 5.2 of [2]",
+        "landmark_error": "2.1 ± 1.5 mm, reconstruction from two films, section 5.2 of [2]",
         "cobb": "assumed; one film read again differs by 4.9 degrees (95 %, Morrissy et al., J Bone Joint Surg Am "
         "1990, 72:320), and no study at hand compares a plan with what was reached",
         "rotation": "assumed; mean apical rotation after surgery of two techniques is 9.7 and 15.3 degrees (Tang "
@@ -71,7 +71,7 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "epsilon": "range over which itmsm stays as near to a continuum (docs/constants.md)",
         "theta": "range over which itmsm stays as near to a continuum (docs/constants.md)",
         "poisson_ratio": "assumed; soft tissue is simulated with 0.4 to 0.49",
-        "youngs_modulus": "129 +- 88 and 56 +- 16 kPa of skin, 3.0 +- 1.2 of fat (sources in case/layers.py)",
+        "youngs_modulus": "129 ± 88 and 56 ± 16 kPa of skin, 3.0 ± 1.2 of fat (sources in case/layers.py)",
         "mesh": "0.36 degrees largest, meshed anew; 0.95 mm mean, against four times as many tetrahedra "
         "(docs/error_budget.md)",
     }

@@ -141,7 +141,7 @@ def _ranked(
     """Every source with its effects, the largest for back surface rotation first."""
     given = case.uncertainty
     texts = {source.name: (source.spread, source.reference) for source in sources}
-    size = f"{given.landmark_error:g} +- {given.landmark_error_sd:g} mm, before and after each"
+    size = f"{given.landmark_error:g} ± {given.landmark_error_sd:g} mm, before and after each"
     texts[_LANDMARKS] = (size, REFERENCES["landmark_error"])
     texts[_MESH] = (f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm", REFERENCES["mesh"])
     rotation = np.array([one.unit == "degrees" for one in found])
