@@ -125,10 +125,11 @@ def import_case(
         found = _landmarks(bones, source.masks)
     case = Case(name=name, skin=skin, bones=bones, landmarks_before=found.landmarks, posture=options.posture)
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
+    masks = {n: source.masks[n] for n in bones if n in source.masks}
     notes = [
         *_notes(source, shapes, bones),
-        *doubts_of_bones(bones),
-        *doubts_of_image({n: source.masks[n] for n in bones if n in source.masks}, body, spine),
+        *doubts_of_bones(bones, {n for n, mask in masks.items() if mask.faces_at_border()}),
+        *doubts_of_image(masks, body, spine),
     ]
     return Imported(case, found, shapes, made, tuple(notes))
 

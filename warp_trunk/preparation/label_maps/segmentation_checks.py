@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -24,14 +24,16 @@ _RIB = re.compile(r"rib_(left|right)_(\d\d)")
 _CURE = "Correct the labels, in 3D Slicer for example"
 
 
-def doubts_of_bones(bones: Mapping[str, Surface]) -> list[str]:
+def doubts_of_bones(bones: Mapping[str, Surface], parts: Container[str] = ()) -> list[str]:
     """What is doubtful about the bones that a segmentation gives, a sentence each with the cure.
 
     Args:
         bones: surfaces by name, in LPS [mm].
+        parts: those that the image cuts off, whose size and ends say nothing.
     """
-    spine = {name: bones[name] for name in VERTEBRAE if name in bones}
-    return [*_sides(bones), *_numbers(bones), *_sizes(spine), *_spacing(spine), *_ribs(bones, spine)]
+    spine = {name: bones[name] for name in VERTEBRAE if name in bones and name not in parts}
+    ribs = {name: bone for name, bone in bones.items() if name not in parts}
+    return [*_sides(bones), *_numbers(bones), *_sizes(spine), *_spacing(spine), *_ribs(ribs, spine)]
 
 
 def _sides(bones: Mapping[str, Surface]) -> list[str]:

@@ -74,14 +74,21 @@ def body_skin(mask: Mask, bones: Mapping[str, Surface], cuts: Sequence[CutPlane]
     planes = [*cuts, *_trunk_ends(bones, cuts), *_image_ends(mask)]
     whole = [plane for plane in planes if math.isinf(plane.radius)]
     arms = [plane for plane in planes if plane not in whole] + _arm_cuts(mask, bones)
-    field = _field(mask, whole, arms)
-    surface = field.surface(edge_length)
-    made = list(arms)
-    for plane in whole:
+    try:
+        surface, cut = _cut(_field(mask, whole, arms).surface(edge_length), whole, edge_length)
+    except InputError:  # an outline that triangles cannot close flat: ends are cut in the voxels and rounded off
+        surface, cut = _field(mask, (), [*arms, *whole]).surface(edge_length), whole
+    return BodySkin(surface, (*arms, *cut))
+
+
+def _cut(surface: Surface, planes: Sequence[CutPlane], edge_length: float) -> tuple[Surface, list[CutPlane]]:
+    """Cut flat at the planes that it reaches beyond; InputError where that cannot be."""
+    cut = []
+    for plane in planes:
         if plane.distance(surface.vertices).max() > _BARELY:
             surface = cut_flat(surface, [plane], edge_length)
-            made.append(plane)
-    return BodySkin(surface, tuple(made))
+            cut.append(plane)
+    return surface, cut
 
 
 def check_cuts(body: Mask, cuts: Sequence[CutPlane]) -> None:
