@@ -31,7 +31,7 @@ class Choices:
     """Gravity [m/s^2]."""
     rest: Literal["sag-free", "scan"] = "sag-free"
     """The rest state under gravity."""
-    bones: Literal["spline", "rigid"] = "spline"
+    bones: Literal["spline", "follow"] = "spline"
     """How bones are carried."""
     precision: Literal["float32", "float64"] = "float32"
     """Precision of the simulation."""

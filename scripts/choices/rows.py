@@ -90,7 +90,7 @@ _VARIED: list[Row] = [
             "skin, fat, muscle": {"layers": True},
             "gravity, sag-free rest": {"gravity": G},
             "gravity, scan as rest": {"gravity": G, "rest": "scan"},
-            "rigid bones instead of the spline": {"bones": "rigid"},
+            "ribs that follow by shares instead of the spline": {"bones": "follow"},
         },
     ),
     *_vary(

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from support.synthetic import shell_trunk
-from warp_trunk.bone_motion.bone_path import BonePath, composed_path, rigid_path, spline_path
+from warp_trunk.bone_motion.bone_path import composed_path, rigid_path, spline_path
 from warp_trunk.errors import InputError
 from warp_trunk.meshing.joints import free_joints
 
@@ -74,8 +74,7 @@ def jointed():
 
 def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:
     trunk, motions = jointed
-    free = BonePath(RNG.normal(size=trunk.nodes.shape))
-    path = rigid_path(trunk, motions, free)
+    path = rigid_path(trunk, motions)
     for t in np.linspace(0.1, 1.0, 10):
         there = trunk.nodes + path.at(t)
         for number in range(2):
@@ -83,7 +82,7 @@ def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:
             before, after = (p[mine][:, None] - p[mine][None] for p in (trunk.nodes, there))
             assert np.abs(np.linalg.norm(after, axis=2) - np.linalg.norm(before, axis=2)).max() < 1e-6
         off_bone = trunk.bone < 0
-        np.testing.assert_array_equal(path.at(t)[off_bone], t * free.displacement[off_bone])
+        np.testing.assert_array_equal(path.at(t)[off_bone], t * path.displacement[off_bone])
     upper = trunk.bone == 0
     there = trunk.nodes + path.at(1.0)
     np.testing.assert_allclose(there[upper], motions["upper"].apply(trunk.nodes[upper]), atol=1e-9)
@@ -94,7 +93,7 @@ def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:
 def test_a_bone_without_a_motion_is_named(jointed) -> None:
     trunk, motions = jointed
     with pytest.raises(InputError, match="'lower'"):
-        rigid_path(trunk, {"upper": motions["upper"]}, BonePath(np.zeros_like(trunk.nodes)))
+        rigid_path(trunk, {"upper": motions["upper"]})
 
 
 def test_no_held_triangle_joins_two_bones_whose_joint_is_free(jointed) -> None:

@@ -37,7 +37,7 @@ def test_the_plan_leaves_the_iliac_spines_where_they_are(planned: Path) -> None:
         np.testing.assert_array_equal(case.planned_landmarks.point(name), case.landmarks_before.point(name))
 
 
-@pytest.mark.parametrize("bones", ["spline", "rigid"])
+@pytest.mark.parametrize("bones", ["spline", "follow"])
 def test_it_is_simulated_and_measured(planned: Path, tmp_path: Path, bones: str) -> None:
     options = (
         "--bones",

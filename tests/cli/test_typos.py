@@ -25,7 +25,7 @@ TYPOS = [
     ),
     (["simulate", "case", "--increments", "2.5"], ["--increments: must be a whole number, not '2.5'"]),
     (["simulate", "case", "--poisson-ratio", "much"], ["--poisson-ratio: must be a number, not 'much'"]),
-    (["simulate", "case", "--bones", "rigd"], ["--bones: must be one of ", "not 'rigd' (did you mean rigid?)"]),
+    (["simulate", "case", "--bones", "folow"], ["--bones: must be one of ", "not 'folow' (did you mean follow?)"]),
     (["simulate", "case", "--tets", "5", "--tets=6"], ["--tets: is given more than once"]),
     (["simulate", "case", "another"], ["simulate: 'another' is too much"]),
 ]

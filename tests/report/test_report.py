@@ -171,7 +171,7 @@ def test_what_was_modelled_follows_the_options(plain):
     assert "skin, fat and muscle" in not_said
     assert "joints" in not_said
     tissues = (Tissue(youngs_modulus=130.0), Tissue(youngs_modulus=2.5))
-    options = {"bones": "rigid", "gravity": 9.81, "rest": "sag-free"}
+    options = {"bones": "follow", "gravity": 9.81, "rest": "sag-free"}
     other = replace(summary, tissues=tissues, terms=("shape", "gravity"), parameters=options)
     said, not_said = " ".join(modelled(other)), " ".join(not_modelled(other))
     assert "2 elastic materials" in said

@@ -46,7 +46,7 @@ def test_bones_are_carried_by_the_spline_of_the_landmarks() -> None:
 
 
 def test_bones_move_rigidly_where_asked() -> None:
-    path = prepare(CASE, RunOptions(device="cpu", bones="rigid"), TRUNK).bone_path
+    path = prepare(CASE, RunOptions(device="cpu", bones="follow"), TRUNK).bone_path
     here = TRUNK.nodes[TRUNK.bone == 0]
     there = here + path.at(0.3)[TRUNK.bone == 0]
     before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (here, there))

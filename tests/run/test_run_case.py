@@ -142,8 +142,8 @@ def test_what_cannot_be_resumed_is_said_before_any_work(case: Case, mesh: Path, 
     with pytest.raises(KeyboardInterrupt):
         simulated(case, tmp_path / "out", mesh, InterruptedBefore(2), record=False)
     progress = Progress()
-    with pytest.raises(InputError, match="'bones' was spline and is rigid") as refusal:
-        simulated(case, tmp_path / "out", mesh, progress, record=False, resume=True, bones="rigid")
+    with pytest.raises(InputError, match="'bones' was spline and is follow") as refusal:
+        simulated(case, tmp_path / "out", mesh, progress, record=False, resume=True, bones="follow")
     assert "leave --resume out" in str(refusal.value)
     assert set(progress.seconds) == {"mesh"}  # what was asked had to be read, and no more was done
 

@@ -96,7 +96,7 @@ def test_every_choice_reaches_the_run(small: Study) -> None:
         (Choices(increments=1), {"increments": 2}),
         (Choices(increments=1), {"gravity": 9.81}),
         (Choices(increments=1, gravity=9.81), {"rest": "scan"}),
-        (Choices(increments=1), {"bones": "rigid"}),
+        (Choices(increments=1), {"bones": "follow"}),
         (Choices(increments=1), {"landmark_error": "each"}),
         (Choices(increments=1, landmark_error="each"), {"sample": 1}),
         (Choices(increments=1), {"energy": "neo-hookean"}),

@@ -1,4 +1,4 @@
-"""The rigid motion of each bone: by its own landmarks, with its neighbours, or with the landmarks around it."""
+"""The rigid motion of each bone: known, by its own landmarks, or after the vertebrae and its neighbours."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.landmarks import bone_of
+from warp_trunk.case.landmarks import VERTEBRAE, bone_of
+from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline
+
+from .rib_cage import ends, follow
+from .vertebra_motion import split
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -20,10 +24,6 @@ if TYPE_CHECKING:
 
 _PELVIS = ("hip_left", "hip_right", "sacrum", "coccyx", "femur_left", "femur_right")
 """Bones that move as one."""
-_TRUE_RIBS = 7
-"""Ribs down to this one reach the sternum."""
-_END = 5.0
-"""How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _THICK = 1.0
 """Landmarks of a bone nearer than this to one line do not hold its turn about it [mm]."""
 
@@ -33,6 +33,7 @@ def bone_motions(
     landmarks_before: Landmarks,
     landmarks_after: Landmarks,
     bones_after: Mapping[str, Surface] | None = None,
+    shares: RibShares | None = None,
 ) -> dict[str, RigidTransform]:
     """How each bone moves rigidly from before to after surgery.
 
@@ -42,17 +43,17 @@ def bone_motions(
     - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs.
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
       two iliac spines alone leave the turn about the line between them open; it is taken as none.
-    - Ribs, costal cartilages and clavicles: each end goes with its neighbour; about the line between the ends
-      they turn with the spline. The head of a rib goes with its vertebra; its front end with the sternum (ribs
-      1 to 7), else by the spline.
-    - All others, such as sternum, scapulae, and vertebrae without landmarks: the rigid motion nearest to the
-      spline's.
+    - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`).
+    - Costal cartilages and clavicles: each end goes with its neighbour; about the line between the ends they
+      turn with the spline.
+    - All others, such as vertebrae without landmarks: the rigid motion nearest to the spline's.
 
     Args:
         bones: surfaces by name, before.
         landmarks_before: landmarks before.
         landmarks_after: the same landmarks after, in the same order.
         bones_after: surfaces after, of all, some or none of the bones; vertex for vertex those of `bones`.
+        shares: what of a vertebra's motion reaches its ribs; the default ones when left out.
 
     Returns:
         A motion for each of the bones [mm].
@@ -62,34 +63,71 @@ def bone_motions(
     """
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
     owners = np.array([bone_of(name, (*bones, *_PELVIS)) or "" for name in landmarks_before.names])
-    known = bones_after or {}
-    motions: dict[str, RigidTransform] = {}
+    motions: dict[str, RigidTransform] = {
+        name: fit_rigid(bones[name].vertices, after.vertices) for name, after in (bones_after or {}).items()
+    }
 
-    def moved_with(neighbour: str, points: np.ndarray) -> np.ndarray:
-        return motions[neighbour].apply(points) if neighbour in motions else spline(points)
+    def by_landmarks(owned: tuple[str, ...]) -> RigidTransform | None:
+        own = np.isin(owners, owned)
+        if _hold(landmarks_before.points[own]) or (owned == _PELVIS and own.any()):
+            return fit_rigid(landmarks_before.points[own], landmarks_after.points[own])
+        return None
 
-    for bone in sorted(bones, key=_rank):
+    pelvis = by_landmarks(_PELVIS)
+    for bone in bones:
+        own = pelvis if bone in _PELVIS else by_landmarks((bone,))
+        if bone not in motions and own is not None:
+            motions[bone] = own
+    for bone in bones:
+        if bone not in motions and bone in VERTEBRAE:
+            motions[bone] = fit_rigid(bones[bone].vertices, spline(bones[bone].vertices))
+    motions |= _cage(bones, landmarks_before, motions, pelvis, shares or RibShares())
+    for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
         vertices = bones[bone].vertices
-        own = np.isin(owners, _PELVIS if bone in _PELVIS else (bone,))
         first, second = _neighbours(bone)
-        if bone in known:
-            motions[bone] = fit_rigid(vertices, known[bone].vertices)
-        elif _hold(landmarks_before.points[own]) or (bone in _PELVIS and own.any()):
-            motions[bone] = fit_rigid(landmarks_before.points[own], landmarks_after.points[own])
-        else:
-            motions[bone] = fit_rigid(vertices, spline(vertices))
-            if first in motions:
-                ends = _ends(vertices, bones[first].vertices)
-                goals = np.vstack([moved_with(first, ends[:1]), moved_with(second, ends[1:])])
-                motions[bone] = fit_rigid(motions[bone].apply(ends), goals) * motions[bone]
-    return motions
+        motions[bone] = fit_rigid(vertices, spline(vertices))
+        if first in motions:
+            points = ends(vertices, bones[first].vertices)
+            there = motions[second].apply(points[1:]) if second in motions else spline(points[1:])
+            goals = np.vstack([motions[first].apply(points[:1]), there])
+            motions[bone] = fit_rigid(motions[bone].apply(points), goals) * motions[bone]
+    return {bone: motions[bone] for bone in bones}
+
+
+def _cage(
+    bones: Mapping[str, Surface],
+    landmarks: Landmarks,
+    motions: Mapping[str, RigidTransform],
+    pelvis: RigidTransform | None,
+    shares: RibShares,
+) -> dict[str, RigidTransform]:
+    """Motions of ribs, sternum and shoulder blades, of which some may be known already."""
+    from scipy.spatial.transform import RigidTransform  # heavy
+
+    still = next((motions[bone] for bone in _PELVIS if bone in motions), pelvis)
+    if still is None:
+        still = RigidTransform.identity()
+    against = {name: still.inv() * motion for name, motion in motions.items()}
+    vertebrae = {
+        name: split(against[name], bones[name].vertices.mean(axis=0), _axis(landmarks, name))
+        for name in VERTEBRAE
+        if name in bones and name in against
+    }
+    return {name: still * motion for name, motion in follow(bones, vertebrae, shares, against).items()} | {
+        name: motions[name] for name in motions
+    }
+
+
+def _axis(landmarks: Landmarks, vertebra: str) -> np.ndarray:
+    """A vertebra's own axis, upward; the vertical where its endplates have no landmarks."""
+    top, bottom = (f"{vertebra}_{end}_endplate" for end in ("superior", "inferior"))
+    if top in landmarks.names and bottom in landmarks.names:
+        return landmarks.point(top) - landmarks.point(bottom)
+    return np.array([0.0, 0.0, 1.0])
 
 
 def _neighbours(bone: str) -> tuple[str, str]:
     """The bones at both ends of a bone that has two ends; empty names where it has not."""
-    if match := re.fullmatch(r"rib_(?:left|right)_(\d\d)", bone):
-        number = int(match[1])
-        return f"T{number}", "sternum" if number <= _TRUE_RIBS else ""
     if match := re.fullmatch(r"costal_cartilage_((?:left|right)_\d\d)", bone):
         return f"rib_{match[1]}", "sternum"
     if match := re.fullmatch(r"clavicle_(left|right)", bone):
@@ -97,22 +135,6 @@ def _neighbours(bone: str) -> tuple[str, str]:
     return "", ""
 
 
-def _rank(bone: str) -> int:
-    """Neighbours before those that go with them: a cartilage goes with a rib, a rib with its vertebra."""
-    first, _ = _neighbours(bone)
-    return 0 if not first else 1 if bone.startswith("rib") else 2
-
-
 def _hold(points: np.ndarray) -> bool:
     """Whether landmarks hold a bone in all six of its degrees of freedom."""
     return len(points) >= 3 and int(np.linalg.matrix_rank(points - points.mean(axis=0), tol=_THICK)) >= 2
-
-
-def _ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
-    """The middle of the end of a bone at its neighbour, and of the end furthest from there, shape (2, 3)."""
-    from scipy.spatial import KDTree  # heavy
-
-    near, _ = KDTree(neighbour).query(vertices)
-    joint = vertices[near <= near.min() + _END].mean(axis=0)
-    far = np.linalg.norm(vertices - joint, axis=1)
-    return np.array([joint, vertices[far >= far.max() - _END].mean(axis=0)])

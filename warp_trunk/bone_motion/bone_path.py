@@ -11,6 +11,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import part_of
 from warp_trunk.geometry.spline import fit_spline
 
+from .carrying import carry
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -74,29 +76,43 @@ def spline_path(
     return BonePath(spline.displacement(nodes, device))
 
 
-def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], free: BonePath) -> BonePath:
+def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> BonePath:
     """Every bone moves rigidly, on the shortest screw to its place after surgery.
 
     The papers' spline is fitted on landmarks and bends what lies between them; here a bone keeps its shape at
-    every load factor. Where two bones are merged in the mesh, the surface between them stretches instead.
+    every load factor. Where two bones are merged in the mesh, the surface between them stretches instead. All
+    other nodes are carried along smoothly (`carrying.carry`).
 
     Args:
         trunk: the mesh, whose nodes on bone know which bone that is.
         motions: of each bone of the mesh from before to after surgery (`bone_motions`).
-        free: carries the nodes that are not on bone.
 
     Raises:
         InputError: a bone without a motion.
     """
+    rigid_bones = _rigid_bones(trunk, motions)
+    held = np.flatnonzero(trunk.prescribed)
+    moved = rigid_displacement(trunk, motions)[held]
+    return BonePath(BonePath(carry(trunk.nodes, held, moved), rigid_bones).at(1.0), rigid_bones)
+
+
+def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> np.ndarray:
+    """How far each node on bone moves with its bone, 0 for all others, shape (nodes, 3) [mm].
+
+    InputError where a bone has no motion.
+    """
+    return BonePath(np.zeros_like(trunk.nodes), _rigid_bones(trunk, motions)).at(1.0)
+
+
+def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> tuple[RigidBone, ...]:
     missing = [name for name in trunk.bone_names if name not in motions]
     if missing:
         raise InputError(f"rigid_path: 'motions' has none for the bone '{missing[0]}'; give one for each bone")
-    rigid_bones = tuple(
+    return tuple(
         RigidBone(nodes, trunk.nodes[nodes], motions[name])
         for number, name in enumerate(trunk.bone_names)
         if len(nodes := np.flatnonzero(trunk.bone == number))
     )
-    return BonePath(BonePath(free.displacement, rigid_bones).at(1.0), rigid_bones)
 
 
 def composed_path(

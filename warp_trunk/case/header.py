@@ -16,6 +16,7 @@ from .axes import MILLIMETRES, Axes
 from .keys import numbers, quoted, refuse_unknown, shown
 from .landmarks import COLUMNS
 from .layer_table import LayerTable, layer_table, layer_text
+from .rib_shares import RibShares
 from .uncertainty import Uncertainty
 
 POSTURES = ("standing", "supine", "prone")
@@ -42,6 +43,8 @@ class CaseHeader:
     """Constants of the soft tissue, from the table [tissue]."""
     layers: LayerTable | None = None
     """Skin, fat and muscle, from the table [layers]."""
+    ribs: RibShares = dataclasses.field(default_factory=RibShares)
+    """How ribs follow the spine, from the table [ribs]."""
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
     """How uncertain the case is, from the table [uncertainty]."""
 
@@ -69,6 +72,7 @@ def read_header(path: Path) -> CaseHeader:
         ("landmark_columns", list, "a list of four column names"),
         ("tissue", dict, "a table, [tissue]"),
         ("layers", dict, "a table, [layers]"),
+        ("ribs", dict, "a table, [ribs]"),
         ("uncertainty", dict, "a table, [uncertainty]"),
     ):
         if key in table:
@@ -94,6 +98,9 @@ def read_header(path: Path) -> CaseHeader:
             values["tissue"] = _tissue(path, values["tissue"])
         if "layers" in values:
             values["layers"] = layer_table(path, values["layers"])
+        if "ribs" in values:
+            known = [field.name for field in dataclasses.fields(RibShares)]
+            values["ribs"] = RibShares(**numbers(path, values["ribs"], known, "ribs."))
         if "uncertainty" in values:
             known = [field.name for field in dataclasses.fields(Uncertainty)]
             values["uncertainty"] = Uncertainty(**numbers(path, values["uncertainty"], known, "uncertainty."))
@@ -131,6 +138,9 @@ def header_text(header: CaseHeader) -> str:
         "[tissue]",
     ]
     lines += [f"{key} = {float(value)!r}" for key, value in dataclasses.asdict(header.tissue).items()]
+    if header.ribs != RibShares():
+        lines += ["", "[ribs]"]
+        lines += [f"{key} = {float(value)!r}" for key, value in dataclasses.asdict(header.ribs).items()]
     changed = [
         f"{field.name} = {value!r}"
         for field in dataclasses.fields(Uncertainty)

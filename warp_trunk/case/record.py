@@ -11,6 +11,7 @@ from warp_trunk.geometry.surface import Surface
 
 from .landmarks import Landmarks
 from .layers import Layers
+from .rib_shares import RibShares
 from .uncertainty import Uncertainty
 
 
@@ -36,6 +37,8 @@ class Case:
     """Bones known after surgery, by name; each has the vertices of the one before, moved rigidly."""
     layers: Layers | None = None
     """Skin, fat and muscle, where the case says something of them."""
+    rib_shares: RibShares = dataclasses.field(default_factory=RibShares)
+    """How much of a vertebra's motion its ribs take, where bones follow (`--bones follow`)."""
     posture: str = "standing"
     """How the patient was scanned, one of `POSTURES`; the curves of who lies are smaller and the back is
     flatter."""

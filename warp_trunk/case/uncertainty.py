@@ -31,7 +31,7 @@ class Uncertainty:
     rotation: float = 4.0
     """How far the apex of a corrected curve ends turned from the plan [degrees]."""
     ribs: float = 0.5
-    """Part of the difference between bones that bend with the spline of the landmarks and rigid ones."""
+    """Part of the difference between bones that bend with the spline of the landmarks and ribs that follow."""
     epsilon: float = 3.0
     """Factor of the stiffness of faces in itmsm."""
     theta: float = 3.0
@@ -67,13 +67,13 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "1990, 72:320), and no study at hand compares a plan with what was reached",
         "rotation": "assumed; mean apical rotation after surgery of two techniques is 9.7 and 15.3 degrees (Tang "
         "et al. 2015)",
-        "ribs": "assumed; half of what the choice of how ribs move changes (docs/error_budget.md)",
+        "ribs": "assumed; half of what the choice of how ribs move changes (docs/ribs.md)",
         "epsilon": "range over which itmsm stays as near to a continuum (docs/constants.md)",
         "theta": "range over which itmsm stays as near to a continuum (docs/constants.md)",
         "poisson_ratio": "assumed; soft tissue is simulated with 0.4 to 0.49",
         "youngs_modulus": "129 ± 88 and 56 ± 16 kPa of skin, 3.0 ± 1.2 of fat (sources in case/layers.py)",
         "mesh": "0.36 degrees largest, meshed anew; 0.95 mm mean, against four times as many tetrahedra "
-        "(docs/error_budget.md)",
+        "(docs/ribs.md)",
     }
 )
 """Where the default of each source comes from."""

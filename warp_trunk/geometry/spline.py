@@ -72,7 +72,7 @@ class Spline:
 def fit_spline(
     sources: np.ndarray,
     targets: np.ndarray,
-    nugget: float = 0.0,
+    nugget: float | np.ndarray = 0.0,
     names: Sequence[str] | None = None,
     drift: Literal["linear", "constant"] = "linear",
 ) -> Spline:
@@ -87,7 +87,7 @@ def fit_spline(
         sources: landmarks before, shape (n, 3) [mm].
         targets: landmarks after, shape (n, 3) [mm].
         nugget: variance of the landmarks over the slope of the variogram [mm]; 0 meets every landmark, more
-            smooths, and infinity is the affine least-squares fit.
+            smooths, and infinity is the affine least-squares fit. One for all, or for each, shape (n,).
         names: what to call the landmarks in an error; their numbers when left out.
         drift: what the map is far from the landmarks, and what it is exactly where they allow it: an affine
             map, or (constant) a shift, which is enough for the kernel and asks for no more than one landmark.
@@ -118,11 +118,11 @@ def fit_spline(
     )
 
 
-def spline_matrix(centres: np.ndarray, nugget: float = 0.0, drift: str = "linear") -> np.ndarray:
+def spline_matrix(centres: np.ndarray, nugget: float | np.ndarray = 0.0, drift: str = "linear") -> np.ndarray:
     """The symmetric matrix of the weights and the affine part at centres (n, 3), shape (n + terms, n + terms)."""
     n, terms = len(centres), 4 if drift == "linear" else 1
     A = np.zeros((n + terms, n + terms))
-    A[:n, :n] = np.linalg.norm(centres[:, None] - centres[None], axis=2) - nugget * np.eye(n)
+    A[:n, :n] = np.linalg.norm(centres[:, None] - centres[None], axis=2) - np.diag(np.broadcast_to(nugget, n))
     A[:n, n] = A[n, :n] = 1.0
     if drift == "linear":
         A[:n, n + 1 :] = centres
@@ -130,7 +130,9 @@ def spline_matrix(centres: np.ndarray, nugget: float = 0.0, drift: str = "linear
     return A
 
 
-def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[str], drift: str) -> None:
+def _check(
+    sources: np.ndarray, targets: np.ndarray, nugget: float | np.ndarray, names: list[str], drift: str
+) -> None:
     if sources.ndim != 2 or sources.shape[1] != 3 or sources.shape != targets.shape:
         raise InputError(
             "spline: sources and targets must both have shape (n, 3), "
@@ -138,7 +140,9 @@ def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[
         )
     if len(names) != len(sources):
         raise InputError(f"spline: names must be one for each landmark, not {len(names)} for {len(sources)}")
-    if not 0.0 <= nugget <= MOST_NUGGET:
+    if np.shape(nugget) not in ((), (len(sources),)) or not (
+        np.min(nugget) >= 0.0 and np.max(nugget) <= MOST_NUGGET  # nor is NaN
+    ):
         raise InputError(f"spline: 'nugget' must be 0 to {MOST_NUGGET:g} mm, not {nugget}; try 1")
     if drift not in ("linear", "constant"):
         raise InputError(f"spline: 'drift' must be linear or constant, not {drift!r}")
@@ -151,7 +155,7 @@ def _check(sources: np.ndarray, targets: np.ndarray, nugget: float, names: list[
     if len(bad):
         found = _list([names[i] for i in bad])
         raise InputError(f"spline: coordinates must be finite, not those of {found}; correct or remove them")
-    if nugget == 0.0:
+    if np.min(nugget) == 0.0:
         gap = np.linalg.norm(sources[:, None] - sources[None], axis=2)
         pairs = np.argwhere(np.triu(gap < _COINCIDENT, k=1))
         if len(pairs):

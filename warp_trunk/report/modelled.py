@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 BONES = {
     "spline": "carried by a smooth interpolation (thin-plate spline) of the landmarks of the plan",
-    "rigid": "each moved as a rigid body",
+    "follow": "each moved as a rigid body; ribs and sternum follow the vertebrae by stated shares",
 }
 """How bones are carried, by the option of the simulation."""
 

@@ -49,6 +49,7 @@ def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh |
     found["device"] = device
     found["threads"] = 1 if device.startswith("cuda") else choose_threads(parameters["threads"])
     found |= dataclasses.asdict(case.tissue)
+    found["shares of the ribs"] = dataclasses.asdict(case.rib_shares)
     found["skin"] = _surface(case.skin)
     for when, bones in (("bone", case.bones), ("bone after", case.bones_after)):
         found |= {f"{when} {name}": _surface(surface) for name, surface in bones.items()}

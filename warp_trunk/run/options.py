@@ -45,8 +45,9 @@ class RunOptions:
     layers: LayersFrom | None = None
     """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
     case.toml has in [layers] when left out."""
-    bones: Literal["spline", "rigid"] = "spline"
-    """How bones are carried: by the thin-plate spline through all landmarks, or each of them rigidly."""
+    bones: Literal["spline", "follow"] = "spline"
+    """How bones are carried: by the thin-plate spline through all landmarks, which bends them (the papers), or
+    each rigidly: known ones first, vertebrae by their landmarks, and ribs follow them by the shares of [ribs]."""
     bands: bool = False
     """Tell how sure each number is, from the errors that case.toml states in [uncertainty]; takes some fifty
     linear solves more."""

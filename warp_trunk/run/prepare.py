@@ -21,6 +21,8 @@ from warp_trunk.meshing.layers import layered
 from .options import RunOptions
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from warp_trunk.case import Case
     from warp_trunk.engine.tissue import Tissue
 
@@ -93,18 +95,24 @@ def _mesh(case: Case, options: RunOptions, progress: Progress | None) -> TrunkMe
 
 def _path(case: Case, trunk: TrunkMesh, options: RunOptions) -> tuple[TrunkMesh, BonePath]:
     """The path of the bones, and the mesh with joints that its bones can move in."""
-    if options.bones == "rigid":
+    if options.bones == "follow":
         trunk = free_joints(trunk)
     return trunk, find_path(case, trunk, options)
 
 
 def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
     """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
-    spline = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, choose_device(options.device))
-    if options.bones == "spline":
-        return spline
-    motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after)
-    return rigid_path(trunk, motions, spline)
+    if options.bones == "follow":
+        return rigid_path(trunk, motions_of(case))
+    device = choose_device(options.device)
+    return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)
+
+
+def motions_of(case: Case) -> dict[str, RigidTransform]:
+    """How each bone of a case moves rigidly, known ones first."""
+    return bone_motions(
+        case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after, case.rib_shares
+    )
 
 
 def _tissues(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.bone_motion.bone_path import rigid_displacement
 from warp_trunk.bone_motion.path_derivative import PathDerivative, difference_derivative, spline_derivative
 from warp_trunk.case.layers import NAMES
 from warp_trunk.engine.constants import Constant, constants_of
@@ -25,7 +26,7 @@ from warp_trunk.measures.derivatives import (
 from warp_trunk.results import predicted_skin
 
 from .options import RunOptions
-from .prepare import Prepared, find_path
+from .prepare import Prepared, motions_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -116,7 +117,7 @@ def landmark_derivative(case: Case, prepared: Prepared, options: RunOptions) -> 
 
     def end(before: Landmarks, after: Landmarks) -> np.ndarray:
         moved = replace(case, landmarks_before=before, landmarks_after=after)
-        return find_path(moved, trunk, options).at(1.0)[held]
+        return rigid_displacement(trunk, motions_of(moved))[held]
 
     return difference_derivative(end, before, after)
 

@@ -8,23 +8,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.articulation import bone_motions
-from warp_trunk.bone_motion.bone_path import BonePath, rigid_path
+from warp_trunk.bone_motion.bone_path import rigid_displacement, spline_path
+from warp_trunk.case.rib_shares import RANGES
 from warp_trunk.case.uncertainty import FACTORS, REFERENCES
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
 
 from .options import RunOptions
-from .prepare import Prepared
+from .prepare import Prepared, motions_of
 from .sensitivities import constant_names
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 LEAST_CORRECTION = 10.0
 """A curve that surgery changes by less than this was not corrected [degrees]."""
@@ -111,16 +112,33 @@ def _turned_about_z(landmarks: Landmarks) -> np.ndarray:
 
 
 def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
-    """How ribs follow: part of the way from where the spline takes all bones to where each goes rigidly."""
+    """How ribs follow: part of the way to the other way of moving bones, and their shares where they have some."""
     part = case.uncertainty.ribs
-    if not part or options.bones != "spline":
+    if not part:
         return
     trunk = prepared.trunk
-    motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after)
-    splined = prepared.bone_path.at(1.0)
-    rigid = rigid_path(trunk, motions, BonePath(splined)).at(1.0)
-    words = f"{part:g} of the way from bones that bend with the spline to rigid ones"
-    yield Source("how ribs follow", words, REFERENCES["ribs"], bones=part * (rigid - splined))
+    follow = rigid_displacement(trunk, motions_of(case))
+    other, words = follow, "from bones that bend with the spline to ribs that follow by shares"
+    if options.bones == "follow":
+        other = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks).displacement
+        words = "from ribs that follow by shares to bones that bend with the spline"
+    way = np.where(trunk.prescribed[:, None], other - prepared.bone_path.at(1.0), 0.0)
+    yield Source("how ribs follow", f"{part:g} of the way {words}", REFERENCES["ribs"], bones=part * way)
+    if options.bones == "follow":
+        yield from rib_share_sources(case, trunk)
+
+
+def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[Source]:
+    """For each share of the ribs, half of what it moves from one end of its range to the other."""
+    for name, ends in RANGES.items():
+        low, high = (
+            rigid_displacement(
+                trunk, motions_of(replace(case, rib_shares=replace(case.rib_shares, **{name: end})))
+            )
+            for end in ends
+        )
+        spread = f"half of {ends[0]:g} to {ends[1]:g}"
+        yield Source(f"ribs' share of {name}", spread, "docs/ribs.md", bones=0.5 * (high - low))
 
 
 def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:

@@ -16,6 +16,9 @@ from .rib_cage import guiding_points
 from .spine_curve import Pose, SpineCurve, vertebra_poses
 
 _PELVIS = ("hip_left", "hip_right", "sacrum")
+_GROWN = 30.0
+"""How freely ribs and skin grow away from where the spine alone would take them: the nugget of the spline [mm].
+With it, ribs crowded on the concave side keep their gaps, and bend by 4 mm in the median."""
 
 
 def impose(
@@ -23,8 +26,9 @@ def impose(
 ) -> tuple[Surface, dict[str, Surface], Landmarks]:
     """Straight anatomy with the curve: skin, bones and landmarks as they are before surgery.
 
-    Vertebrae move rigidly and the pelvis stays. Ribs, sternum, skin and all else are carried by one spline
-    through the landmarks and points on ribs, sternum and pelvis that follow the spine (`rib_cage`).
+    Vertebrae move rigidly and the pelvis stays. Ribs and sternum follow the spine by the shares that also
+    correct it (`bone_motion.rib_cage`). A curve grows for years, and bone with it: one smoothing spline through
+    landmarks and points of the bones so moved carries ribs, sternum, skin and all else.
 
     Args:
         skin: closed surface of the straight trunk.
@@ -39,7 +43,12 @@ def impose(
     poses = vertebra_poses(landmarks, curve)
     moved = _move(landmarks, poses)
     before, after = guiding_points(bones, poses, landmarks.points)
-    spline = fit_spline(np.vstack([landmarks.points, before]), np.vstack([moved.points, after]))
+    freely = np.where((before == after).all(axis=1), 0.0, _GROWN)  # the pelvis stays
+    spline = fit_spline(
+        np.vstack([landmarks.points, before]),
+        np.vstack([moved.points, after]),
+        np.concatenate([np.zeros(len(landmarks.points)), freely]),
+    )
 
     what = f"a {curve.kind} curve of {curve.cobb:g} degrees Cobb with {curve.rotation:g} degrees of rotation"
     everything = np.vstack([skin.vertices, *(bone.vertices for bone in bones.values())])

@@ -12,6 +12,8 @@ from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from warp_trunk.case.landmarks import Landmarks
 
 _ROTATION_PER_COBB = 0.32
@@ -100,9 +102,22 @@ class Pose:
         K = np.cross(np.eye(3), self.axis)  # K x = axis × x
         return lean @ (np.eye(3) + math.sin(self.rotation) * K + (1.0 - math.cos(self.rotation)) * (K @ K))
 
+    @property
+    def still(self) -> bool:
+        """Whether the vertebra does not move at all."""
+        return self.tilt == 0.0 and self.rotation == 0.0 and bool((self.before == self.after).all())
+
+    @property
+    def motion(self) -> RigidTransform:
+        """The same as a rigid motion [mm]."""
+        from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+
+        rotation = Rotation.from_matrix(self.matrix)
+        return RigidTransform.from_components(self.after - rotation.apply(self.before), rotation)
+
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Points of the vertebra, shape (n, 3) [mm], after the motion."""
-        if self.tilt == 0.0 and self.rotation == 0.0 and (self.before == self.after).all():
+        if self.still:
             return points.copy()
         return (points - self.before) @ self.matrix.T + self.after
 

@@ -1,0 +1,164 @@
+"""How ribs and sternum follow the vertebrae of the phantom: pinned, rigid, by shares, within their cartilages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from warp_trunk.bone_motion.rib_cage import ends, follow
+from warp_trunk.bone_motion.vertebra_motion import VertebraMotion, split
+from warp_trunk.case.rib_shares import RibShares
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
+from warp_trunk.preparation.phantom import straight_trunk
+
+_, BONES, LANDMARKS = straight_trunk()
+RIBS = [name for name in BONES if name.startswith("rib")]
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+
+
+def motions_of(curve: SpineCurve) -> dict[str, VertebraMotion]:
+    return {
+        name: split(pose.motion, pose.before, pose.axis) for name, pose in vertebra_poses(LANDMARKS, curve).items()
+    }
+
+
+CURVED = motions_of(SpineCurve(cobb=40.0))
+
+
+def vertebra(rib: str) -> str:
+    return f"T{int(rib[-2:])}"
+
+
+def turned(motion: RigidTransform) -> float:
+    """Turn about the vertical [degrees]."""
+    return float(np.degrees(motion.rotation.as_euler("YXZ")[2]))
+
+
+def test_without_a_motion_nothing_moves() -> None:
+    still = motions_of(SpineCurve(cobb=0.0))
+    for name, motion in follow(BONES, still, RibShares()).items():
+        np.testing.assert_allclose(motion.apply(BONES[name].vertices), BONES[name].vertices, atol=1e-9)
+
+
+def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
+    motions = follow(BONES, CURVED, RibShares())
+    for rib in RIBS:
+        head, _ = ends(BONES[rib].vertices, BONES[vertebra(rib)].vertices)
+        there = CURVED[vertebra(rib)].motion.apply(head)
+        np.testing.assert_allclose(motions[rib].apply(head), there, atol=1e-9)
+        R = motions[rib].rotation.as_matrix()
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+
+
+def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
+    bones = {name: bone for name, bone in BONES.items() if name != "sternum"}
+    shares = RibShares(turn=0.5, tilt=0.2, recovery=0.6)
+    motions = follow(bones, CURVED, shares)
+    for rib in ("rib_left_08", "rib_right_03"):
+        motion, moving = motions[rib], CURVED[vertebra(rib)]
+        assert np.radians(turned(motion)) == pytest.approx(0.6 * 0.5 * moving.turn, rel=0.1)
+        axis = motion.rotation.apply(vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis)
+        assert np.arctan2(axis[0], axis[2]) == pytest.approx(0.6 * 0.2 * moving.tilt, abs=1e-9)
+
+
+def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> None:
+    bones = {name: BONES[name] for name in BONES if name != "sternum"}
+    way = {"T8": split(RigidTransform.from_translation([20.0, 0.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))}
+    whole, part = (follow(bones, way, RibShares(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
+    head, tip = ends(BONES["rib_left_08"].vertices, BONES["T8"].vertices)
+    assert whole.apply(tip)[0] - tip[0] == pytest.approx(20.0, abs=1e-9)
+    assert part.apply(head)[0] - head[0] == pytest.approx(20.0, abs=1e-9)
+    assert part.apply(tip)[0] - tip[0] < 17.0
+
+
+def test_cartilages_keep_their_length_within_a_tenth() -> None:
+    for curve in (SpineCurve(cobb=40.0), SpineCurve(kind="double_major", cobb=40.0)):
+        motions = follow(BONES, motions_of(curve), RibShares())
+        sternum = BONES["sternum"].vertices
+        for rib in RIBS:
+            if int(rib[-2:]) <= 7:
+                _, tip = ends(BONES[rib].vertices, BONES[vertebra(rib)].vertices)
+                anchor = sternum[np.linalg.norm(sternum - tip, axis=1).argmin()]
+                before = np.linalg.norm(tip - anchor)
+                after = np.linalg.norm(motions[rib].apply(tip) - motions["sternum"].apply(anchor))
+                assert abs(after - before) <= 0.1 * before + 0.011
+
+
+def test_neighbouring_ribs_keep_their_gaps() -> None:
+    motions = follow(BONES, CURVED, RibShares())
+    for side in ("left", "right"):
+        for number in range(1, 12):
+            pair = [f"rib_{side}_{k:02d}" for k in (number, number + 1)]
+            before = [BONES[rib].vertices for rib in pair]
+            after = [motions[rib].apply(points) for rib, points in zip(pair, before, strict=True)]
+            was, now = (KDTree(a).query(b)[0].min() for a, b in (before, after))
+            assert now > min(1.0, was)
+
+
+def test_seen_in_a_mirror_everything_moves_mirrored() -> None:
+    bones = {
+        name.replace("left", "?").replace("right", "left").replace("?", "right"): Surface(
+            bone.vertices @ MIRROR, bone.faces[:, ::-1]
+        )
+        for name, bone in BONES.items()
+    }
+    seen = {
+        name: split(mirrored(moving.motion), pose.before @ MIRROR, pose.axis @ MIRROR)
+        for (name, moving), pose in zip(
+            CURVED.items(), vertebra_poses(LANDMARKS, SpineCurve(cobb=40.0)).values(), strict=True
+        )
+    }
+    here, there = follow(BONES, CURVED, RibShares()), follow(bones, seen, RibShares())
+    for one, other in (("rib_left_06", "rib_right_06"), ("rib_right_11", "rib_left_11"), ("sternum", "sternum")):
+        np.testing.assert_allclose(there[other].as_matrix(), mirrored(here[one]).as_matrix(), atol=1e-6)
+
+
+def mirrored(motion: RigidTransform) -> RigidTransform:
+    rotation = Rotation.from_matrix(MIRROR @ motion.rotation.as_matrix() @ MIRROR)
+    return RigidTransform.from_components(MIRROR @ motion.translation, rotation)
+
+
+def test_less_recovery_turns_the_ribs_less() -> None:
+    some, all_ = (follow(BONES, CURVED, RibShares(recovery=share)) for share in (0.6, 1.0))
+    for rib in ("rib_left_08", "rib_right_09"):
+        assert 0.5 < turned(some[rib]) / turned(all_[rib]) < 0.7
+
+
+def test_known_bones_are_given_back_and_lead_the_others() -> None:
+    known = {"sternum": RigidTransform.from_translation([0.0, -12.0, 0.0])}
+    motions = follow(BONES, CURVED, RibShares(), known)
+    assert motions["sternum"] is known["sternum"]
+    free = follow(BONES, CURVED, RibShares())
+    _, tip = ends(BONES["rib_left_05"].vertices, BONES["T5"].vertices)
+    assert np.linalg.norm(motions["rib_left_05"].apply(tip) - free["rib_left_05"].apply(tip)) > 1.0
+    rib = RigidTransform.from_translation([1.0, 2.0, 3.0])
+    assert follow(BONES, CURVED, RibShares(), {"rib_left_05": rib})["rib_left_05"] is rib
+
+
+def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
+    bones = {**BONES, "scapula_left": BONES["rib_left_05"]}
+    way = RigidTransform.from_components([4.0, 0.0, 9.0], Rotation.from_rotvec([0.0, 0.1, 0.0]))
+    motions = follow(bones, {}, RibShares(), {name: way for name in RIBS})
+    assert "scapula_left" not in motions  # ribs whose vertebrae are unknown lead nothing
+    known = dict.fromkeys(RIBS, way)
+    motions = follow(bones, CURVED, RibShares(), known)
+    np.testing.assert_allclose(motions["scapula_left"].as_matrix(), way.as_matrix(), atol=1e-9)
+    half = follow(bones, CURVED, RibShares(scapula=0.5), known)["scapula_left"]
+    np.testing.assert_allclose((half * half).as_matrix(), way.as_matrix(), atol=1e-9)
+
+
+def test_ribs_without_a_vertebra_are_left_out() -> None:
+    bones = {name: bone for name, bone in BONES.items() if name != "T4"}
+    assert "rib_left_04" not in follow(bones, CURVED, RibShares())
+
+
+@pytest.mark.parametrize(("share", "value"), [("turn", -0.1), ("recovery", 1.1), ("shift", np.nan)])
+def test_a_share_that_no_joint_has_is_refused(share: str, value: float) -> None:
+    with pytest.raises(InputError, match=f"'{share}' must be from"):
+        replace(RibShares(), **{share: value})

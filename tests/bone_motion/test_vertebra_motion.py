@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from warp_trunk.bone_motion.vertebra_motion import split
+
+CENTRE = np.array([12.0, -30.0, 1200.0])
+AXIS = np.array([0.0, -0.4, 1.0])
+
+
+def about(rotation: Rotation, way: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> RigidTransform:
+    """A rotation about the centre, then a way."""
+    return RigidTransform.from_components(CENTRE + way - rotation.apply(CENTRE), rotation)
+
+
+@pytest.mark.parametrize("degrees", [-20.0, 7.0])
+def test_a_turn_about_the_own_axis_is_a_turn_and_nothing_else(degrees: float) -> None:
+    axis = AXIS / np.linalg.norm(AXIS)
+    found = split(about(Rotation.from_rotvec(np.radians(degrees) * axis), (5.0, 0.0, 2.0)), CENTRE, 30.0 * AXIS)
+    assert np.degrees(found.turn) == pytest.approx(degrees, abs=1e-9)
+    assert (found.tilt, found.flexion) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert found.shift == pytest.approx(5.0, abs=1e-9)
+
+
+def test_a_lean_in_the_coronal_plane_is_a_tilt_to_the_left() -> None:
+    found = split(about(Rotation.from_euler("y", 12.0, degrees=True)), CENTRE, np.array([0.0, 0.0, 1.0]))
+    assert np.degrees([found.tilt, found.flexion, found.turn]) == pytest.approx([12.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_a_bow_is_flexion_to_the_front() -> None:
+    found = split(about(Rotation.from_euler("x", 9.0, degrees=True)), CENTRE, AXIS)  # z goes to -y, the front
+    assert np.degrees([found.tilt, found.flexion, found.turn]) == pytest.approx([0.0, 9.0, 0.0], abs=1e-9)
+
+
+def test_all_shares_give_the_whole_rotation_back() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        rotation = Rotation.from_rotvec(rng.normal(scale=0.3, size=3))
+        found = split(about(rotation), CENTRE, rng.normal(scale=0.3, size=3) + np.array([0.0, 0.0, 1.0]))
+        whole = found.share(turn=found.turn, tilt=1.0)
+        assert (whole * rotation.inv()).magnitude() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_without_turn_and_tilt_only_flexion_is_left() -> None:
+    rotation = Rotation.from_euler("YXZ", [15.0, 6.0, -9.0], degrees=True)
+    found = split(about(rotation), CENTRE, np.array([0.0, 0.0, 1.0]))
+    left = found.share(turn=0.0, tilt=0.0).as_euler("YXZ", degrees=True)
+    assert left == pytest.approx([0.0, 6.0, 0.0], abs=1e-9)
+
+
+def test_seen_in_a_mirror_turn_tilt_and_shift_change_sign() -> None:
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    rotation = Rotation.from_rotvec([0.1, 0.2, -0.3])
+    motion = about(rotation, (6.0, 1.0, 2.0))
+    seen = RigidTransform.from_components(
+        mirror @ motion.translation, Rotation.from_matrix(mirror @ rotation.as_matrix() @ mirror)
+    )
+    here, there = split(motion, CENTRE, AXIS), split(seen, mirror @ CENTRE, mirror @ AXIS)
+    assert (there.turn, there.tilt, there.shift) == pytest.approx((-here.turn, -here.tilt, -here.shift), abs=1e-9)
+    assert there.flexion == pytest.approx(here.flexion, abs=1e-12)

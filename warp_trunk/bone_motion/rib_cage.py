@@ -1,0 +1,160 @@
+"""How the rib cage follows the spine: each rib a rigid body, pinned at its head and turned by stated shares."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.geometry.rigid import fit_rigid, part_of
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    from warp_trunk.case.rib_shares import RibShares
+    from warp_trunk.geometry.surface import Surface
+
+    from .vertebra_motion import VertebraMotion
+
+RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
+_TRUE_RIBS = 7
+"""Ribs down to this one reach the sternum."""
+_UNDER_SCAPULA = range(2, 8)
+"""The ribs that a shoulder blade lies on."""
+_END = 5.0
+"""How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
+_CARTILAGE = 0.1
+"""A costal cartilage keeps its length within this part."""
+_ROUNDS = 20
+"""A rib is turned towards the sternum at most so often; its tip is then a hundredth of a millimetre off."""
+
+
+@dataclass(frozen=True)
+class _Rib:
+    """A rib before."""
+
+    vertebra: VertebraMotion
+    """How its vertebra moves."""
+    head: np.ndarray
+    """Where it meets its vertebra [mm], shape (3,)."""
+    tip: np.ndarray
+    """Its front end [mm], shape (3,)."""
+    number: int
+    """From 1, the highest, to 12."""
+
+
+def follow(
+    bones: Mapping[str, Surface],
+    vertebrae: Mapping[str, VertebraMotion],
+    shares: RibShares,
+    known: Mapping[str, RigidTransform] | None = None,
+) -> dict[str, RigidTransform]:
+    """How ribs, sternum and shoulder blades move as the vertebrae do, the pelvis at rest.
+
+    A rib takes all of the motion of its head, all of flexion, and shares of its vertebra's turn, tilt and
+    sideways way. The sternum moves as one rigid body, nearest to the front ends of the ribs 1 to 7; then each of
+    these turns about its head by as little as keeps its cartilage within 10 % of its length. The same shares
+    with a recovery of 1 make a hump as a curve grows, and with less take part of it back in surgery.
+
+    Args:
+        bones: surfaces by name, before: `rib_left_01` to `rib_right_12`, `sternum`, `scapula_left`, `T1` to
+            `T12`. A rib whose vertebra is missing here, or in `vertebrae`, is left out.
+        vertebrae: how they move.
+        shares: what of it reaches a rib.
+        known: motions of ribs, sternum and shoulder blades that are known; they are given back, and the others
+            follow them.
+
+    Returns:
+        A motion for each rib that has a vertebra; for the sternum where three ribs reach it, and for each
+        shoulder blade that lies on three ribs [mm].
+    """
+    known = known or {}
+    ribs = _ribs(bones, vertebrae)
+    depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in ribs.values()), default=1.0)
+    motions = {name: known[name] if name in known else _turned(rib, shares, depth) for name, rib in ribs.items()}
+    true = {name: rib for name, rib in ribs.items() if rib.number <= _TRUE_RIBS}
+    if "sternum" in bones and ("sternum" in known or len(true) >= 3):
+        tips = np.array([rib.tip for rib in true.values()]).reshape(-1, 3)
+        gone = np.array([motions[name].apply(rib.tip) for name, rib in true.items()]).reshape(-1, 3)
+        motions["sternum"] = known["sternum"] if "sternum" in known else fit_rigid(tips, gone)
+        for name, rib in true.items():
+            if name not in known:
+                anchor = _nearest(bones["sternum"].vertices, rib.tip)
+                motions[name] = _reaching(motions[name], rib, anchor, motions["sternum"])
+    for side in ("left", "right"):
+        under = [name for number in _UNDER_SCAPULA if (name := f"rib_{side}_{number:02d}") in motions]
+        if (blade := f"scapula_{side}") in bones and (blade in known or len(under) >= 3):
+            ridden = known[blade] if blade in known else _as_one(bones, motions, under)
+            motions[blade] = ridden if blade in known else part_of(ridden, shares.scapula)
+    return motions
+
+
+def ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
+    """The middle of the end of a bone at its neighbour, and of the end furthest from there, shape (2, 3)."""
+    from scipy.spatial import KDTree  # heavy
+
+    near, _ = KDTree(neighbour).query(vertices)
+    joint = vertices[near <= near.min() + _END].mean(axis=0)
+    far = np.linalg.norm(vertices - joint, axis=1)
+    return np.array([joint, vertices[far >= far.max() - _END].mean(axis=0)])
+
+
+def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, VertebraMotion]) -> dict[str, _Rib]:
+    found = {}
+    for name, bone in bones.items():
+        match = RIB.fullmatch(name)
+        vertebra = f"T{int(match[2])}" if match else ""
+        if match and vertebra in bones and vertebra in vertebrae:
+            head, tip = ends(bone.vertices, bones[vertebra].vertices)
+            found[name] = _Rib(vertebrae[vertebra], head, tip, int(match[2]))
+    return found
+
+
+def _turned(rib: _Rib, shares: RibShares, depth: float) -> RigidTransform:
+    """The rib's motion by its shares, before the sternum has a say."""
+    vertebra = rib.vertebra
+    lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))
+    turn = shares.recovery * shares.turn * vertebra.turn + lag
+    return _pinned(vertebra.share(turn=turn, tilt=shares.recovery * shares.tilt), rib)
+
+
+def _pinned(rotation: Rotation, rib: _Rib) -> RigidTransform:
+    from scipy.spatial.transform import RigidTransform  # heavy
+
+    goal = rib.vertebra.motion.apply(rib.head)
+    return RigidTransform.from_components(goal - rotation.apply(rib.head), rotation)
+
+
+def _reaching(motion: RigidTransform, rib: _Rib, anchor: np.ndarray, sternum: RigidTransform) -> RigidTransform:
+    """The motion turned about the rib's head by as little as leaves its cartilage its length."""
+    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+
+    length = float(np.linalg.norm(rib.tip - anchor))
+    least, most = (1.0 - _CARTILAGE) * length, (1.0 + _CARTILAGE) * length
+    pin, goal = motion.apply(rib.head), sternum.apply(anchor)
+    for _ in range(_ROUNDS):
+        end = motion.apply(rib.tip)
+        now = float(np.linalg.norm(end - goal))
+        wanted = float(np.clip(now, least, most))
+        if abs(now - wanted) < 1e-2 or now == 0.0:
+            break
+        there = goal + (end - goal) * (wanted / now)
+        turn = Rotation.align_vectors((there - pin)[None], (end - pin)[None])[0]
+        motion = RigidTransform.from_components(pin - turn.apply(pin), turn) * motion
+    return motion
+
+
+def _as_one(
+    bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], names: list[str]
+) -> RigidTransform:
+    """The rigid motion nearest to those of some bones together."""
+    before = [bones[name].vertices for name in names]
+    after = [motions[name].apply(points) for name, points in zip(names, before, strict=True)]
+    return fit_rigid(np.vstack(before), np.vstack(after))
+
+
+def _nearest(points: np.ndarray, to: np.ndarray) -> np.ndarray:
+    return points[np.linalg.norm(points - to, axis=1).argmin()]

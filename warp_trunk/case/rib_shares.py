@@ -1,0 +1,56 @@
+"""How much of a vertebra's motion its ribs take, with the studies behind each share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from warp_trunk.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class RibShares:
+    """The parts of a vertebra's motion against the pelvis that reach its ribs.
+
+    A rib is pinned to its vertebra at its head, so it always takes the whole motion of that point, and it takes
+    all of flexion and extension. The shares say what it takes of the rest.
+    """
+
+    turn: float = 0.65
+    """Of the turn about the vertebra's own axis, as a curve grows: with it, a curve imposed on straight anatomy
+    gets the rib hump that patients have (Mattila et al. 2013, 12.3 ± 3.6 degrees at 56 degrees Cobb)."""
+    tilt: float = 0.0
+    """Of the tilt in the coronal plane. Ribs tie both sides of the cage to one sternum, which leans less than the
+    vertebrae do; cage rotation follows axial rotation, not Cobb (Closkey and Schultz 1993)."""
+    shift: float = 1.0
+    """Of the vertebra's sideways way, at the front ends of its ribs: the sideways offset of the cage follows Cobb
+    (Closkey and Schultz 1993). What is missing turns a rib about its head."""
+    recovery: float = 0.8
+    """Of `turn` and `tilt`, what surgery takes back; the rest is bone that has grown. With it, hump over Cobb
+    changes by 0.5 to 0.6 in the mean of the virtual patients of docs/ribs.md: Cobb falls by 71 % and the hump by
+    41 % (Mattila et al. 2013)."""
+    scapula: float = 1.0
+    """Of the motion of the ribs 2 to 7 of its side, which a shoulder blade rides on."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a share that no joint has."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            least, most = LIMITS[field.name]
+            if not least <= value <= most:  # nor is NaN
+                raise InputError(
+                    f"rib shares: '{field.name}' must be from {least:g} to {most:g}, not {value:g}; 0 leaves the "
+                    "motion with the vertebra, 1 passes all of it on to the ribs"
+                )
+
+
+LIMITS = {
+    "turn": (0.0, 1.5),
+    "tilt": (-0.5, 1.5),
+    "shift": (0.0, 1.5),
+    "recovery": (0.0, 1.0),
+    "scapula": (0.0, 1.0),
+}
+"""What a share can be."""
+RANGES = {"turn": (0.5, 0.8), "tilt": (-0.1, 0.2), "shift": (0.9, 1.0), "recovery": (0.6, 1.0)}
+"""What a share may well be, one standard deviation of the studies to either side: the ribs' part of how sure a
+prediction is (`run.sources`)."""
