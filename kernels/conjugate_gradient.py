@@ -13,8 +13,9 @@ from .reduction import adder, keep_largest
 
 CHANGE, LONGEST, SUM = range(3)
 """Columns of the extent of a solution."""
-LONG, LEFT, CHANGED = range(3)
-"""What is told of a solution: its longest vector, the error that may be left in one, the last change [mm]."""
+LONG, LEFT, CHANGED, BENT, NORM = range(5)
+"""What is told of a solution: its longest vector, the error that may be left in one, the last change [mm], 1 where
+a search direction of negative curvature was met, and the square root of g . M^-1 g."""
 SLOWEST = wp.constant(0.95)
 """Changes are taken to shrink at least this fast from window to window."""
 
@@ -86,13 +87,17 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         ranges: int,
         iteration: wp.array(dtype=wp.int32),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
         preconditioned: wp.array(dtype=vec3),
         search: wp.array(dtype=vec3),
     ):
-        """p = z + beta p, with beta = 0 at the first iteration."""
+        """p = z + beta p, with beta = 0 at the first iteration; a direction of negative curvature is kept."""
         i = first + wp.tid()
         j = iteration[0]
-        if i < end:
+        bent = False
+        if j > 0:
+            bent = total(p_dot_q, j - 1, ranges) < wp.float64(0.0)
+        if i < end and not bent:
             beta = scalar(0.0)
             if j > 0:
                 last = total(r_dot_z, j - 1, ranges)
@@ -136,6 +141,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         most: int,
         limits: wp.array(dtype=wp.float64),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
         iteration: wp.array(dtype=wp.int32),
         extent: wp.array(dtype=wp.float64, ndim=2),
         outcome: wp.array(dtype=wp.float64),
@@ -145,7 +151,8 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
         What is left is judged by how the changes over two windows shrink: a sequence whose changes shrink
         by q each time has change q / (1 - q) before it. The first window therefore never ends a solve, nor
-        does a plateau of a badly conditioned one, where the residual has not fallen by the same part.
+        does a plateau of a badly conditioned one, where the residual has not fallen by the same part. A solution
+        that is not finite, or of a preconditioner that rounding has made indefinite, has infinite length.
         """
         changed = wp.float64(0.0)
         longest = wp.float64(0.0)
@@ -167,13 +174,21 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         outcome[LONG] = longest
         outcome[LEFT] = left
         outcome[CHANGED] = changed
-        if not wp.isfinite(finite):
-            outcome[LONG] = finite
+        start = total(r_dot_z, 0, ranges)
+        now = total(r_dot_z, iteration[0], ranges)
+        sound = wp.isfinite(finite) and start >= wp.float64(0.0) and now >= wp.float64(0.0)
+        if not sound:
+            outcome[LONG] = wp.float64(wp.inf)
         go_on[0] = 0
+        bent = total(p_dot_q, iteration[0] - 1, ranges) < wp.float64(0.0)
+        outcome[BENT] = wp.float64(0.0)
+        if bent:
+            outcome[BENT] = wp.float64(1.0)
+        outcome[NORM] = wp.sqrt(wp.max(start, wp.float64(0.0)))
         limit = wp.max(limits[0], limits[1] * longest)
-        fallen = total(r_dot_z, iteration[0], ranges) <= limits[1] * limits[1] * total(r_dot_z, 0, ranges)
+        fallen = now <= limits[1] * limits[1] * start
         early = wp.float64(iteration[0]) < limits[2]
-        if wp.isfinite(finite) and (left > limit or early or not fallen) and iteration[0] < most:
+        if sound and not bent and (left > limit or early or not fallen) and iteration[0] < most:
             go_on[0] = 1
 
     return SimpleNamespace(

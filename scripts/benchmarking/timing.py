@@ -49,7 +49,8 @@ class Timed:
     @property
     def converged(self) -> bool:
         """Whether every increment came to its tolerance."""
-        return all(relaxation.status is RelaxStatus.CONVERGED for relaxation in self.relaxations)
+        there = (RelaxStatus.CONVERGED, RelaxStatus.NEAR)
+        return all(relaxation.status in there for relaxation in self.relaxations)
 
 
 def make_model(problem: Problem, setting: Setting) -> Model:

@@ -101,9 +101,7 @@ def check(motion: Motion, threads: int = 2) -> None:
         assert ending.new_inversions == 0
     if relaxation.status is RelaxStatus.CONVERGED:
         assert relaxation.estimated_error <= case.tolerance
-        # stiff volumes turn the rounding of float32 displacements into forces that soft edges give way to
-        stiffer = max(1.0, motion.theta / 100.0)
-        rounding = 0.02 * case.tolerance * stiffer if motion.precision == "float32" else 0.0
+        rounding = 1e-6 * np.abs(ending.displacement).max() if motion.precision == "float32" else 0.0
         assert true_error(case, ending) <= 2.0 * relaxation.estimated_error + rounding
 
 
@@ -112,13 +110,8 @@ def test_where_rounding_is_what_is_left() -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2, 24])
-@pytest.mark.xfail(
-    strict=False,  # the way is long and rounding decides it: each number of threads goes its own
-    raises=AssertionError,
-    reason="CONVERGED can be false: 0.0024 mm was reported for 0.0069, with 24 threads on one machine",
-)
 def test_a_stiff_block_turned_by_100_degrees(threads: int) -> None:
-    """Found on a machine that reported 0.0076 mm where 0.0195 was true."""
+    """The way is long and rounding decides it: 0.0076 mm was once reported where 0.0195 was true."""
     check(STIFF_AND_TURNED_BY_100_DEGREES, threads)
 
 

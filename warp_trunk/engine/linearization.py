@@ -59,10 +59,12 @@ class Linearization:
         self._state.displacement.assign(increment.from_rest)
         if not model.free_nodes:
             return
-        matrix = BlockMatrix(self._state, model.elements.kernels.true_curvature)
+        matrix = BlockMatrix(self._state)
         matrix.assemble()
+        preconditioner = Multilevel(matrix)
+        matrix.assemble_true()
         self._load = model.free_vectors()
-        self._solver = ConjugateGradient(matrix, Multilevel(matrix), self._load, MOST_ITERATIONS)
+        self._solver = ConjugateGradient(matrix, preconditioner, self._load, MOST_ITERATIONS)
         self._coupling = Coupling(self._state)
 
     def adjoint(self, weight: np.ndarray) -> np.ndarray:
@@ -127,7 +129,7 @@ class Linearization:
         self._load.assign(-force / size)
         solution = self._solver.solve(0.0, self._accuracy, 0)
         self.iterations += solution.iterations
-        if solution.iterations >= MOST_ITERATIONS or not np.isfinite(solution.longest):
+        if solution.bent or solution.iterations >= MOST_ITERATIONS or not np.isfinite(solution.longest):
             raise InputError(
                 "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
                 "simulate with a smaller tolerance"

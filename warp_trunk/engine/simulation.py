@@ -102,12 +102,12 @@ def simulate(
     """Moves the trunk along the path of its bones and yields it after every increment.
 
     Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
-    (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to ten
-    times the tolerance. `watch` is told of every accepted step of every relaxation, see `Relaxer.relax`.
-    `done` are the first increments of the same simulation, which was interrupted: it goes on after the
-    last of them, and on the CPU to the last bit as if it had not been. `relaxer` is one that an earlier
-    simulation of this model used, for another plan for the same patient: its set-up is most of what a
-    simulation costs beside its increments, and changes nothing in them.
+    (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to
+    ten times the tolerance, by an estimate, and end NEAR; the end of the last is confirmed. `watch` is told of
+    every accepted step of every relaxation, see `Relaxer.relax`. `done` are the first increments of the same
+    simulation, which was interrupted: it goes on after the last of them, and on the CPU to the last bit as if it
+    had not been. `relaxer` is one that an earlier simulation of this model used, for another plan for the same
+    patient: its set-up is most of what a simulation costs beside its increments, and changes nothing in them.
 
     Raises:
         InputError: the path or `done` does not belong to the model's mesh, nothing is left to do, or `relaxer` is
@@ -141,7 +141,8 @@ def simulate(
         load_factor = number / options.increments
         predictor.move(load_factor)  # phi_t of eq. 4.5
         final = number == options.increments
-        relaxation = relaxer.relax(options.relax.tolerance * (1.0 if final else 10.0), watch)  # phi~ of eq. 4.3
+        tolerance = options.relax.tolerance * (1.0 if final else 10.0)
+        relaxation = relaxer.relax(tolerance, watch, confirm=final, near=number > 1)  # phi~ of eq. 4.3
         displacement = wp.clone(relaxer.state.displacement)
         seconds = time.perf_counter() - start
         yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)

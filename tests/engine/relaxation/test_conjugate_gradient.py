@@ -9,7 +9,10 @@ import pytest
 import warp as wp
 from scipy.sparse import bsr_array
 
+from support.continuum import Continuum
 from support.meshes import block_with_bone
+from support.reference import Reference
+from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.model import build_model
 from warp_trunk.engine.parallel import Launch
 from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
@@ -118,3 +121,40 @@ def test_reading_changes_nothing() -> None:
     assert first[0] == second[0]
     np.testing.assert_array_equal(first[1], second[1])
     np.testing.assert_array_equal(state.gradient.numpy(), gradient)
+
+
+@pytest.mark.parametrize("energy", [Reference, Continuum])
+def test_the_true_curvature_is_that_of_numpy(energy: Any) -> None:
+    name: EnergyName = "itmsm" if energy is Reference else "neo-hookean"
+    state = State(build_model(TRUNK, energy=name, device="cpu", precision="float64", threads=2))
+    displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
+    state.place(displacement)
+    matrix = BlockMatrix(state)
+    matrix.assemble()
+    positive = matrix.inverse_diagonal.numpy()
+    matrix.assemble_true()
+    model, reference = state.model, energy(TRUNK)
+    place = np.searchsorted(reference.free, model.order[model.free])
+    wanted = reference.hessian(displacement).reshape(len(place), 3, len(place), 3)[place][:, :, place]
+    found = np.asarray(on_host(matrix).todense()).reshape(wanted.shape)
+    np.testing.assert_allclose(found, wanted, atol=1e-9 * np.abs(wanted).max())
+    np.testing.assert_array_equal(matrix.inverse_diagonal.numpy(), positive)
+
+
+def test_a_direction_of_negative_curvature_ends_a_solve() -> None:
+    state = stretched()
+    state.place(-0.8 * TRUNK.nodes * ~TRUNK.prescribed[:, None])  # pressed together
+    state.evaluate()
+    matrix = BlockMatrix(state)
+    matrix.assemble()
+    solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
+    assert not solver.solve(1e-6, 0.0).bent
+    matrix.assemble_true()
+    dense = np.asarray(on_host(matrix).todense())
+    assert np.linalg.eigvalsh(dense)[0] < 0.0
+    solution = solver.solve(1e-6, 0.0)
+    assert solution.bent
+    down = np.asarray(solver.search.numpy()).ravel()
+    assert down @ dense @ down < 0.0
+    gradient = np.asarray(state.gradient.numpy())[: len(matrix.inverse_diagonal)].ravel()
+    assert gradient @ down < 0.0

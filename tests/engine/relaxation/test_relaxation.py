@@ -187,7 +187,7 @@ def test_an_equilibrium_stays() -> None:
     trunk = SCENES["turned face"][0]
     ending = relaxed(trunk, np.zeros_like(trunk.nodes), tolerance=1e-6)
     assert ending.relaxation.status is RelaxStatus.CONVERGED
-    assert ending.relaxation.steps <= 1
+    assert ending.relaxation.steps <= 2
     assert ending.relaxation.energy.total == 0.0
     assert (ending.displacement == 0.0).all()
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import warp as wp
 
 from warp_trunk.kernels.slabs import slab_kernels
@@ -23,14 +21,13 @@ class BlockMatrix:
     blocks: wp.array
     """The blocks in the first slab, shape (ranges, blocks), mat33; the others are what the threads add into."""
     inverse_diagonal: wp.array
-    """The inverse of each row's diagonal block, shape (free nodes,), mat33."""
+    """The inverse of each row's diagonal block, made positive, shape (free nodes,), mat33."""
 
-    def __init__(self, state: State, curvature: Any = None, sparsity: Sparsity | None = None) -> None:
+    def __init__(self, state: State, sparsity: Sparsity | None = None) -> None:
         """Finds the pattern and records the launches.
 
         Args:
             state: where the curvature is taken; it may change between two assemblies.
-            curvature: the kernel that gives it; the energy's own, made positive semidefinite, when left out.
             sparsity: the pattern, when another matrix of this model has found it.
         """
         self.model = model = state.model
@@ -41,11 +38,9 @@ class BlockMatrix:
         self.blocks = model.zeros(mat33, ranges, size)
         self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
         self._clear = record(slab_kernels(mat33).clear, size, [ranges], [self.blocks])
-        self._add_curvature = model.over_tets(
-            curvature or model.elements.kernels.curvature,
-            [self.sparsity.block_of, state.displacement],
-            [self.blocks],
-        )
+        kernels, at = model.elements.kernels, [self.sparsity.block_of, state.displacement]
+        self._add_positive = model.over_tets(kernels.curvature, at, [self.blocks])
+        self._add_true = model.over_tets(kernels.true_curvature, at, [self.blocks])
         self._gather = record(slab_kernels(mat33).gather, size, [ranges], [self.blocks])
         self._invert_diagonal = model.over_free(
             sparse_kernels(*model.variant).invert_diagonal,
@@ -54,12 +49,19 @@ class BlockMatrix:
         )
 
     def assemble(self) -> None:
-        """Sets the matrix to the curvature at the state as it is now."""
+        """Sets the matrix to the curvature at the state as it is now, made positive semidefinite."""
+        self._sum(self._add_positive)
+        self._invert_diagonal()
+
+    def assemble_true(self) -> None:
+        """Sets the matrix to the true curvature, which may be indefinite; `inverse_diagonal` stays positive."""
+        self._sum(self._add_true)
+
+    def _sum(self, add: Launch) -> None:
         self._clear()
-        self._add_curvature()
+        add()
         if self.model.parallel.ranges > 1:
             self._gather()
-        self._invert_diagonal()
 
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""

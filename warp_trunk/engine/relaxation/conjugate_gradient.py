@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.conjugate_gradient import LEFT, LONG, conjugate_gradient_kernels
+from warp_trunk.kernels.conjugate_gradient import BENT, LEFT, LONG, NORM, conjugate_gradient_kernels
 
 from ..parallel import Launch
 from .block_matrix import BlockMatrix
@@ -28,6 +28,10 @@ class LinearSolution:
     """Length of the solution's longest vector [mm]; not finite where a vector is not."""
     left: float
     """Error that may be left in a vector [mm], from how the changes over WINDOW iterations shrank."""
+    bent: bool
+    """Whether a search direction of negative curvature was met; the solve ended there and `search` holds it."""
+    norm: float
+    """The square root of g . M^-1 g."""
 
 
 class ConjugateGradient:
@@ -35,6 +39,8 @@ class ConjugateGradient:
 
     solution: wp.array
     """d [mm], shape (free nodes,), vec3."""
+    search: wp.array
+    """The last search direction, shape (free nodes,), vec3."""
 
     def __init__(
         self, matrix: BlockMatrix, preconditioner: Preconditioner, gradient: wp.array, most_iterations: int = 500
@@ -49,17 +55,18 @@ class ConjugateGradient:
         """
         self.model = model = matrix.model
         ranges = model.parallel.ranges
-        self.solution, self._earlier, r, z, p, q = (model.free_vectors() for _ in range(6))
+        self.solution, self.search, self._earlier, r, z, q = (model.free_vectors() for _ in range(6))
+        p = self.search
         self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
-        self._limits, self._outcome = (model.zeros(wp.float64, 3) for _ in range(2))
+        self._limits, self._outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 5)
         extent = model.zeros(wp.float64, ranges, PADDING)
         r_dot_z, p_dot_q = self._r_dot_z.products, self._p_dot_q.products
         kernels = conjugate_gradient_kernels(*model.variant)
         over_free, record_undivided = model.over_free, model.parallel.record_undivided
         self._start = over_free(kernels.start, [gradient], [self.solution, r, p, self._earlier])
-        self._turn = over_free(kernels.turn, [ranges, self._iteration, r_dot_z, z], [p])
+        self._turn = over_free(kernels.turn, [ranges, self._iteration, r_dot_z, p_dot_q, z], [p])
         self._multiply = matrix.multiply(p, q, self._p_dot_q)
         self._advance = over_free(
             kernels.advance, [ranges, self._iteration, r_dot_z, p_dot_q, p, q], [self.solution, r]
@@ -70,22 +77,34 @@ class ConjugateGradient:
         self._decide = record_undivided(
             kernels.decide,
             1,
-            [ranges, most_iterations, self._limits, r_dot_z, self._iteration],
+            [ranges, most_iterations, self._limits, r_dot_z, p_dot_q, self._iteration],
             [extent, self._outcome, self._go_on],
         )
         self._run = self._capture() if model.parallel.is_cuda else self._loop
 
-    def solve(self, absolute: float, relative: float, least: float) -> LinearSolution:
+    def solve(self, absolute: float, relative: float, least: float = 0.0) -> LinearSolution:
         """Solves H d = -g for the gradient as it is now.
 
         It ends when no vector of d is judged to be wrong by more than `absolute` [mm] or `relative` of the
         longest, and not before `least` iterations: a residual falls long before the long waves of the solution
-        have come.
+        have come. It also ends at a search direction of negative curvature, where the matrix has no least energy
+        (Steihaug 1983).
         """
         self._limits.assign(np.array([absolute, relative, least]))
         self._run()
         outcome = self._outcome.numpy()
-        return LinearSolution(int(self._iteration.numpy()[0]), float(outcome[LONG]), float(outcome[LEFT]))
+        return LinearSolution(
+            iterations=int(self._iteration.numpy()[0]),
+            longest=float(outcome[LONG]),
+            left=float(outcome[LEFT]),
+            bent=bool(outcome[BENT]),
+            norm=float(outcome[NORM]),
+        )
+
+    def norm(self) -> float:
+        """The square root of g . M^-1 g for the gradient as it is now; `solution` is zero after it."""
+        self._begin()
+        return max(0.0, float(self._r_dot_z.products.numpy()[0].sum())) ** 0.5
 
     def _loop(self) -> None:
         """The whole solve, its loop here."""

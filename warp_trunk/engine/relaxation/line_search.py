@@ -53,7 +53,7 @@ def search(
         reference: the energy to come below: the last, or the largest of the last few.
         slope: derivative of the energy along the direction at its start, negative.
         slope_ratio: go on until the slope has fallen to this part of the first; None takes the first decrease.
-        rounding: relative change of the energy below which the slopes decide.
+        rounding: change of the energy below which the slopes decide.
 
     Returns:
         The trial, the last one attempted, or None where no length helps; and the number of attempts.
@@ -86,7 +86,7 @@ def falls(trial: Trial, reference: float, slope: float, rounding: float) -> bool
     change = trial.energy.total - reference
     if change <= DECREASE * trial.length * slope:
         return True
-    return change <= rounding * abs(reference) and abs(trial.products.slope) <= (1.0 - 2.0 * DECREASE) * abs(slope)
+    return change <= rounding and abs(trial.products.slope) <= (1.0 - 2.0 * DECREASE) * abs(slope)
 
 
 def flat_length(trial: Trial, low: float, low_slope: float) -> float:

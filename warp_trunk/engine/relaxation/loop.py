@@ -7,7 +7,6 @@ bone never moves by a bit (the mappings U of eq. 4.3 of [2]).
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -19,6 +18,7 @@ from warp_trunk.kernels.loop import loop_kernels
 from ..model import Model
 from ..state import State
 from .conjugate import Conjugate
+from .course import Course
 from .gradient import Gradient
 from .line_search import Trial, search
 from .newton import Newton
@@ -31,8 +31,6 @@ ROUNDING = {"float32": 1e-7, "float64": 1e-14}
 """Relative change of the energy that the precision does not resolve."""
 ROUNDING_STEPS = 10.0
 """Roundings of the largest displacement that a force summed over a node's tetrahedra may hide."""
-PATIENCE = 8
-"""Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
 
 
 class Relaxer:
@@ -55,7 +53,6 @@ class Relaxer:
         self._products = ProductReader(self.state, direction, self.state.gradient)
         self._trial_products = ProductReader(self._trial, direction, self.state.gradient)
         self._length = model.zeros(wp.float64, 1)
-        self._rounding = ROUNDING[model.precision]
         self._longest = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
         kernels = loop_kernels(*model.variant)
         self._find_longest = model.over_nodes(kernels.longest, [self.state.displacement], [self._longest])
@@ -66,89 +63,96 @@ class Relaxer:
         )
 
     def relax(
-        self, tolerance: float | None = None, watch: Callable[[RelaxStep, State], None] | None = None
+        self,
+        tolerance: float | None = None,
+        watch: Callable[[RelaxStep, State], None] | None = None,
+        *,
+        confirm: bool = True,
+        near: bool = False,
     ) -> Relaxation:
-        """Relaxes `state` until the estimated distance to equilibrium is below the tolerance [mm].
-
-        The estimate is that of the state before the last step, which is taken all the same.
+        """Relaxes `state` until it is known to be nearer to an equilibrium, no saddle, than the tolerance [mm].
 
         The energy falls at every accepted step (over ten for `gradient`), no tetrahedron is inverted
         that was not inverted at the start, and the number of steps is bounded. `watch` is told of each
-        accepted step and sees the state after it, to read and not to change.
+        accepted step and sees the state after it, to read and not to change. Without `confirm` it ends, NEAR, as
+        soon as the distance before the last step is estimated to be below the tolerance: what is on the way to
+        something else need not be known so well. `near` tells that the state is likely some tolerances from its
+        end, which saves work where it is so.
         """
-        start = time.perf_counter()
         tolerance = self.options.tolerance if tolerance is None else tolerance
         self.state.evaluate()
         energy, inverted, _ = self.state.read()
-        history: list[RelaxStep] = []
-        linear_iterations, evaluations, estimate = 0, 1, math.inf
-
-        def report(status: RelaxStatus) -> Relaxation:
-            return Relaxation(
-                status, energy, len(history), linear_iterations, evaluations, estimate, inverted, tuple(history)
-            )
-
+        course = Course(energy, inverted, ROUNDING[self.model.precision])
         if not math.isfinite(energy.total):
-            return report(RelaxStatus.NOT_FINITE)
+            return course.end(RelaxStatus.NOT_FINITE, math.inf)
         if not self.model.free_nodes:
-            estimate = 0.0
-            return report(RelaxStatus.CONVERGED)
+            return course.end(RelaxStatus.CONVERGED, 0.0)
         newton, method = self._newton, self._method
-        floor = self._begin(tolerance)
-        energies = [energy.total]
+        floor = self._begin(tolerance, confirm, near)
+        arrived = RelaxStatus.CONVERGED if confirm else RelaxStatus.NEAR
         products: Products | None = None
-        length, least, waited = 0.0, math.inf, 0
+        length = 0.0
         for step in range(self.options.max_steps):
             length, spent = method.propose(products, length)
-            if method is not newton and step % ESTIMATE_EVERY == 0:
-                newton.begin(tolerance, floor)
+            looks = method is newton or step % ESTIMATE_EVERY == 0
+            if looks and method is not newton:
+                newton.begin(tolerance, floor, confirm=confirm)
                 spent += newton.propose(None, 1.0)[1]
-            linear_iterations += spent
-            if method is newton or step % ESTIMATE_EVERY == 0:
-                estimate = newton.distance
-                waited = 0 if estimate < 0.9 * least else waited + 1
-                least = min(least, estimate)
-                if waited >= PATIENCE and not self._resolved(energies):
-                    return report(RelaxStatus.STALLED)
-            slope = self._products.read().slope
-            reference = max(energies[-method.memory :])
-            trial, attempts = self._search(length, reference, slope)
-            evaluations += attempts
+                if newton.distance <= tolerance:
+                    method, length = newton, 1.0  # to the end
+            course.linear_iterations += spent
+            if looks and course.gets_nowhere(newton.distance, 1 if self._method is newton else ESTIMATE_EVERY):
+                return course.end(RelaxStatus.STALLED, newton.distance)
+            here = self._products.read()
+            trial = self._search(method, length, here.slope, course)
+            if trial is not None:
+                self.state.copy_from(self._trial)
+                products, length = trial.products, trial.length
+            ends, more = False, 0
+            if method is newton:
+                ends, more = newton.arrives(trial.length, trial.products) if trial else newton.arrives(0.0, here)
+            course.linear_iterations += more
+            if trial is not None:
+                taken = course.take(trial, newton.distance, spent + more)
+                if watch is not None:
+                    watch(taken, self.state)
+            if ends:
+                return course.end(arrived, newton.distance)
             if trial is None:
-                return report(RelaxStatus.CONVERGED if estimate <= tolerance else RelaxStatus.STALLED)
-            self.state.copy_from(self._trial)
-            energy, inverted, products, length = trial.energy, trial.inverted, trial.products, trial.length
-            energies.append(energy.total)
-            history.append(RelaxStep(energy, estimate, length, spent, time.perf_counter() - start))
-            if watch is not None:
-                watch(history[-1], self.state)
-            if estimate <= tolerance:
-                return report(RelaxStatus.CONVERGED)
-        return report(RelaxStatus.STEP_LIMIT)
+                if method is not newton or not newton.has_another:
+                    return course.end(RelaxStatus.STALLED, newton.distance)
+                products = None
+        return course.end(RelaxStatus.STEP_LIMIT, newton.distance)
 
-    def _begin(self, tolerance: float) -> float:
+    def _begin(self, tolerance: float, confirm: bool, near: bool) -> float:
         """Gets ready for a relaxation to a tolerance [mm]; returns what rounding leaves of every distance [mm]."""
         self._trial.copy_from(self.state)  # the nodes that no step moves
         floor = ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * self._largest_displacement()
-        self._newton.begin(tolerance, floor)
+        self._newton.begin(tolerance, floor, confirm=confirm, near=near)
         return floor
 
-    def _search(self, length: float, reference: float, slope: float) -> tuple[Trial | None, int]:
-        """The trial along the direction that is taken, None if none is, and how many were made."""
-        ratio = self._method.slope_ratio
-        return search(self._attempt, length, reference, slope, ratio, rounding=self._rounding)
+    def _search(
+        self, method: Newton | Conjugate | Gradient, length: float, slope: float, course: Course
+    ) -> Trial | None:
+        """The trial along a direction of that slope that is taken, None if none is."""
+        if method is not self._method:
+            wp.copy(self._method.direction, method.direction)
+        trial, attempts = search(
+            self._attempt,
+            length,
+            course.largest_energy(method.memory),
+            slope,
+            method.slope_ratio,
+            rounding=course.rounding,
+        )
+        course.evaluations += attempts
+        return trial
 
     def _largest_displacement(self) -> float:
         """Largest displacement of a node from rest [mm]."""
         self._longest.zero_()
         self._find_longest()
         return float(self._longest.numpy().max()) ** 0.5
-
-    def _resolved(self, energies: list[float]) -> bool:
-        """Whether the steps of the last PATIENCE estimates lowered the energy by more than its rounding."""
-        steps = PATIENCE * (1 if self._method is self._newton else ESTIMATE_EVERY)
-        fall = min(energies[:-steps], default=math.inf) - min(energies[-steps:])
-        return fall > self._rounding * abs(energies[-1])
 
     def _attempt(self, length: float) -> Trial:
         """Evaluates the trial at a length along the direction."""

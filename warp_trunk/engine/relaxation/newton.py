@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import warp as wp
 
 from ..state import State
 from .block_matrix import BlockMatrix
-from .conjugate_gradient import ConjugateGradient
+from .confirmation import ACCURACY, SLOWEST, Confirmation, Step
+from .conjugate_gradient import ConjugateGradient, LinearSolution
 from .multilevel import Multilevel
 from .products import Products
 
-ACCURACY = 0.1
-"""A linear solve may leave this part of the distance to equilibrium, or of the tolerance."""
 CONTRACTION = 0.2
 """A step that leaves more than this part of the distance calls for the curvature of where it led."""
 FIRST = 2.0 / 3.0
 """What the first step of a relaxation is taken to leave of the distance: its curvature, made positive, is too
 stiff where edges are compressed, and nothing has been seen of how steps shrink."""
-SLOWEST = 0.95
-"""Steps are taken to shrink at least this fast from one to the next."""
+NEAR = 20.0
+"""So many tolerances from the equilibrium the true curvature takes over, where a claim is wanted."""
+CLOSE = 10.0
+"""A step of so many tolerances along the true curvature may have led to within one of them."""
+TRUE_ACCURACY = 0.03
+"""The part of the distance that a solve along the true curvature may leave, so that one from there will do."""
+REACH = 10.0
+"""A way down from a saddle is first tried as far as this many tolerances."""
 
 
 class Newton:
@@ -30,18 +36,25 @@ class Newton:
     the length of its longest arrow is the distance [mm]. The curvature is that of an earlier step as long
     as the steps shrink fast. Once the line search had to cut a step, solves no longer end early: stiff
     motions then hide soft ones, and a short solve of what a step along the soft ones left would look converged.
+
+    Far away the curvature is made positive, so that every direction descends; it is stiffer than the truth, and
+    its steps are shorter than the way to go. Where the end is to be confirmed, the true one takes over near it. If
+    that is negative along some direction, the way goes down there (Steihaug 1983).
     """
 
     memory = 1
     """Energies the line search looks back on: the last one, so the energy falls at every step."""
-    slope_ratio: float | None = None
-    """The line search takes the first decrease; a Newton step needs no finer length."""
+    distance: float
+    """How far the equilibrium is estimated to be [mm]; infinite where a direction leads down from a saddle."""
 
     def __init__(self, state: State) -> None:
         """For a state at rest: the preconditioner is made of the curvature there."""
+        self._state = state
         self._matrix = BlockMatrix(state)
         self._matrix.assemble()
-        self._solver = ConjugateGradient(self._matrix, Multilevel(self._matrix), state.gradient)
+        preconditioner = Multilevel(self._matrix)
+        self._solver = ConjugateGradient(self._matrix, preconditioner, state.gradient)
+        self._confirmation = Confirmation(state, self._matrix, preconditioner)
         self.begin(math.inf, 0.0)
 
     @property
@@ -49,26 +62,118 @@ class Newton:
         """d [mm], shape (free,), vec3."""
         return self._solver.solution
 
-    def begin(self, tolerance: float, floor: float) -> None:
-        """Begins a relaxation to a tolerance, where rounding leaves `floor` of every distance [mm]."""
+    @property
+    def slope_ratio(self) -> float | None:
+        """The line search takes the first decrease of a Newton step; down from a saddle it looks farther."""
+        return 0.5 if math.isinf(self.distance) else None
+
+    def begin(self, tolerance: float, floor: float, *, confirm: bool = False, near: bool = False) -> None:
+        """Begins a relaxation to a tolerance, where rounding leaves `floor` of every distance [mm].
+
+        With `confirm` its end is to be confirmed; `near`, it begins some tolerances from there.
+        """
         self._tolerance, self.floor = tolerance, floor
+        self._confirm, self._starts_near = confirm, near
         self._longest_solve = 0
-        self._cut = False
+        self._cut = self._true = False
         self._length = self._shrink = math.inf
+        self._norm = 0.0
+        self._down: np.ndarray | None = None
         self.distance = math.inf
+        self._confirmation.begin()
+
+    @property
+    def has_another(self) -> bool:
+        """Whether the next direction at the same state is another: down from a saddle, or the first true one."""
+        return self._down is not None or (not self._true and self._is_near)
+
+    @property
+    def _is_near(self) -> bool:
+        return self._confirm and (self._starts_near or self.distance <= NEAR * self._tolerance)
+
+    def _assemble(self) -> None:
+        """Sets the matrix to the curvature at the state; the preconditioner needs a positive one before all."""
+        if not self._true or self._starts_near:
+            self._matrix.assemble()
+        if self._true:
+            self._matrix.assemble_true()
 
     def propose(self, products: Products | None, last_length: float) -> tuple[float, int]:
         """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
-        self._cut = self._cut or (products is not None and last_length < 1.0)
-        if not self._shrink <= CONTRACTION:
-            self._matrix.assemble()
-        solution = self._solver.solve(
-            ACCURACY * self._tolerance, ACCURACY, self._longest_solve if self._cut else 0
-        )
+        if self._down is not None:
+            self._go_down(np.zeros_like(self._down), self._down)
+            return 1.0, 0
+        whole = products is not None and last_length == 1.0
+        self._cut = self._cut or (products is not None and last_length < 1.0 and self.distance < math.inf)
+        was_true = self._true
+        self._true = self._is_near
+        if self._true != was_true or not self._shrink <= CONTRACTION:
+            self._assemble()
+        self._starts_near = False
+        accuracy = TRUE_ACCURACY if self._true else ACCURACY
+        least = self._longest_solve if self._cut else 0
+        solution = self._solver.solve(ACCURACY * self._tolerance, accuracy, least)
         self._longest_solve = max(self._longest_solve, solution.iterations)
+        if self._true and solution.bent:
+            self._go_down(self._solver.solution.numpy(), self._solver.search.numpy())
+            return 1.0, solution.iterations
+        if self._true and math.isinf(solution.longest):  # of a preconditioner made too far away
+            self.distance = math.inf
+            return 1.0, solution.iterations + self.propose(None, 1.0)[1]
+        last = self._last_step(solution.norm)
+        self._measure(solution)
+        if whole and was_true and self._true:
+            self._confirmation.saw(Step(last.length, max(last.left, self._length)))
+        return 1.0, solution.iterations
+
+    def _measure(self, solution: LinearSolution) -> None:
+        """Sets the distance by the length of a direction and how much shorter it is than the one before."""
         length = solution.longest + solution.left
         self._shrink = length / self._length if 0.0 < self._length < math.inf else math.inf
         steady = min(self._shrink, SLOWEST) if self._length < math.inf else FIRST
-        self._length = length
+        self._length, self._norm = length, solution.norm
         self.distance = self.floor + length * max(1.0, steady / (1.0 - steady))
-        return 1.0, solution.iterations
+
+    def _last_step(self, norm: float) -> Step:
+        """The last whole step by the gradient that it left, in the preconditioner's norm."""
+        return Step(self._length, norm / self._norm * self._length if self._norm > 0.0 else 0.0)
+
+    def _go_down(self, start: np.ndarray, down: np.ndarray) -> None:
+        """Sets the direction to a start and on down a direction of negative curvature."""
+        gradient = self._state.gradient.numpy()[: len(down)].astype(float)
+        sign = -1.0 if np.vdot(gradient, down) > 0.0 else 1.0
+        reach = max(REACH * self._tolerance, longest(start)) / max(longest(down), 1e-300)
+        self._solver.solution.assign((start + sign * reach * down).astype(down.dtype))
+        self._length = self._shrink = self.distance = math.inf
+        self._confirmation.begin()
+        self._down = None
+
+    def arrives(self, length: float, products: Products) -> tuple[bool, int]:
+        """Whether the relaxation can end, and the linear iterations spent on that; sets `distance`.
+
+        It can where the estimate is below the tolerance, or if that is to be confirmed, where the equilibrium is
+        known to be so near.
+
+        Args:
+            length: the part of the direction that has led here from where it was found.
+            products: those at the state.
+        """
+        if not self._confirm:
+            return self.distance <= self._tolerance, 0
+        if not self._true or self.floor + self._length > CLOSE * self._tolerance:
+            return False, 0
+        if length:
+            self._matrix.assemble_true()
+            self._shrink = 0.0  # the curvature of here
+        norm = self._solver.norm() if length else self._norm
+        last = self._last_step(norm) if length == 1.0 else None
+        verdict = self._confirmation.judge(self._tolerance, self.floor, products.gradient_squared, norm, last)
+        self.distance = verdict.distance
+        if verdict.down is not None:
+            self._down = verdict.down.numpy()
+        return verdict.distance <= self._tolerance, verdict.iterations
+
+
+def longest(vectors: np.ndarray) -> float:
+    """Length of the longest vector."""
+    return float(np.linalg.norm(vectors.astype(float), axis=1).max(initial=0.0))

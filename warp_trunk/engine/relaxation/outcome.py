@@ -37,7 +37,8 @@ class RelaxOptions:
 class RelaxStatus(Enum):
     """Why a relaxation ended; the value is the sentence for the user."""
 
-    CONVERGED = "the estimated distance to equilibrium fell below the tolerance"
+    CONVERGED = "the distance to equilibrium is below the tolerance"
+    NEAR = "the distance to equilibrium is estimated to be below the tolerance, on the way to the next increment"
     STALLED = "the energy no longer falls although the estimated distance is above the tolerance"
     STEP_LIMIT = "the most steps allowed were taken before the tolerance was reached"
     NOT_FINITE = "the energy at the start is not a finite number; check the input and the size of the increment"
@@ -74,7 +75,7 @@ class Relaxation:
     evaluations: int
     """Evaluations of energy and gradient."""
     estimated_error: float
-    """Estimated largest distance of a node from its equilibrium at the end [mm]."""
+    """Largest distance of a node from its equilibrium at the end [mm]; an estimate where that is not CONVERGED."""
     inverted_tets: int
     """Tetrahedra without positive volume at the end."""
     history: tuple[RelaxStep, ...] = ()
