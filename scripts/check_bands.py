@@ -30,23 +30,11 @@ from warp_trunk import (
     sensitivities,
     simulate,
 )
-from warp_trunk.case.uncertainty import Uncertainty
+from warp_trunk.case.uncertainty import CERTAIN
 from warp_trunk.run.bands import DRAWS, find_bands
 from warp_trunk.run.prepare import find_path
 
-LANDMARKS_ONLY = Uncertainty(
-    landmark_error=LANDMARK_MEAN,
-    landmark_error_sd=LANDMARK_SD,
-    cobb=0.0,
-    rotation=0.0,
-    ribs=0.0,
-    epsilon=1.0,
-    theta=1.0,
-    poisson_ratio=0.0,
-    youngs_modulus=1.0,
-    mesh_rotation=0.0,
-    mesh_length=0.0,
-)
+LANDMARKS_ONLY = replace(CERTAIN, landmark_error=LANDMARK_MEAN, landmark_error_sd=LANDMARK_SD)
 PAGE = """# Bands against whole simulations: {case}
 
 Made by `scripts/check_bands.py`: {draws} simulations of {tets} tetrahedra ({energy}), each with errors of

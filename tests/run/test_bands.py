@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from support.small_trunk import boned_case
-from warp_trunk.case.uncertainty import Uncertainty
+from warp_trunk.case.uncertainty import CERTAIN, Uncertainty
 from warp_trunk.engine.relaxation import Relaxer
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.errors import InputError
@@ -23,19 +23,6 @@ from warp_trunk.run.prepare import Prepared, find_path, prepare
 from warp_trunk.run.sensitivities import sensitivities
 
 CASE, TRUNK = boned_case()
-CERTAIN = Uncertainty(
-    landmark_error=0.0,
-    landmark_error_sd=0.0,
-    cobb=0.0,
-    rotation=0.0,
-    ribs=0.0,
-    epsilon=1.0,
-    theta=1.0,
-    poisson_ratio=0.0,
-    youngs_modulus=1.0,
-    mesh_rotation=0.0,
-    mesh_length=0.0,
-)
 OPTIONS = RunOptions(precision="float64", device="cpu", simulation=SimulationOptions(increments=1))
 
 

@@ -60,6 +60,20 @@ class Uncertainty:
         return math.sqrt((self.landmark_error**2 + self.landmark_error_sd**2) / 3.0)
 
 
+CERTAIN = Uncertainty(
+    landmark_error=0.0,
+    landmark_error_sd=0.0,
+    cobb=0.0,
+    rotation=0.0,
+    ribs=0.0,
+    epsilon=1.0,
+    theta=1.0,
+    poisson_ratio=0.0,
+    youngs_modulus=1.0,
+    mesh_rotation=0.0,
+    mesh_length=0.0,
+)
+"""No source at all: to which those that are to be looked at alone are added."""
 REFERENCES: Mapping[str, str] = MappingProxyType(
     {
         "landmark_error": "2.1 ± 1.5 mm, reconstruction from two films, section 5.2 of [2]",
