@@ -11,7 +11,7 @@ import numpy as np
 from warp_trunk.case.landmarks import VERTEBRAE, bone_of
 from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.spline import fit_spline
+from warp_trunk.geometry.spline import Spline, fit_spline
 
 from .rib_cage import ends, follow
 from .vertebra_motion import split
@@ -83,15 +83,23 @@ def bone_motions(
             motions[bone] = fit_rigid(bones[bone].vertices, spline(bones[bone].vertices))
     motions |= _cage(bones, landmarks_before, motions, pelvis, shares or RibShares())
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
-        vertices = bones[bone].vertices
-        first, second = _neighbours(bone)
-        motions[bone] = fit_rigid(vertices, spline(vertices))
-        if first in motions:
-            points = ends(vertices, bones[first].vertices)
-            there = motions[second].apply(points[1:]) if second in motions else spline(points[1:])
-            goals = np.vstack([motions[first].apply(points[:1]), there])
-            motions[bone] = fit_rigid(motions[bone].apply(points), goals) * motions[bone]
+        motions[bone] = _between_neighbours(bone, bones, motions, spline)
     return {bone: motions[bone] for bone in bones}
+
+
+def _between_neighbours(
+    bone: str, bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], spline: Spline
+) -> RigidTransform:
+    """Each end with the neighbour that moves already, else with the spline; what ends leave open by the spline."""
+    vertices = bones[bone].vertices
+    first, second = _neighbours(bone)
+    by_spline = fit_rigid(vertices, spline(vertices))
+    if first not in motions:
+        return by_spline
+    points = ends(vertices, bones[first].vertices)
+    there = motions[second].apply(points[1:]) if second in motions else spline(points[1:])
+    goals = np.vstack([motions[first].apply(points[:1]), there])
+    return fit_rigid(by_spline.apply(points), goals) * by_spline
 
 
 def _cage(

@@ -126,6 +126,19 @@ def write_result(
         warnings=warnings,
         bands=None if found is None else found.bands,
     )
+    names = _write_case(folder, case, skin)
+    write_trunk(partial(folder / TRUNK), trunk, displacement)
+    names.append(TRUNK)
+    if found is not None:
+        write_skin_sd(partial(folder / SKIN_SD), found.skin_sd)
+        names.append(SKIN_SD)
+    written = write_summary(partial(folder / SUMMARY), summary)
+    _complete(folder, [*names, SUMMARY], recording)
+    return written
+
+
+def _write_case(folder: Path, case: Case, skin: Surface) -> list[str]:
+    """Write the skins and landmarks of a result, still under other names; gives the names they will have."""
     surfaces = {SKIN_BEFORE: case.skin, PREDICTED_SKIN: skin}
     if case.actual_skin is not None:
         surfaces[ACTUAL_SKIN] = case.actual_skin
@@ -134,12 +147,7 @@ def write_result(
         write_surface(partial(folder / name), surface)
     for name, points in landmarks.items():
         write_landmarks(partial(folder / name), points)
-    write_trunk(partial(folder / TRUNK), trunk, displacement)
-    if found is not None:
-        write_skin_sd(partial(folder / SKIN_SD), found.skin_sd)
-    written = write_summary(partial(folder / SUMMARY), summary)
-    _complete(folder, [*surfaces, *landmarks, TRUNK, *([] if found is None else [SKIN_SD]), SUMMARY], recording)
-    return written
+    return [*surfaces, *landmarks]
 
 
 def _measured(case: Case, skin: Surface) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from .gradient import Gradient
 from .line_search import Trial, search
 from .newton import Newton
 from .outcome import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
-from .products import ProductReader, Products
+from .products import ProductReader
 
 ESTIMATE_EVERY = 50
 """Steps of a gradient method between two Newton solves that tell how far the equilibrium is."""
@@ -90,8 +90,7 @@ class Relaxer:
         newton, method = self._newton, self._method
         floor = self._begin(tolerance, confirm, near)
         arrived = RelaxStatus.CONVERGED if confirm else RelaxStatus.NEAR
-        products: Products | None = None
-        length = 0.0
+        products, length = None, 0.0
         for step in range(self.options.max_steps):
             length, spent = method.propose(products, length)
             looks = method is newton or step % ESTIMATE_EVERY == 0
