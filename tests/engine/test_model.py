@@ -30,7 +30,7 @@ def two_blocks(bone_on_second: int) -> TrunkMesh:
 
 
 BLOCK = block((2, 2, 2))
-BAD = {
+BAD: dict[str, tuple[TrunkMesh, dict[str, Any], str]] = {
     "no tetrahedron": (replace(BLOCK, tets=BLOCK.tets[:0]), {}, "no tetrahedron"),
     "NaN": (with_nodes(BLOCK, 7, [0.0, np.nan, 0.0]), {}, "node 7"),
     "infinite": (with_nodes(BLOCK, 7, [np.inf, 0.0, 0.0]), {}, "node 7"),
@@ -50,7 +50,7 @@ BAD = {
 def test_refuses(name: str) -> None:
     mesh, options, text = BAD[name]
     with pytest.raises(InputError, match=text) as caught:
-        build_model(mesh, **{"device": "cpu", **options})  # type: ignore[arg-type]
+        build_model(mesh, **{"device": "cpu", **options})
     assert "\n" not in str(caught.value)
 
 

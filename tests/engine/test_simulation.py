@@ -1,5 +1,7 @@
 """The incremental loop: where the trunk ends does not depend on how it is led there."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -103,10 +105,10 @@ def test_increments_do_not_change_the_end(gravity: float) -> None:
 )
 @pytest.mark.parametrize("tissue_follows", [True, False])
 def test_rigid_motion_of_all_bones_carries_the_trunk(
-    trunk: TrunkMesh, move: object, increments: int, tissue_follows: bool
+    trunk: TrunkMesh, move: Callable[[np.ndarray], np.ndarray], increments: int, tissue_follows: bool
 ) -> None:
     """The energy goes back to zero, also where the path leaves the tissue behind."""
-    wanted = move(trunk.nodes) - trunk.nodes  # type: ignore[operator]
+    wanted = move(trunk.nodes) - trunk.nodes
     carried = wanted if tissue_follows else np.where(trunk.prescribed[:, None], wanted, 0.0)
     if not tissue_follows:
         carried = carried / 20.0 + wanted * 0.95

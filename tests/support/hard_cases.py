@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -141,15 +142,13 @@ def graded() -> Case:
     return Case(mesh, start, precision="float64", most_steps=40)
 
 
-def turned_block(
-    tissue: Tissue | None = None, gravity: float = 0.0, scale: float = 1.0, **options: object
-) -> Case:
+def turned_block(tissue: Tissue | None = None, gravity: float = 0.0, scale: float = 1.0, **options: Any) -> Case:
     """The lowest face turns and slides by a few millimetres."""
     mesh = block((2, 2, 3))
     held = mesh.prescribed[:, None]
     start = np.where(held, rotate(mesh.nodes, 15.0, (1.0, 0.3, 1.0)) + SLIDE - mesh.nodes, 0.0)
     scaled = replace(mesh, nodes=scale * mesh.nodes)
-    return Case(scaled, scale * start, tissue=tissue or Tissue(), gravity=gravity, **options)  # type: ignore[arg-type]
+    return Case(scaled, scale * start, tissue=tissue or Tissue(), gravity=gravity, **options)
 
 
 def twisted(increments: int) -> Case:

@@ -1,5 +1,7 @@
 """The Relaxer's equilibrium against one that SciPy finds on the NumPy energy."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -32,8 +34,8 @@ def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
 
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 @pytest.mark.parametrize("scene", [moved_block, moved_bone])
-def test_same_equilibrium(scene: object, gravity: float) -> None:
-    trunk, start = scene()  # type: ignore[operator]
+def test_same_equilibrium(scene: Callable[[], tuple[TrunkMesh, np.ndarray]], gravity: float) -> None:
+    trunk, start = scene()
     reference = Reference(trunk, TISSUE, gravity)
     model = build_model(trunk, TISSUE, gravity=gravity, precision="float64", device="cpu")
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-6))

@@ -240,10 +240,10 @@ def test_the_tolerance_of_a_call_goes_before_that_of_the_options() -> None:
         {"method": "steepest"},
     ],
 )
-def test_refuses_options_out_of_range(options: dict[str, object]) -> None:
+def test_refuses_options_out_of_range(options: dict[str, Any]) -> None:
     (name,) = options
     with pytest.raises(InputError, match=name):
-        RelaxOptions(**options)  # type: ignore[arg-type]
+        RelaxOptions(**options)
 
 
 def test_state_keeps_the_order_of_the_mesh() -> None:
