@@ -55,7 +55,7 @@ class Simulated:
     """A case that was simulated, and can be simulated again with other landmarks or constants."""
 
     def __init__(self, case: Case, options: RunOptions, trunk: TrunkMesh | None = None) -> None:
-        self.case, self.options, self.trunk = case, options, trunk
+        self.case, self.options = case, options
         self.prepared = prepare(case, options, trunk)
         self.relaxer = Relaxer(self.prepared.model, options.simulation.relax)
         self.last = self.end(self.prepared, self.relaxer)
@@ -85,7 +85,7 @@ class Simulated:
 
     def with_tissue(self, tissue: Tissue) -> np.ndarray:
         """The numbers of another tissue."""
-        prepared = prepare(replace(self.case, tissue=tissue), self.options, self.trunk)
+        prepared = prepare(replace(self.case, tissue=tissue), self.options, self.prepared.trunk)
         return self.numbers(self.case, self.end(prepared))
 
     def numbers(self, case: Case, last: Increment) -> np.ndarray:
