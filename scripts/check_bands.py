@@ -32,7 +32,7 @@ from warp_trunk import (
 )
 from warp_trunk.case.uncertainty import CERTAIN
 from warp_trunk.run.bands import DRAWS, find_bands
-from warp_trunk.run.prepare import find_path
+from warp_trunk.run.paths import find_path
 
 LANDMARKS_ONLY = replace(CERTAIN, landmark_error=LANDMARK_MEAN, landmark_error_sd=LANDMARK_SD)
 PAGE = """# Bands against whole simulations: {case}

@@ -48,8 +48,10 @@ from .preparation.scanning import CloseOptions, CutPlane, align_parts, close_ski
 from .recording import Recording
 from .results import Result, Summary, predicted_skin, read_result, read_summary, write_result
 from .run.options import RunOptions
+from .run.patient import Patient, patient_of
 from .run.prepare import Prepared, prepare
 from .run.run_case import RunResult, run_case
+from .run.run_plans import PlanResult, run_plans
 from .run.sensitivities import Sensitivity, sensitivities
 
 __all__ = [
@@ -73,7 +75,9 @@ __all__ = [
     "Layers",
     "MeshOptions",
     "Model",
+    "Patient",
     "Plan",
+    "PlanResult",
     "PlannedSurgery",
     "Prepared",
     "Recording",
@@ -115,6 +119,7 @@ __all__ = [
     "make_case",
     "measure",
     "mirror_asymmetry",
+    "patient_of",
     "phantom_case",
     "plan_surgery",
     "predicted_skin",
@@ -130,6 +135,7 @@ __all__ = [
     "register_skin",
     "rigid_path",
     "run_case",
+    "run_plans",
     "sag_free",
     "sensitivities",
     "simulate",

@@ -19,7 +19,8 @@ from warp_trunk.results import predicted_skin, read_result, write_result
 from warp_trunk.results.bands import FoundBands
 from warp_trunk.run.bands import find_bands
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.prepare import Prepared, find_path, prepare
+from warp_trunk.run.paths import find_path
+from warp_trunk.run.prepare import Prepared, prepare
 from warp_trunk.run.sensitivities import sensitivities
 
 CASE, TRUNK = boned_case()

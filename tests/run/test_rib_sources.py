@@ -12,7 +12,7 @@ from warp_trunk.case.rib_shares import RANGES, RibShares
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.preparation.deformity import SpineCurve, correct
 from warp_trunk.preparation.phantom import straight_trunk
-from warp_trunk.run.prepare import motions_of
+from warp_trunk.run.paths import motions_of
 from warp_trunk.run.sources import rib_share_sources
 
 SKIN, BONES, STRAIGHT = straight_trunk()

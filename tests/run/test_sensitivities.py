@@ -28,7 +28,8 @@ from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.prepare import Prepared, find_path, prepare
+from warp_trunk.run.paths import find_path
+from warp_trunk.run.prepare import Prepared, prepare
 from warp_trunk.run.sensitivities import Sensitivity, sensitivities
 
 ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,13 +11,12 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
-from warp_trunk.bone_motion.plan import plan_surgery, read_plan, write_plan
+from warp_trunk.bone_motion.plan import plan_surgery, read_plan
 from warp_trunk.bone_motion.plan.plan_file import curve_of_text
-from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_record, surgery_text
-from warp_trunk.case import read_case, write_case
-from warp_trunk.case.places import refuse_case
+from warp_trunk.bone_motion.plan.planned_folder import check_planned_folder, write_planned_case
+from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_text
+from warp_trunk.case import read_case
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import cobb_angles
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
@@ -27,9 +25,6 @@ from warp_trunk.run.run_case import run_case
 from .crossing_file import crossings_written
 from .ending import report_ending
 from .exit_status import OK
-
-PLAN, RECORD = "plan.toml", "plan.json"
-"""What a planned case holds beside the files of a case."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,18 +64,13 @@ class Plan:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the planned case and prints what the plan asks for."""
-        check_out(self.out, self.case)
+        check_planned_folder(self.out, self.case)
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
             surgery = plan_surgery(case, self._intention(case.landmarks_before))
-            planned = replace(surgery.planned_case(case), name=planned_name(case.name, self.out.resolve().name))
             with progress.stage("write", f"writing {self.out}"):
-                write_case(self.out, planned)
-                write_plan(self.out / PLAN, surgery.plan)
-                with atomic_write(self.out / RECORD) as unfinished:
-                    text = json.dumps(surgery_record(surgery), indent=2, allow_nan=False)
-                    unfinished.write_text(text + "\n", encoding="utf-8")
+                planned = write_planned_case(self.out, case, surgery)
             print(surgery_text(surgery))
             print(f"\nPlanned case written to {self.out}")
             if not self.predict:
@@ -112,16 +102,3 @@ class Plan:
                 f"plan: give --plan plan.toml, or --uiv, --liv and --curve; the curves are {curves or 'none'}"
             )
         return SurgicalPlan(**given)
-
-
-def check_out(out: Path, case: Path) -> None:
-    """Raise InputError where a planned case would take the place of a case that no plan wrote, or lie in one."""
-    if (out / "case.toml").exists() and not (out / PLAN).exists():
-        what = "is the case itself" if out.resolve() == case.resolve() else "holds another case"
-        raise InputError(f"{out}: {what}, which a plan does not overwrite; give --out a folder of its own")
-    refuse_case(out.resolve().parent)
-
-
-def planned_name(patient: str, plan: str) -> str:
-    """What a planned case is called: two plans for one patient are told apart by their folders' names."""
-    return f"{patient.split(', plan ')[0]}, plan {plan}"

@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction
 
-from warp_trunk.case import read_checked_case
+from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
+from warp_trunk.bone_motion.plan import read_plan
+from warp_trunk.bone_motion.plan.planned_folder import plan_files
+from warp_trunk.case import Case, read_checked_case
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
+from warp_trunk.run.run_plans import run_plans
 
 from .arguments import parse
 from .crossing_file import crossings_written
@@ -28,7 +32,11 @@ class Simulate:
     case: Positional[Path]
     """Case folder."""
     out: Path | None = None
-    """Result folder; results/ and the name of the case folder when left out."""
+    """Result folder; results/ and the name of the case folder when left out. With --plan the folder in which each
+    plan has a result folder of its own name."""
+    plan: UseAppendAction[tuple[Path, ...]] = ()
+    """A plan to simulate in place of what the case says of after surgery: plan.toml, or a folder that holds one;
+    once for each plan. All share the mesh and the model of the patient."""
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
     """How the case is simulated."""
     align_pelvis: bool = False
@@ -37,13 +45,27 @@ class Simulate:
     """What the soft tissue is made of; what is not given here is taken from case.toml."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Simulates the case and writes its result."""
+        """Simulates the case, or each plan for it, and writes the results."""
         out = self.out or Path("results") / self.case.resolve().name
+        plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"), crossings_written(out):
                 case, warnings = read_checked_case(self.case, align=self.align_pelvis)
             given = parse(Simulate, arguments, replace(self, tissue=case.tissue))
+            case = replace(case, tissue=given.tissue)
             with crossings_written(out):
-                case = replace(case, tissue=given.tissue)
+                if plans:
+                    return self._run_plans(case, plans, out, progress)
                 result = run_case(case, out, self.options, progress, warnings=warnings)
         return report_ending(result)
+
+    def _run_plans(self, case: Case, plans: dict[str, SurgicalPlan], out: Path, progress: Progress) -> int:
+        """Simulates each plan; prints how each ended, and the status of the first that did not converge."""
+        ends, folders = [], []
+        for done in run_plans(case, plans, out, self.options, progress):
+            ends.append(report_ending(done.result))
+            folders.append(str(done.result.folder))
+            print()
+        if len(folders) > 1:
+            print(f"Side by side: warp-trunk report {' '.join(folders)}")
+        return max(ends)

@@ -29,7 +29,8 @@ from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
 from .options import RunOptions
-from .prepare import Prepared, find_path
+from .paths import find_path
+from .prepare import Prepared
 from .sensitivities import Sensitivity, constant_names, sensitivities
 from .sources import Source, sources_of
 

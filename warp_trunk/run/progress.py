@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -83,7 +83,7 @@ class Progress:
                 f"{relaxation.linear_iterations} linear iterations, {increment.seconds:.1f} s"
             )
             return
-        if self._task is None:
+        if self._task is None or increment.number == 1:  # another plan begins
             self._task = self._bars.add_task("relaxing the tissue", total=count)
         self._bars.update(self._task, completed=increment.number)
 
@@ -93,3 +93,8 @@ class Progress:
 
     def _line(self, text: str) -> None:
         print(text, file=self._stream, flush=True)
+
+
+def stage_of(progress: Progress | None, name: str, doing: str) -> AbstractContextManager[None]:
+    """A stage of a progress, or nothing where there is none."""
+    return nullcontext() if progress is None else progress.stage(name, doing)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +13,8 @@ from warp_trunk.case import check_case
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import Increment, simulate
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.exchange import read_volume
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.skin_quality import skin_quality
-from warp_trunk.meshing.layers import check_labels
 from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
 from warp_trunk.results import (
     RECORDING,
@@ -34,13 +30,13 @@ from warp_trunk.results.summary_text import markdown
 
 from .bands import find_bands
 from .options import RunOptions, parameters
-from .prepare import Prepared, prepare
+from .patient import Patient, patient_of, with_mesh_given
+from .prepare import Prepared, prepare_plan
 from .progress import Progress
 from .warnings import curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.results import Summary
     from warp_trunk.results.bands import FoundBands
 
@@ -68,6 +64,7 @@ def run_case(
     progress: Progress | None = None,
     *,
     warnings: Sequence[str] | None = None,
+    patient: Patient | None = None,
 ) -> RunResult:
     """Mesh, simulate, measure and write a case, with a recording that grows by each increment.
 
@@ -77,16 +74,20 @@ def run_case(
         options: how; the defaults when left out.
         progress: what to tell it to; a log on standard error when left out.
         warnings: what the check of the case found (`read_checked_case`); it is checked here when left out.
+        patient: the patient of the case, made ready with these options for another plan; made here when left out.
 
     Raises:
         InputError: a folder that lies in a case, cannot be written or is in use, an interrupted simulation that is
-            of another case or other options, or a case or options that a stage refuses.
+            of another case or other options, a patient who is another or was made ready with other options, or a
+            case or options that a stage refuses.
     """
     options = options or RunOptions()
     progress = progress or Progress()
     _ = case.planned_landmarks  # refused before any work where nothing is planned
     folder = prepare_folder(folder)
     check_colours(case, options.record_colours)
+    if patient is not None and patient.options != options:
+        raise InputError("run_case: 'patient' was made ready with other options; give the same, or leave it out")
     if options.live and not options.record:
         raise InputError("--live: shows what is recorded; leave --no-record out")
     warnings = [
@@ -99,20 +100,33 @@ def run_case(
     for warning in warnings:
         progress.message(f"warning: {warning}")
     with locked(folder):
-        return _run(case, folder, options, progress, warnings)
+        return _run(case, folder, options, progress, warnings=warnings, patient=patient)
 
 
-def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warnings: list[str]) -> RunResult:
-    start = time.perf_counter()
-    case, trunk = _given(case, options, progress)
-    checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), trunk))
+def _run(
+    case: Case,
+    folder: Path,
+    options: RunOptions,
+    progress: Progress,
+    *,
+    warnings: list[str],
+    patient: Patient | None,
+) -> RunResult:
+    clock = _Clock(progress, patient)
+    if patient is None:
+        case, given = with_mesh_given(case, options, progress)
+    else:
+        patient.check(case)
+        given = patient.given
+    checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), given))
     _begin(checkpoint, options, progress)
     live = start_viewer() if options.live else None
     if options.record:
         load_rerun()
     else:
         partial(folder / RECORDING).unlink(missing_ok=True)  # of a run that was interrupted
-    prepared = prepare(case, options, trunk, progress)
+    patient = patient or patient_of(case, options, given, progress)
+    prepared = prepare_plan(patient, case, progress)
     held = colliding_bones(prepared.trunk, prepared.bone_path)
     if held:
         progress.message(f"warning: {held[0]}; tissue cannot follow there")
@@ -120,19 +134,10 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warn
     recording = None
     if options.record:
         with progress.stage("record", "opening the recording"):
-            recording = Recording(
-                partial(folder / RECORDING),
-                case,
-                prepared.trunk,
-                before,
-                prepared.bone_path,
-                model=prepared.model,
-                colours=options.record_colours,
-                steps=options.record_steps,
-                live=live,
-            )
+            path = partial(folder / RECORDING)
+            recording = _recording(path, case, prepared, before, options=options, live=live)
     try:
-        increments, after = _simulate(case, prepared, options, _Watchers(recording, checkpoint, progress))
+        increments, after = _simulate(case, prepared, patient, _Watchers(recording, checkpoint, progress))
         last = increments[-1]
         warnings = [
             *warnings,
@@ -155,13 +160,44 @@ def _run(case: Case, folder: Path, options: RunOptions, progress: Progress, warn
         prepared.model,
         increments,
         parameters=parameters(options),
-        seconds={**progress.seconds, "total": progress.seconds.get("load", 0.0) + time.perf_counter() - start},
+        seconds=clock.seconds(),
         warnings=warnings,
         found=found,
         recording=None if recording is None or recording.failed else recording.path,
     )
     checkpoint.remove()
     return RunResult(last.relaxation.status, before, after, summary, folder)
+
+
+class _Clock:
+    """What a run takes: of a patient who was ready before, only what her plan adds."""
+
+    def __init__(self, progress: Progress, patient: Patient | None) -> None:
+        self._progress = progress
+        self._start = time.perf_counter()
+        self._before = {} if patient is None else dict(progress.seconds)
+
+    def seconds(self) -> dict[str, float]:
+        """Time by stage, and in all with the time of reading the case [s]."""
+        taken = {name: value - self._before.get(name, 0.0) for name, value in self._progress.seconds.items()}
+        own = {name: value for name, value in taken.items() if value > 0.0}
+        return {**own, "total": own.get("load", 0.0) + time.perf_counter() - self._start}
+
+
+def _recording(
+    path: Path, case: Case, prepared: Prepared, before: TrunkMeasures, *, options: RunOptions, live: str | None
+) -> Recording:
+    return Recording(
+        path,
+        case,
+        prepared.trunk,
+        before,
+        prepared.bone_path,
+        model=prepared.model,
+        colours=options.record_colours,
+        steps=options.record_steps,
+        live=live,
+    )
 
 
 def _bands(
@@ -175,18 +211,6 @@ def _bands(
         return None
     with progress.stage("bands", "finding how sure each number is"):
         return find_bands(case, prepared, increment, options)
-
-
-def _given(case: Case, options: RunOptions, progress: Progress) -> tuple[Case, TrunkMesh | None]:
-    """The mesh of another program, if one is asked for, and the case with the boundary of it as its skin."""
-    trunk = None
-    if options.from_mesh is not None:
-        with progress.stage("mesh", f"reading {options.from_mesh}"):
-            trunk = read_volume(options.from_mesh, case.skin, case.bones)
-        case = dataclasses.replace(case, skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
-    if options.layers == "mesh":
-        check_labels(case.layers, trunk)
-    return case, trunk
 
 
 def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> None:
@@ -214,8 +238,9 @@ class _Watchers:
 
 
 def _simulate(
-    case: Case, prepared: Prepared, options: RunOptions, watchers: _Watchers
+    case: Case, prepared: Prepared, patient: Patient, watchers: _Watchers
 ) -> tuple[list[Increment], TrunkMeasures]:
+    options = patient.options
     recording, checkpoint, progress = watchers.recording, watchers.checkpoint, watchers.progress
     model, bone_path = prepared.model, prepared.bone_path
     done = checkpoint.increments(model) if options.resume else []
@@ -235,7 +260,7 @@ def _simulate(
         observe(increment)
     began = time.perf_counter()
     watch = None if recording is None else recording.watch
-    for increment in simulate(model, bone_path, options.simulation, watch, done):
+    for increment in simulate(model, bone_path, options.simulation, watch, done, relaxer=patient.relaxer):
         if len(increments) == len(done):  # what came before its own time compiled and loaded the kernels
             progress.add("compile", time.perf_counter() - began - increment.seconds)
         progress.add("relax", increment.seconds)

@@ -26,7 +26,8 @@ from warp_trunk.measures.derivatives import (
 from warp_trunk.results import predicted_skin
 
 from .options import RunOptions
-from .prepare import Prepared, motions_of
+from .paths import motions_of
+from .prepare import Prepared
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

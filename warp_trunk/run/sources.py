@@ -19,7 +19,8 @@ from warp_trunk.case.uncertainty import FACTORS, REFERENCES
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
 
 from .options import RunOptions
-from .prepare import Prepared, motions_of
+from .paths import motions_of
+from .prepare import Prepared
 from .sensitivities import constant_names
 
 if TYPE_CHECKING:

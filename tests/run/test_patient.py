@@ -1,0 +1,87 @@
+"""A patient made ready once: plans share her mesh and model, and nothing of one is left in the next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.small_trunk import small_case
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.layers import Layers
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.patient import Patient, patient_of
+from warp_trunk.run.prepare import prepare_plan
+from warp_trunk.run.run_case import run_case
+
+CASE, TRUNK = small_case()
+OPTIONS = RunOptions(simulation=SimulationOptions(increments=3), device="cpu", threads=1, record=False)
+
+
+@pytest.fixture(scope="module")
+def patient() -> Patient:
+    return patient_of(replace(CASE, landmarks_after=None), OPTIONS, TRUNK)
+
+
+def planned(shift: float) -> Case:
+    """T8 moved to the left."""
+    before = CASE.landmarks_before
+    moved = before.points.copy()
+    moved[[name.startswith("T8") for name in before.names], 0] += shift
+    return replace(CASE, landmarks_after=Landmarks(before.names, moved))
+
+
+@pytest.mark.parametrize("options", [OPTIONS, replace(OPTIONS, bones="follow"), replace(OPTIONS, gravity=9.81)])
+def test_every_plan_gives_the_bits_of_a_run_on_its_own(options: RunOptions, tmp_path: Path) -> None:
+    stiff = replace(CASE, tissue=Tissue(youngs_modulus=200.0))
+    kept = patient_of(stiff, options, TRUNK)
+    for number, shift in enumerate((12.0, -7.0, 12.0)):
+        case = replace(planned(shift), tissue=stiff.tissue)
+        alone = patient_of(case, options, TRUNK)
+        for name, ready in (("kept", kept), ("alone", alone)):
+            run_case(case, tmp_path / f"{name} {number}", options, warnings=(), patient=ready)
+        for file in ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv"):
+            kept_file, alone_file = (tmp_path / f"{name} {number}" / file for name in ("kept", "alone"))
+            assert kept_file.read_bytes() == alone_file.read_bytes()
+    ends = [(tmp_path / f"kept {number}" / "trunk.vtu").read_bytes() for number in range(3)]
+    assert ends[0] == ends[2] != ends[1]
+
+
+def test_the_time_of_making_her_ready_is_in_no_plans_summary(patient: Patient, tmp_path: Path) -> None:
+    seconds = run_case(planned(5.0), tmp_path, OPTIONS, warnings=(), patient=patient).summary.seconds
+    assert seconds["mesh"] is None
+    assert seconds["relax"] is not None
+    assert seconds["total"] is not None
+    assert seconds["total"] > seconds["relax"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"skin": replace(CASE.skin, vertices=CASE.skin.vertices + 1e-9)}, "its skin must be that of 'small'"),
+        ({"bones": {}}, "its bone spine must be"),
+        ({"bones": {"spine": replace(CASE.bones["spine"], vertices=CASE.bones["spine"].vertices + 1.0)}}, "bone"),
+        ({"tissue": Tissue(theta=3.0)}, "its tissue must be"),
+        ({"layers": Layers()}, "its layers of tissue must be"),
+    ],
+)
+def test_a_case_that_needs_another_mesh_or_model_is_refused(patient: Patient, change: dict, what: str) -> None:
+    with pytest.raises(InputError, match=what):
+        prepare_plan(patient, replace(planned(5.0), **change))
+
+
+def test_a_copy_of_the_patient_is_the_patient(patient: Patient) -> None:
+    skin = replace(CASE.skin, vertices=CASE.skin.vertices.copy())
+    path = prepare_plan(patient, replace(planned(5.0), skin=skin, name="read again")).bone_path
+    assert np.abs(path.at(1.0)).max() == pytest.approx(5.0, rel=0.5)
+
+
+def test_other_options_than_the_patients_are_refused(patient: Patient, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="other options"):
+        run_case(planned(5.0), tmp_path, replace(OPTIONS, energy="neo-hookean"), warnings=(), patient=patient)

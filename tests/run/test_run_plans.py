@@ -1,0 +1,87 @@
+"""simulate CASE --plan A --plan B: each as if it was planned and simulated on its own."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from support.no_meshing import forbid_meshing
+from warp_trunk.bone_motion.plan import CurvePlan, Plan
+from warp_trunk.case import write_case
+from warp_trunk.cli import main
+from warp_trunk.errors import InputError
+from warp_trunk.preparation.phantom import phantom_case
+from warp_trunk.report.plans import read_plans
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.run_plans import run_plans
+
+COARSE = ("--tets", "60000", "--bone-edge-length", "12", "--increments", "1", "--no-record", "--tolerance", "0.5")
+TEXT = 'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = {correction}\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A case without a plan, plans as a file and in a folder, and one that no spine can meet."""
+    write_case(tmp_path / "anna", replace(phantom_case(), landmarks_after=None))
+    (tmp_path / "more").mkdir()
+    for file, correction in (("less.toml", 0.3), ("more/plan.toml", 0.65)):
+        (tmp_path / file).write_text(TEXT.format(correction=correction))
+    short = TEXT.format(correction=1.0).replace("T4", "T8").replace("L1", "T9")
+    (tmp_path / "never.toml").write_text(f'unfused = "fixed"\n{short}')
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "anna", "--plan", "less.toml", "--plan", "more", *COARSE]) == 0
+    said = capsys.readouterr()
+    assert "Side by side: warp-trunk report results/anna/less results/anna/more" in said.out
+    assert said.err.count("meshing the soft tissue") == said.err.count("preparing the model") == 1
+    assert main(["plan", "anna", "--plan", "more/plan.toml", "--out", "cases/more"]) == 0
+    assert main(["simulate", "cases/more", "--out", "alone", *COARSE]) == 0
+    shared = Path("results/anna/more")
+    for name in ("predicted_skin.ply", "trunk.vtu", "landmarks_before.csv", "landmarks_after.csv"):
+        assert (shared / name).read_bytes() == Path("alone", name).read_bytes()
+    one, other = (json.loads((result / "summary.json").read_text()) for result in (shared, Path("alone")))
+    for summary in (one, other):
+        for name in ("seconds", "peak_memory_mb"):
+            del summary[name]
+        for part in (*summary["increments"], *(step for i in summary["increments"] for step in i["history"])):
+            del part["seconds"]
+    assert one == other
+    assert len(read_plans([folder / "results/anna/less", shared])) == 2  # they can be compared
+
+
+@pytest.mark.parametrize(
+    ("given", "rule"),
+    [
+        (("less.toml", "never.toml"), "plan never: curve T8: "),
+        (("less.toml", "./less.toml"), "is called 'less' too"),
+        (("less.toml", "nowhere.toml"), "nowhere.toml: there is no such file"),
+        (("less.toml", "anna"), "anna/plan.toml: there is no such file"),
+    ],
+)
+def test_one_that_cannot_be_is_refused_before_any_is_simulated(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    given: tuple[str, ...],
+    rule: str,
+) -> None:
+    forbid_meshing(monkeypatch)
+    words = [word for file in given for word in ("--plan", file)]
+    assert main(["simulate", "anna", *words, *COARSE]) == 2
+    assert rule in capsys.readouterr().err.splitlines()[-1]
+    assert not (folder / "results").exists()
+
+
+def test_what_run_plans_is_asked_for_in_vain(tmp_path: Path) -> None:
+    case = phantom_case()
+    with pytest.raises(InputError, match="'plans' is empty"):
+        run_plans(case, {}, tmp_path)
+    plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
+    with pytest.raises(InputError, match="--live: shows one simulation"):
+        run_plans(case, {"a": plan, "b": plan}, tmp_path, RunOptions(live=True))

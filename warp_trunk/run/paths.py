@@ -1,0 +1,32 @@
+"""The path of a case's bones: carried by the spline of the landmarks, or each rigidly."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from warp_trunk.bone_motion.articulation import bone_motions
+from warp_trunk.bone_motion.bone_path import BonePath, rigid_path, spline_path
+from warp_trunk.engine.parallel import choose_device
+
+from .options import RunOptions
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+    from warp_trunk.case import Case
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+
+
+def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
+    """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
+    if options.bones == "follow":
+        return rigid_path(trunk, motions_of(case))
+    device = choose_device(options.device)
+    return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)
+
+
+def motions_of(case: Case) -> dict[str, RigidTransform]:
+    """How each bone of a case moves rigidly, known ones first."""
+    return bone_motions(
+        case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after, case.rib_shares
+    )

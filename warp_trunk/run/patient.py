@@ -1,0 +1,171 @@
+"""A patient made ready once: another plan for her costs only the relaxation."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case.layers import Layers
+from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.relaxation import Relaxer
+from warp_trunk.engine.sag_free import sag_free
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.exchange import read_volume
+from warp_trunk.meshing import make_trunk
+from warp_trunk.meshing.joints import free_joints
+from warp_trunk.meshing.layers import check_labels, layered
+
+from .options import RunOptions
+from .progress import stage_of
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.engine.tissue import Tissue
+
+    from .progress import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class Patient:
+    """One patient and her tissue, ready for any plan. Made by `patient_of`.
+
+    Neither the mesh nor the model depends on where a plan takes the bones: nodes on bone are held wherever these
+    go, and joints are freed by where bones touch before surgery. A plan costs its bone path and the relaxation,
+    and gives on the CPU the same to the last bit as a simulation on its own.
+    """
+
+    case: Case
+    """The case before surgery; what is planned in it is not read."""
+    options: RunOptions
+    """How she is simulated."""
+    trunk: TrunkMesh
+    """The mesh, with the tissue of its tetrahedra and with free joints where bones move each on its own."""
+    model: Model
+    """The mesh on its device, at rest."""
+    given: TrunkMesh | None = None
+    """The mesh that was given instead of being made here."""
+
+    @cached_property
+    def relaxer(self) -> Relaxer:
+        """What every relaxation uses, made when it is first asked for."""
+        return Relaxer(self.model, self.options.simulation.relax)
+
+    def check(self, case: Case) -> None:
+        """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""
+        if differs := self._differs(case):
+            raise InputError(
+                f"case {case.name!r}: its {differs} must be that of {self.case.name!r}, for whom mesh and model "
+                "were made, but is another; simulate it on its own"
+            )
+
+    def _differs(self, case: Case) -> str:
+        """The first thing that mesh or model depend on and that is another in a case; empty where none is."""
+        mine = self.case
+        if not _same(mine.skin, case.skin):
+            return "skin"
+        if mine.bones.keys() != case.bones.keys():
+            return f"bone {min(mine.bones.keys() ^ case.bones.keys())}"
+        for name, bone in mine.bones.items():
+            if not _same(bone, case.bones[name]):
+                return f"bone {name}"
+        if mine.tissue != case.tissue:
+            return "tissue"
+        return "" if _same_layers(mine.layers, case.layers) else "layers of tissue"
+
+
+def patient_of(
+    case: Case,
+    options: RunOptions | None = None,
+    trunk: TrunkMesh | None = None,
+    progress: Progress | None = None,
+) -> Patient:
+    """Mesh a patient and build her model.
+
+    Args:
+        case: the patient, with her tissue; nothing need be planned.
+        options: how she is simulated; the defaults when left out.
+        trunk: the mesh where there is one already; made, or fetched from the cache, when left out.
+        progress: what to show the stages on; nothing is shown when left out.
+
+    Raises:
+        InputError: the case or an option is one that a stage refuses.
+    """
+    options = options or RunOptions()
+    given, trunk = trunk, trunk or _mesh(case, options, progress)
+    if options.bones == "follow":
+        trunk = free_joints(trunk)
+    trunk, tissues = _tissues(case, trunk, options, progress)
+    with stage_of(progress, "compile", "preparing the model"):
+        model = build_model(
+            trunk,
+            tissues,
+            energy=options.energy,
+            weights=options.weights,
+            gravity=options.gravity,
+            device=options.device,
+            precision=options.precision,
+            threads=options.threads,
+        )
+    if options.gravity != 0.0 and options.rest == "sag-free":
+        with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
+            model = sag_free(model).model
+    return Patient(case, options, trunk, model, given)
+
+
+def with_mesh_given(
+    case: Case, options: RunOptions, progress: Progress | None = None
+) -> tuple[Case, TrunkMesh | None]:
+    """The mesh of another program, if one is asked for, and the case with the boundary of it as its skin."""
+    trunk = None
+    if options.from_mesh is not None:
+        with stage_of(progress, "mesh", f"reading {options.from_mesh}"):
+            trunk = read_volume(options.from_mesh, case.skin, case.bones)
+        case = dataclasses.replace(case, skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
+    if options.layers == "mesh":
+        check_labels(case.layers, trunk)
+    return case, trunk
+
+
+def _mesh(case: Case, options: RunOptions, progress: Progress | None) -> TrunkMesh:
+    with stage_of(progress, "build", "meshing the soft tissue"):
+        build = make_trunk(case.skin, case.bones, options.mesh)
+    if progress is not None:
+        progress.add("surface", build.surface_seconds)
+        progress.add("mesh", build.mesh_seconds)
+    return build.trunk
+
+
+def _tissues(
+    case: Case, trunk: TrunkMesh, options: RunOptions, progress: Progress | None
+) -> tuple[TrunkMesh, Tissue | tuple[Tissue, ...]]:
+    """The mesh with the tissue of its tetrahedra, and the tissues."""
+    source = options.layers
+    if source is None:
+        source = "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
+    if source == "none":
+        return dataclasses.replace(trunk, tissue=None), case.tissue
+    layers = case.layers or Layers()
+    with stage_of(progress, "layers", "telling skin, fat and muscle apart"):
+        return layered(trunk, layers, source), layers.tissues(case.tissue)
+
+
+def _same(one: Surface, other: Surface) -> bool:
+    return one is other or (
+        np.array_equal(one.vertices, other.vertices) and np.array_equal(one.faces, other.faces)
+    )
+
+
+def _same_layers(one: Layers | None, other: Layers | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return (
+        np.array_equal(one.skin_thickness, other.skin_thickness)
+        and np.array_equal(one.fat_thickness, other.fat_thickness)
+        and (one.constants, one.mesh) == (other.constants, other.mesh)
+    )
