@@ -32,16 +32,21 @@ class Coupling:
             model.parallel.record(slab_kernels(mat33).gather, size, [ranges], [blocks])()
         self._blocks = blocks.numpy()[0, :size].astype(np.float64)
         self._by_column = np.argsort(self._column, kind="stable")
+        self._transposed = self._blocks[self._by_column].transpose(0, 2, 1)
 
     def times(self, moved: np.ndarray) -> np.ndarray:
-        """What moving the prescribed nodes (prescribed, 3) adds to the gradient of the free ones, (free, 3)."""
-        return _sum_by(self._row, np.einsum("bij,bj->bi", self._blocks, moved[self._column]), self._free)
+        """What moving prescribed nodes (fields, prescribed, 3) adds to gradients (fields, free, 3)."""
+        return np.array([_sum_by(self._row, _each(self._blocks, by[self._column]), self._free) for by in moved])
 
-    def transposed_times(self, weight: np.ndarray) -> np.ndarray:
-        """The transpose, from the free nodes (free, 3) to the prescribed ones, (prescribed, 3)."""
-        order = self._by_column
-        product = np.einsum("bij,bi->bj", self._blocks[order], weight[self._row[order]])
-        return _sum_by(self._column[order], product, self._prescribed)
+    def transposed_times(self, weights: np.ndarray) -> np.ndarray:
+        """The transpose, from free nodes (fields, free, 3) to prescribed ones (fields, prescribed, 3)."""
+        row, column = self._row[self._by_column], self._column[self._by_column]
+        return np.array([_sum_by(column, _each(self._transposed, by[row]), self._prescribed) for by in weights])
+
+
+def _each(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Products of blocks (n, 3, 3) with vectors (n, 3)."""
+    return np.einsum("bij,bj->bi", blocks, vectors)
 
 
 def _pattern(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

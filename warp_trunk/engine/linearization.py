@@ -17,10 +17,8 @@ from warp_trunk.errors import InputError
 from .constants import Constant, weight_derivative
 from .coupling import Coupling
 from .model import Model
-from .relaxation.block_matrix import BlockMatrix
-from .relaxation.conjugate_gradient import ConjugateGradient
-from .relaxation.multilevel import Multilevel
-from .relaxation.outcome import RelaxStatus
+from .relaxation import Relaxer, RelaxStatus
+from .relaxation.column_gradient import ColumnGradient
 from .simulation import Increment
 from .state import State
 
@@ -29,21 +27,27 @@ ACCURACY = 1e-3
 its landmarks are then right to 0.2 %."""
 MOST_ITERATIONS = 2000
 """Of one linear solve; many times what a stable equilibrium takes."""
+MOST_COLUMNS = 24
+"""Solved at once; more would only take more memory."""
 
 
 class Linearization:
-    """The linear problem at the end of a relaxation; fields are in mesh order, shape (nodes, 3)."""
+    """The linear problem at the end of a relaxation; fields are in mesh order, shape (fields, nodes, 3)."""
 
     iterations: int
-    """Products with the curvature so far."""
+    """Products with the curvature so far, all columns of a pass counted as one."""
 
-    def __init__(self, model: Model, increment: Increment, accuracy: float = ACCURACY) -> None:
+    def __init__(
+        self, model: Model, increment: Increment, accuracy: float = ACCURACY, relaxer: Relaxer | None = None
+    ) -> None:
         """Assembles the true curvature at the increment.
 
         Args:
             model: the trunk.
             increment: one of a simulation of it.
             accuracy: part of the longest vector of a solution by which a vector may be wrong.
+            relaxer: one of this model, whose matrix and preconditioner are used; it must not relax until this is
+                done with. Made when left out.
 
         Raises:
             InputError: a relaxation that did not converge: what is no equilibrium has no such derivative.
@@ -55,36 +59,31 @@ class Linearization:
             )
         self.model, self._accuracy = model, accuracy
         self.iterations = 0
-        self._state = State(model)
-        self._state.displacement.assign(increment.from_rest)
+        relaxer = relaxer or Relaxer(model)
+        self._state = relaxer.state
         if not model.free_nodes:
             return
-        matrix = BlockMatrix(self._state)
-        matrix.assemble()
-        preconditioner = Multilevel(matrix)
-        matrix.assemble_true()
-        self._load = model.free_vectors()
-        self._solver = ConjugateGradient(matrix, preconditioner, self._load, MOST_ITERATIONS)
+        self._matrix, self._preconditioner = relaxer.true_curvature(model.array(increment.from_rest, model.vec3))
         self._coupling = Coupling(self._state)
+        self._solvers: dict[int, ColumnGradient] = {}
 
-    def adjoint(self, weight: np.ndarray) -> np.ndarray:
-        """l with H l = dN/du, of a number's derivative in the place of every node; 0 on prescribed nodes."""
-        return self._in_mesh_order(self._solve(self._in_model_order(weight)[self.model.free]))
+    def adjoints(self, weights: np.ndarray) -> np.ndarray:
+        """l with H l = dN/du, of numbers' derivatives in the place of every node; 0 on prescribed nodes."""
+        return self._in_mesh_order(self._solve(self._in_model_order(weights)[:, self.model.free], self._accuracy))
 
-    def by_bones(self, adjoint: np.ndarray) -> np.ndarray:
-        """dN/db, the derivative of a number in the place of every prescribed node; 0 on free nodes."""
-        derivative = np.zeros((self.model.nodes, 3))
-        if self.model.free_nodes:
-            free = self._in_model_order(adjoint)[self.model.free]
-            derivative[self.model.prescribed] = -self._coupling.transposed_times(free)
+    def by_bones(self, adjoints: np.ndarray) -> np.ndarray:
+        """dN/db, the derivatives of numbers in the place of every prescribed node; 0 on free nodes."""
+        model = self.model
+        derivative = np.zeros((len(adjoints), model.nodes, 3))
+        if model.free_nodes:
+            free = self._in_model_order(adjoints)[:, model.free]
+            derivative[:, model.prescribed] = -self._coupling.transposed_times(free)
         return self._in_mesh_order(derivative)
 
-    def by_constant(self, adjoint: np.ndarray, constant: Constant) -> float:
-        """dN/dc, the derivative of a number in a constant."""
-        return -float(np.vdot(adjoint, self.pull(constant)))
-
     def pull(self, constant: Constant) -> np.ndarray:
-        """dF/dc, what a constant adds to the gradient of every free node by its unit; 0 on prescribed nodes.
+        """dF/dc, what a constant adds to the gradient of every free node by its unit, shape (nodes, 3).
+
+        dN/dc is therefore -l . dF/dc. It is 0 on prescribed nodes.
 
         Raises:
             InputError: gravity and a rest state that was found for these constants (`sag_free`): it would move.
@@ -108,38 +107,56 @@ class Linearization:
         gradient[model.prescribed] = 0.0
         return self._in_mesh_order(gradient)
 
-    def follow(self, bones: np.ndarray | None, pull: np.ndarray | None = None) -> np.ndarray:
-        """How all nodes move when bones move by a little (their nodes count), and F changes by `pull` [mm]."""
+    def follow(
+        self, bones: np.ndarray, pulls: np.ndarray | None = None, accuracy: float | None = None
+    ) -> np.ndarray:
+        """How all nodes move when bones move by a little (their nodes count), and F changes by `pulls` [mm].
+
+        What `bones` says of free nodes is where the solves start: the nearer to the answer, the sooner they end.
+        `accuracy` is that of the whole when left out.
+        """
         model = self.model
-        force, moved = np.zeros((model.free_nodes, 3)), np.zeros((model.nodes, 3))
-        if bones is not None:
-            held = moved[model.prescribed] = self._in_model_order(bones)[model.prescribed]
-            if model.free_nodes:
-                force -= self._coupling.times(held)
-        if pull is not None:
-            force -= self._in_model_order(pull)[model.free]
-        moved[model.free] = self._solve(force)
+        moved = self._in_model_order(bones)
+        if model.free_nodes:
+            force = -self._coupling.times(moved[:, model.prescribed])
+            if pulls is not None:
+                force -= self._in_model_order(pulls)[:, model.free]
+            guess = moved[:, model.free].copy()
+            moved[:, model.free] = self._solve(force, accuracy or self._accuracy, guess)
         return self._in_mesh_order(moved)
 
-    def _solve(self, force: np.ndarray) -> np.ndarray:
-        """x with H x = force, both (free, 3)."""
-        size = float(np.abs(force).max(initial=0.0))
-        if size == 0.0:
-            return np.zeros_like(force)
-        self._load.assign(-force / size)
-        solution = self._solver.solve(0.0, self._accuracy, 0)
-        self.iterations += solution.iterations
-        if solution.bent or solution.iterations >= MOST_ITERATIONS or not np.isfinite(solution.longest):
-            raise InputError(
-                "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
-                "simulate with a smaller tolerance"
-            )
-        return size * self._solver.solution.numpy().astype(np.float64)
+    def _solve(self, force: np.ndarray, accuracy: float, guess: np.ndarray | None = None) -> np.ndarray:
+        """x with H x = force, both (fields, free, 3), as many at once as fit."""
+        found = np.zeros_like(force)
+        if not self.model.free_nodes:
+            return found
+        for start in range(0, len(force), MOST_COLUMNS):
+            part = slice(start, start + MOST_COLUMNS)
+            solver = self._solver(len(force[part]))
+            solution = solver.solve(force[part], accuracy, None if guess is None else guess[part])
+            self.iterations += int(solution.iterations.max())
+            unfinished = solution.bent | (solution.iterations >= MOST_ITERATIONS) | ~np.isfinite(solution.longest)
+            if unfinished.any():
+                raise InputError(
+                    "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
+                    "simulate with a smaller tolerance"
+                )
+            found[part] = solution.columns
+        return found
 
-    def _in_model_order(self, field: np.ndarray) -> np.ndarray:
-        return field[self.model.order]
+    def _solver(self, count: int) -> ColumnGradient:
+        """One with room for so many columns, made when first needed."""
+        fitting = [room for room in self._solvers if count <= room]
+        if fitting:
+            return self._solvers[min(fitting)]
+        solver = ColumnGradient(self._matrix, self._preconditioner, count, MOST_ITERATIONS)
+        return self._solvers.setdefault(count, solver)
 
-    def _in_mesh_order(self, field: np.ndarray) -> np.ndarray:
-        result = np.zeros((self.model.nodes, 3))
-        result[self.model.order[: len(field)]] = field
+    def _in_model_order(self, fields: np.ndarray) -> np.ndarray:
+        return fields[:, self.model.order]
+
+    def _in_mesh_order(self, fields: np.ndarray) -> np.ndarray:
+        """Of one field or several; nodes that are left out are 0."""
+        result = np.zeros((*fields.shape[:-2], self.model.nodes, 3))
+        result[..., self.model.order[: fields.shape[-2]], :] = fields
         return result

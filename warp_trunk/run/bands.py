@@ -8,9 +8,7 @@ differ, the deviation is corrected by the ratio of the two, which is 1 for a num
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,31 +17,26 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.sagittal import kyphosis, lordosis
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
-from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
+from .draws import Scene
 from .options import RunOptions
-from .paths import find_path
 from .prepare import Prepared
-from .sensitivities import Sensitivity, constant_names, sensitivities
+from .sensitivities import Sensitivity, sensitivities
 from .sources import Source, sources_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
+    from warp_trunk.engine.relaxation import Relaxer
     from warp_trunk.engine.simulation import Increment
 
 DRAWS = 32
 """Draws of all errors; a standard deviation of so many is known to an eighth of itself."""
 SPINE_DRAWS = 1000
 """Draws of the landmarks alone, for what is measured on the spine."""
-PROPORTION = 0.3
-"""A number changes in proportion where draws stray from it by less than this part of their size."""
 _LANDMARKS, _MESH = "landmarks", "mesh"
 
 
@@ -55,6 +48,7 @@ def find_bands(
     *,
     draws: int = DRAWS,
     seed: int = 1,
+    relaxer: Relaxer | None = None,
 ) -> FoundBands:
     """How sure the numbers of a prediction are, by the sources of error that the case states.
 
@@ -65,6 +59,7 @@ def find_bands(
         options: those that `prepare` was given.
         draws: of all errors at once; they show the skin and whether numbers change in proportion, at least 2.
         seed: of the draws.
+        relaxer: what relaxed the increment, see `Linearization`; made when left out.
 
     Raises:
         InputError: the last relaxation did not converge, or fewer than two draws.
@@ -72,13 +67,13 @@ def find_bands(
     if draws < 2:
         raise InputError(f"bands: 'draws' must be at least 2, not {draws}")
     options = options or RunOptions()
-    linear = Linearization(prepared.model, increment)
+    linear = Linearization(prepared.model, increment, relaxer=relaxer)
     found = sensitivities(case, prepared, increment, options, linear=linear)
     sources = sources_of(case, prepared, options)
     effects = {source.name: np.array([_effect(source, one) for one in found]) for source in sources}
     marks = _landmark_sd(case, found)
     mesh = np.array([_mesh_sd(case, one) for one in found])
-    scene = _Scene(case, prepared, options, linear, increment, found)
+    scene = Scene(case, prepared, options, linear, increment, found)
     drawn = scene.draw(sources, np.array([*effects.values()]), draws, np.random.default_rng(seed))
     shared = sum((effect**2 for effect in effects.values()), start=marks["apart"] ** 2)
     kept = [effects[source.name] ** 2 for source in sources if not source.of_surgery]
@@ -167,101 +162,6 @@ def _left_out(prepared: Prepared, options: RunOptions) -> tuple[str, ...]:
     if options.bones != "spline":
         said.append("how ribs follow: it is known for bones that the spline carries")
     return tuple(said)
-
-
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """What draws of all errors show."""
-
-    ratio: np.ndarray
-    """Deviation of each number over what its sensitivities say of the same draws, shape (numbers,)."""
-    linear: np.ndarray
-    """Whether each changes in proportion, shape (numbers,)."""
-    skin: np.ndarray
-    """Standard deviation of each vertex along its normal [mm], shape (vertices,)."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Scene:
-    """What every draw needs."""
-
-    case: Case
-    prepared: Prepared
-    options: RunOptions
-    linear: Linearization
-    increment: Increment
-    found: tuple[Sensitivity, ...]
-
-    def draw(
-        self, sources: Sequence[Source], effects: np.ndarray, draws: int, random: np.random.Generator
-    ) -> _Drawn:
-        """Draws all errors at once, and lets the tissue follow."""
-        case, trunk = self.case, self.prepared.trunk
-        skin = predicted_skin(case, trunk, self.increment.displacement)
-        normals, shape = vertex_normals(skin), case.landmarks_before.points.shape
-        names = constant_names(self.prepared)
-        pulls = {
-            source.name: sum(change * self.linear.pull(names[name]) for name, change in source.constants.items())
-            for source in sources
-            if source.constants
-        }
-        along, straight, measured = [], [], []
-        for _ in range(draws):
-            sizes = random.standard_normal(len(sources))
-            before, after = case.uncertainty.landmark_sd * random.standard_normal((2, *shape))
-            said = [
-                np.vdot(one.landmarks_before, before) + np.vdot(one.landmarks_after, after) for one in self.found
-            ]
-            straight.append(said + sizes @ effects.reshape(len(sources), len(self.found)))
-            bones, pull = np.zeros_like(trunk.nodes), np.zeros_like(trunk.nodes)
-            for source, size in zip(sources, sizes, strict=True):
-                bones += 0.0 if source.bones is None else size * source.bones
-                after = after + (0.0 if source.landmarks_after is None else size * source.landmarks_after)
-                pull += size * pulls.get(source.name, 0.0)
-            moved = self.moved(before, after)
-            bones += find_path(moved, trunk, self.options).at(1.0) - self.prepared.bone_path.at(1.0)
-            followed = self.linear.follow(bones, pull)[trunk.skin_nodes]
-            along.append(np.einsum("vi,vi->v", followed, normals))
-            drawn_skin = Surface(skin.vertices + followed, skin.faces)
-            measured.append(self.numbers(measure(drawn_skin, moved.planned_landmarks)))
-        said, seen = np.array(straight), np.array(measured) - [one.value for one in self.found]
-        return _Drawn(*_proportion(said, seen), skin=np.sqrt(np.square(along).mean(axis=0)))
-
-    def moved(self, before: np.ndarray, after: np.ndarray) -> Case:
-        """The case with its landmarks moved."""
-        names, case = self.case.landmarks_before.names, self.case
-        return replace(
-            case,
-            landmarks_before=Landmarks(names, case.landmarks_before.points + before),
-            landmarks_after=Landmarks(names, case.planned_landmarks.points + after),
-        )
-
-    def numbers(self, measured: TrunkMeasures) -> list[float]:
-        """The numbers of another skin, at the same levels; NaN where one is missing."""
-        values: list[float | None] = []
-        for one in self.found:
-            kind, _, level = one.name.partition(" ")
-            if kind == "bsr":
-                values.append(measured.bsr.get(level))
-            elif kind == "hump":
-                values.append(measured.hump_height.get(level))
-            else:
-                values.append(None if measured.shoulders is None else measured.shoulders.difference)
-        return [math.nan if value is None else value for value in values]
-
-
-def _proportion(said: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The ratio of deviations and whether proportion holds, of changes said and seen, (draws, numbers) each.
-
-    Where a draw has no such number, or nothing varies, the ratio is 1; the former is not in proportion.
-    """
-    known = np.isfinite(seen)
-    whole = known.all(axis=0)
-    seen = np.where(known, seen, said)
-    spread, wanted = seen.std(axis=0), said.std(axis=0)
-    ratio = np.divide(spread, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
-    stray = np.sqrt(np.square(seen - said).mean(axis=0))
-    return ratio, whole & (stray <= PROPORTION * np.maximum(wanted, 1e-9))
 
 
 def _spine_bands(case: Case, sources: Sequence[Source], random: np.random.Generator) -> dict[str, Band]:

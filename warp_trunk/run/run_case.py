@@ -143,7 +143,7 @@ def _run(
             *warnings,
             *ending_warnings(last.relaxation, held, folded_tissue(prepared.trunk, prepared.bone_path)),
         ]
-        found = _bands(case, prepared, last, options, progress)
+        found = _bands(case, prepared, last, patient, progress)
         if recording is not None:
             if found is not None:
                 recording.bands(found.bands)
@@ -201,16 +201,16 @@ def _recording(
 
 
 def _bands(
-    case: Case, prepared: Prepared, increment: Increment, options: RunOptions, progress: Progress
+    case: Case, prepared: Prepared, increment: Increment, patient: Patient, progress: Progress
 ) -> FoundBands | None:
     """How sure the numbers are, where that is asked for and there is an equilibrium to ask it of."""
-    if not options.bands:
+    if not patient.options.bands:
         return None
     if increment.relaxation.status is not RelaxStatus.CONVERGED:
         progress.message("no bands: the relaxation did not converge")
         return None
     with progress.stage("bands", "finding how sure each number is"):
-        return find_bands(case, prepared, increment, options)
+        return find_bands(case, prepared, increment, patient.options, relaxer=patient.relaxer)
 
 
 def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> None:

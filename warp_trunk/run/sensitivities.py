@@ -89,8 +89,9 @@ def sensitivities(
     skin = predicted_skin(case, prepared.trunk, increment.displacement)
     numbers = dict(_numbers(skin, case.planned_landmarks, vertices))
     linear = linear or Linearization(prepared.model, increment)
-    adjoints = [linear.adjoint(_on_nodes(prepared, number.vertices)) for number in numbers.values()]
-    by_bones = np.array([linear.by_bones(adjoint) for adjoint in adjoints])
+    weights = [_on_nodes(prepared, number.vertices) for number in numbers.values()]
+    adjoints = linear.adjoints(np.array(weights).reshape(-1, *prepared.trunk.nodes.shape))
+    by_bones = linear.by_bones(adjoints)
     held = prepared.trunk.prescribed
     before, after = landmark_derivative(case, prepared, options)(by_bones[:, held])
     constants = {} if prepared.model.scan is not None else constant_names(prepared)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warp as wp
 
+from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.slabs import slab_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..parallel import Launch
 from ..state import State
+from .columns import Columns
 from .dots import Dots
 from .sparsity import Sparsity, find_sparsity
 
@@ -71,4 +73,14 @@ class BlockMatrix:
             s.row_bounds,
             [s.row_start, s.columns, self.blocks, p_dot_q.iteration, p],
             [q, p_dot_q.products],
+        )
+
+    def multiply_columns(self, columns: Columns, p: wp.array, q: wp.array, p_dot_q: wp.array) -> Launch:
+        """Records q = H p with p . q of each column, for fields of the free nodes; see `Columns`."""
+        s = self.sparsity
+        return columns.over_groups(
+            column_product_kernels(*self.model.variant).multiply,
+            self.model.free_nodes,
+            [s.row_start, s.columns, self.blocks, p],
+            [q, p_dot_q],
         )

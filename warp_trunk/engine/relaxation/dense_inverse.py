@@ -7,22 +7,27 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.multilevel import CHUNK, STRIP, multilevel_kernels
 
 from ..model import Model
 from ..parallel import Launch
+from .columns import Columns
+
+BLOCKS = 32
+"""Blocks of a row that one CUDA thread adds up for several columns."""
 
 
-def record_dense_inverse(model: Model, matrix: np.ndarray, residual: wp.array, solution: wp.array) -> Launch:
-    """Records solution = matrix^-1 residual.
+def record_dense_product(model: Model, inverse: np.ndarray, residual: wp.array, solution: wp.array) -> Launch:
+    """Records solution = inverse residual.
 
     Args:
         model: where it runs.
-        matrix: symmetric, positive semidefinite, shape (3 n, 3 n), float64, on the host.
+        inverse: symmetric, shape (3 n, 3 n), float64, on the host.
         residual: shape (n,), vec3.
         solution: shape (n + STRIP,), vec3: the last strip is written whole.
     """
-    size, inverse = len(matrix), invert(matrix)
+    size = len(inverse)
     flat_residual = view(residual, model.scalar, size)
     kernels = multilevel_kernels(*model.variant)
     if model.parallel.is_cuda:
@@ -50,6 +55,25 @@ def record_dense_inverse(model: Model, matrix: np.ndarray, residual: wp.array, s
         [view(solution, vector, strips)],
         least=16,
     )
+
+
+def record_dense_columns(columns: Columns, inverse: np.ndarray, residual: wp.array, solution: wp.array) -> Launch:
+    """Records the same for fields of n nodes."""
+    model, nodes = columns.model, len(inverse) // 3
+    blocks = inverse.reshape(nodes, 3, nodes, 3).transpose(0, 2, 1, 3)
+    chunk = BLOCKS if model.parallel.is_cuda else nodes
+    product = columns.over(
+        column_product_kernels(*model.variant).multiply_dense,
+        nodes * -(-nodes // chunk) * columns.groups,
+        [columns.groups, chunk, model.array(blocks, wp.types.matrix((3, 3), model.scalar)), residual],
+        [solution],
+    )
+
+    def solve() -> None:
+        solution.zero_()
+        product()
+
+    return solve
 
 
 def view(array: wp.array, dtype: Any, size: int) -> wp.array:

@@ -17,10 +17,12 @@ from warp_trunk.kernels.loop import loop_kernels
 
 from ..model import Model
 from ..state import State
+from .block_matrix import BlockMatrix
 from .conjugate import Conjugate
 from .course import Course
 from .gradient import Gradient
 from .line_search import Trial, search
+from .multilevel import Multilevel
 from .newton import Newton
 from .outcome import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .products import ProductReader
@@ -61,6 +63,14 @@ class Relaxer:
             [self._length, self.state.displacement, direction],
             [self._trial.displacement],
         )
+
+    def true_curvature(self, displacement: wp.array) -> tuple[BlockMatrix, Multilevel]:
+        """The true curvature at a displacement from rest, and a preconditioner of it, until the next relaxation.
+
+        The model must have free nodes. `state` is then at that displacement.
+        """
+        self.state.displacement.assign(displacement)
+        return self._newton.true_curvature()
 
     def relax(
         self,

@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.multilevel import LANES, STRIP, multilevel_kernels, vec8i
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..model import Model
 from ..parallel import Launch
 from .block_matrix import BlockMatrix
-from .dense_inverse import record_dense_inverse
+from .columns import Columns
+from .dense_inverse import invert, record_dense_columns, record_dense_product
 from .dots import Dots
 from .grid import CoarseGrid, Interpolation
 
@@ -64,9 +66,8 @@ class Multilevel:
             self._levels.append(level)
             finer = grid.positions
             if last:
-                self._solve_dense = record_dense_inverse(
-                    model, grid_matrix(matrix, whole, size), level.residual, level.correction
-                )
+                self._inverse = invert(grid_matrix(matrix, whole, size))
+                self._solve_dense = record_dense_product(model, self._inverse, level.residual, level.correction)
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
@@ -116,6 +117,30 @@ class Multilevel:
             [inverse_diagonal, *level.transfer.by_point, level.correction, residual],
             [correction, dots.iteration, dots.products],
         )
+
+    def apply_columns(self, columns: Columns, r: wp.array, z: wp.array, r_dot_z: wp.array) -> Launch:
+        """Records z = M^-1 r with r . z of each column, for fields of the free nodes; see `Columns`."""
+        kernels = column_product_kernels(*self.model.variant)
+        inverse_diagonal, dots = self._inverse_diagonal, r_dot_z
+        down: list[Launch] = []
+        up: list[Launch] = []
+        for level in self._levels:
+            size = len(level.residual)
+            residual, correction = (columns.field(size) for _ in range(2))
+            down.append(
+                columns.over_groups(kernels.restrict, size, [*level.transfer.by_vertex, r], [residual], stretch=1)
+            )
+            interpolate = [inverse_diagonal, *level.transfer.by_point, correction, r]
+            up.append(columns.over_groups(kernels.prolong, level.points, interpolate, [z, dots]))
+            inverse_diagonal, dots = level.inverse_diagonal, columns.products()
+            r, z = residual, correction
+        launches = [*down, record_dense_columns(columns, self._inverse, r, z), *up[::-1]]
+
+        def apply() -> None:
+            for launch in launches:
+                launch()
+
+        return apply
 
 
 class _Transfer:

@@ -52,9 +52,9 @@ class Newton:
         self._state = state
         self._matrix = BlockMatrix(state)
         self._matrix.assemble()
-        preconditioner = Multilevel(self._matrix)
-        self._solver = ConjugateGradient(self._matrix, preconditioner, state.gradient)
-        self._confirmation = Confirmation(state, self._matrix, preconditioner)
+        self._preconditioner = Multilevel(self._matrix)
+        self._solver = ConjugateGradient(self._matrix, self._preconditioner, state.gradient)
+        self._confirmation = Confirmation(state, self._matrix, self._preconditioner)
         self.begin(math.inf, 0.0)
 
     @property
@@ -81,6 +81,12 @@ class Newton:
         self._down: np.ndarray | None = None
         self.distance = math.inf
         self._confirmation.begin()
+
+    def true_curvature(self) -> tuple[BlockMatrix, Multilevel]:
+        """The matrix, set to the true curvature at the state, and the preconditioner."""
+        self._matrix.assemble()
+        self._matrix.assemble_true()
+        return self._matrix, self._preconditioner
 
     @property
     def has_another(self) -> bool:
