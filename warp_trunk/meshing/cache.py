@@ -17,7 +17,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.file_access import limited_memory
 
-FORMAT = 3
+FORMAT = 4
 """Raised whenever the same input would give another mesh or another file, so that old files are not used."""
 _ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name not in ("bone_names", "tissue"))
 

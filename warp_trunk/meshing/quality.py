@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.quality import mean_ratios, move_nodes
+
+_DOUBLE: Any = wp.float64
 _GOAL = 0.3
 """Tetrahedra of a lower quality are worked on; 1 is regular, 0 flat; 0.3 is about 9 degrees between faces."""
 _SWEEPS = 6
@@ -26,51 +32,46 @@ def improve_quality(nodes: np.ndarray, tets: np.ndarray, reach: np.ndarray) -> n
 
     Returns positions [mm], shape (nodes, 3).
     """
-    moved = nodes.copy()
-    quality = mean_ratio(moved[tets])
+    moved, reached = _on_device(nodes, wp.vec3d), _on_device(reach, wp.float64)
+    quality = _on_device(mean_ratio(nodes[tets]), wp.float64)
     order = np.argsort(tets.reshape(-1), kind="stable")
     start = np.searchsorted(tets.reshape(-1)[order], np.arange(len(nodes) + 1))
-    around = _directions()
+    mesh = [_on_device(tets, wp.vec4i), _on_device(start, wp.int32), _on_device(order // 4, wp.int32)]
+    around, given = _on_device(_directions(), wp.vec3d), _on_device(nodes, wp.vec3d)
     for _ in range(_SWEEPS):
-        bad = np.flatnonzero(quality < _GOAL)
-        bad = bad[np.argsort(quality[bad])]
+        now = quality.numpy()
+        bad = np.flatnonzero(now < _GOAL)
+        bad = bad[np.argsort(now[bad])]
         _, first = np.unique(tets[bad], return_index=True)
-        changed = False
-        for node in tets[bad].reshape(-1)[np.sort(first)]:
-            if reach[node] <= 0.0:
-                continue
-            star = order[start[node] : start[node + 1]] // 4
-            worst = quality[star].min()
-            if worst >= _GOAL:
-                continue
-            corners = moved[tets[star]]
-            size = np.linalg.norm(corners - moved[node], axis=2).sum() / (3 * len(star))
-            tries = moved[node] + size * around
-            tries = tries[np.linalg.norm(tries - nodes[node], axis=1) <= reach[node]]
-            if len(tries) == 0:
-                continue
-            here = tets[star] == node
-            stars = np.where(here[None, :, :, None], tries[:, None, None, :], corners[None])
-            all_quality = mean_ratio(stars)
-            best = int(all_quality.min(axis=1).argmax())
-            if all_quality[best].min() > worst + 1e-3:
-                moved[node] = tries[best]
-                quality[star] = all_quality[best]
-                changed = True
-        if not changed:
+        turns = _on_device(tets[bad].reshape(-1)[np.sort(first)], wp.int32)
+        moves = wp.zeros(1, dtype=wp.int32, device="cpu")
+        wp.launch(
+            move_nodes,
+            dim=1,
+            inputs=[turns, _GOAL, *mesh, around, reached, given],
+            outputs=[moved, quality, moves],
+            device="cpu",
+        )
+        if not moves.numpy()[0]:
             break
-    return moved
+    return moved.numpy()
+
+
+def _on_device(values: np.ndarray, dtype: Any) -> wp.array:
+    """A copy for the kernel."""
+    return wp.array(values, dtype=dtype, device="cpu")
 
 
 def mean_ratio(corners: np.ndarray) -> np.ndarray:
-    """Quality of tetrahedra given by corners (..., 4, 3): 12 (3 V)^(2/3) / sum of squared edges.
+    """Quality of tetrahedra given by corners (n, 4, 3): 12 (3 V)^(2/3) / sum of squared edges.
 
     1 for a regular tetrahedron, 0 for a flat one, negative for an inverted one.
     """
-    i, j, k, m = np.moveaxis(corners, -2, 0)
-    six = np.einsum("...i,...i->...", j - i, np.cross(k - i, m - i))
-    edges = np.stack([j - i, k - i, m - i, k - j, m - j, m - k])
-    return 12.0 * np.cbrt(0.5 * six) ** 2 * np.sign(six) / np.einsum("e...i,e...i->...", edges, edges)
+    quality: Any = wp.empty(len(corners), dtype=_DOUBLE, device="cpu")
+    wp.launch(
+        mean_ratios, dim=len(corners), inputs=[_on_device(corners, wp.vec3d)], outputs=[quality], device="cpu"
+    )
+    return quality.numpy()
 
 
 def _directions() -> np.ndarray:
