@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from support.synthetic import sphere
 from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected
@@ -66,3 +67,18 @@ def test_diagonal_neighbours_connect_only_when_asked():
     mask[0, 0, 0] = mask[1, 1, 0] = True
     assert connected(mask).max() == 2
     assert connected(mask, diagonally=True).max() == 1
+
+
+@pytest.mark.parametrize("missing", [0, 40])
+def test_a_grid_has_the_sign_that_each_node_has_by_itself(missing: int) -> None:
+    """Also where surfaces overlap, and through the hole of an open one, where no path tells the sides apart."""
+    one, other = sphere(30.0, subdivisions=3), sphere(25.0, (28.0, 3.0, 0.0), subdivisions=3)
+    both = Surface(
+        np.concatenate([one.vertices, other.vertices]),
+        np.concatenate([one.faces[missing:], other.faces + len(one.vertices)]),
+    )
+    grid, distance = grid_of(60.0, 4.0), SurfaceDistance(both)
+    field = distance.on_grid(grid, whole(grid), np.ones(grid.shape, dtype=bool), 8.0)
+    near = np.abs(field) < 8.0
+    np.testing.assert_array_equal(field[near], distance.at(grid.positions(np.argwhere(near))))
+    assert near.sum() > 1000

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.distance_field import signed_distance
+from warp_trunk.kernels.distance_field import plain_distance, signed_distance
 
 from .search_tree import search_tree
 from .surface import Surface
@@ -89,24 +90,50 @@ class SurfaceDistance:
     def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
         """Signed distance [mm] in a block of a grid, cut off at -band and +band.
 
-        Only nodes within the band are searched for their nearest triangle. Beyond it, the sign is the same
-        all over each connected patch of nodes (a path between neighbours is too short to cross the surface
-        when band >= spacing), so that one search without limit settles a whole patch.
+        Only nodes within the band are searched for their nearest triangle. Signs are dear: a path between
+        neighbours cannot cross the surface where both are farther from it than half the spacing, so that one
+        search settles all of a connected patch of such nodes. Where the surface has an edge, beside which the
+        sign changes too, patches begin beyond the band (>= spacing).
 
         wanted: where the value is needed, shape of the block, bool; elsewhere the result is +band.
         """
         first = np.array([part.start for part in box])
-        result = np.full(wanted.shape, band, dtype=np.float32)
         nodes = np.argwhere(wanted)
-        result[wanted] = self.at(grid.positions(nodes + first), band)
-        patches = connected(np.isnan(result))
-        far = patches > 0
-        if far.any():
-            far_nodes, patch = np.argwhere(far), patches[far]
-            _, sample, patch = np.unique(patch, return_index=True, return_inverse=True)
-            signs = np.sign(self.at(grid.positions(far_nodes[sample] + first)))
-            result[far] = band * signs[patch]
+        points = grid.positions(nodes + first)
+        distance = self._without_sign(points, band)
+        own = distance <= (0.505 * grid.spacing if self._closed else band)
+        apart = np.zeros(wanted.shape, dtype=bool)
+        apart[wanted] = ~own
+        patch = connected(apart)[wanted]
+        sample = np.empty(patch.max(initial=0) + 1, dtype=np.int64)
+        sample[patch[::-1]] = np.arange(len(patch))[::-1]  # the first node of each
+        sign = np.ones(len(sample), dtype=np.float32)
+        sign[1:] = np.sign(self.at(points[sample[1:]]))
+        value = sign[patch] * np.where(np.isnan(distance), np.float32(band), distance)
+        value[own] = self.at(points[own], band)
+        result = np.full(wanted.shape, band, dtype=np.float32)
+        result[wanted] = value
         return result
+
+    def _without_sign(self, points: np.ndarray, reach: float) -> np.ndarray:
+        """Distance [mm] of points (n, 3), not negative inside; NaN where farther away than reach [mm]."""
+        distance: Any = wp.empty(len(points), dtype=_NEAREST[0], device="cpu")
+        wp.launch(
+            plain_distance,
+            dim=len(points),
+            inputs=[self._tree.mesh.id, self._tree.local(points), reach],
+            outputs=[distance],
+            device="cpu",
+        )
+        return distance.numpy()
+
+    @cached_property
+    def _closed(self) -> bool:
+        """Whether every edge is run along as often in one direction as in the other."""
+        faces = self._tree.mesh.indices.numpy().reshape(-1, 3).astype(np.int64)
+        ends, starts = np.roll(faces, -1, axis=1).reshape(-1), faces.reshape(-1)
+        size = len(self._tree.mesh.points)
+        return np.array_equal(np.sort(starts * size + ends), np.sort(ends * size + starts))
 
 
 def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:

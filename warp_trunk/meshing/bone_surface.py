@@ -135,7 +135,7 @@ def _field(
     field = np.minimum(field, 0.5 * (field + second - _GAP * voxel))  # of the two nearest bones
 
     whole = (slice(0, nx), slice(0, ny), slice(0, nz))
-    wanted = field < band
+    wanted = field < 1.01 * voxel  # farther out no node has a neighbour inside, so that the surface is elsewhere
     depth = skin_distance.on_grid(grid, whole, wanted, band + margin) + margin
     field[wanted] = np.maximum(field[wanted], depth[wanted])
     return field, grid
