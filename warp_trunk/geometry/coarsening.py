@@ -6,10 +6,14 @@ made only where the surface stays closed and uncrossed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.coarsening import allowed_collapses, edge_lengths, least_around, sort_corners
 
 from .normals import area_vectors, unit
 from .surface import Surface
@@ -17,10 +21,6 @@ from .surface_checks import crossings
 
 _LONGEST = 1.4
 """No collapse makes an edge longer than this times the edge length asked for, if nothing else is said."""
-_LEAST_TURN = 0.4
-"""No collapse turns a triangle further than the angle with this cosine, 66 degrees."""
-_LEAST_SHAPE = 0.3
-"""No collapse makes a triangle with a lower shape than this; 1 is equilateral, 0 is flat."""
 _PULL = 0.02
 """How strongly the new vertex is drawn to the middle of its edge, against the planes it should lie on."""
 _CHOICES_IN_A_ROUND = 3
@@ -30,23 +30,14 @@ _ROUNDS_BETWEEN_CHECKS = 4
 
 
 class _Corners(NamedTuple):
-    """The directed edges of a closed surface, sorted by their first vertex: neighbours and faces of each."""
+    """The directed edges of a closed surface by their first vertex, for the kernels; see kernels/coarsening.py."""
 
-    start: np.ndarray
+    start: wp.array
     """Where the edges of each vertex start, shape (vertices + 1,)."""
-    first: np.ndarray
-    """First vertex of each directed edge."""
-    second: np.ndarray
-    """Second vertex; over the edges of one vertex, each of its neighbours once."""
-    face: np.ndarray
-    """The face on the left; over the edges of one vertex, each of its faces once."""
-
-    def around(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Directed edges that start at the given vertices, and which of these each starts at."""
-        count = self.start[vertices + 1] - self.start[vertices]
-        owner = np.repeat(np.arange(len(vertices)), count)
-        within = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        return np.repeat(self.start[vertices], count) + within, owner
+    second: wp.array
+    """Where each leads."""
+    face: wp.array
+    """The face on its left."""
 
 
 @dataclass
@@ -56,7 +47,7 @@ class _Working:
     vertices: np.ndarray
     """Positions about the middle of the surface [mm], shape (vertices, 3)."""
     faces: np.ndarray
-    """Shape (faces, 3), int64."""
+    """Shape (faces, 3), int32."""
     matrix: np.ndarray
     """Sum of area * n n^T over the planes of the faces that a vertex stands for, shape (vertices, 3, 3)."""
     vector: np.ndarray
@@ -89,19 +80,19 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
     """
     longest = longest or _LONGEST * edge_length
     middle = surface.vertices.mean(axis=0)
-    work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int64))
+    work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int32))
     random = np.random.default_rng(0)
     count = len(work.vertices)
     kept = work.copy()  # the last state without crossings
     frozen = np.zeros(count, dtype=bool)  # vertices whose collapses led to a crossing
-    refused = np.empty(0, dtype=np.int64)  # edges that failed a test since the pass began
+    refused = np.empty(0, dtype=np.int64)  # edges that failed a test since the pass began, ascending
     faces_at_pass = np.inf
     rounds, pass_ends = 0, False
     while True:
         rounds += 1
         corners = _corners(work.faces, count)
         edges, length = _short_edges(corners, work.vertices, edge_length)
-        fresh = ~(frozen[edges].any(axis=1) | np.isin(edges[:, 0] * count + edges[:, 1], refused))
+        fresh = ~(frozen[edges[:, 0]] | frozen[edges[:, 1]] | _among(edges[:, 0] * count + edges[:, 1], refused))
         edges, length = edges[fresh], length[fresh]
         pass_ends |= len(edges) == 0
         if pass_ends or rounds % _ROUNDS_BETWEEN_CHECKS == 0:
@@ -120,7 +111,7 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         edges = edges[_independent(edges, key, corners, count)]
         target, error = _best_points(edges, work)
         good = _allowed(edges, target, work, corners, longest) & (error < tolerance)
-        refused = np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]])
+        refused = np.sort(np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]]))
         _collapse(edges[good], target[good], work)
         pass_ends = bool(good.sum() < 0.001 * len(work.faces))
     used, faces = np.unique(work.faces, return_inverse=True)
@@ -157,20 +148,29 @@ def _with_planes(vertices: np.ndarray, faces: np.ndarray) -> _Working:
     )
 
 
+def _among(keys: np.ndarray, ascending: np.ndarray) -> np.ndarray:
+    """Which keys are among those given."""
+    if not len(ascending):
+        return np.zeros(len(keys), dtype=bool)
+    return ascending[np.searchsorted(ascending, keys).clip(max=len(ascending) - 1)] == keys
+
+
 def _corners(faces: np.ndarray, count: int) -> _Corners:
-    first = faces.reshape(-1)
-    order = np.argsort(first, kind="stable")
-    start = np.zeros(count + 1, dtype=np.int64)
-    np.cumsum(np.bincount(first, minlength=count), out=start[1:])
-    return _Corners(start, first[order], np.roll(faces, -1, axis=1).reshape(-1)[order], order // 3)
+    start = np.zeros(count + 1, dtype=np.int32)
+    np.cumsum(np.bincount(faces.reshape(-1), minlength=count), out=start[1:])
+    second, face = (_on_device(np.empty(faces.size, dtype=np.int32), wp.int32) for _ in range(2))
+    corners = _Corners(_on_device(start, wp.int32), second, face)
+    _launch(sort_corners, 1, [_on_device(faces, wp.int32), wp.clone(corners.start)], [second, face])
+    return corners
 
 
 def _short_edges(corners: _Corners, vertices: np.ndarray, edge_length: float) -> tuple[np.ndarray, np.ndarray]:
-    once = corners.first < corners.second  # an oriented closed surface has each edge in both directions
-    edges = np.stack([corners.first[once], corners.second[once]], axis=1)
-    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-    short = length < edge_length
-    return edges[short], length[short]
+    length, second = np.empty(len(corners.second)), corners.second.numpy().astype(np.int64)
+    inputs = [corners.start, corners.second, _on_device(vertices, wp.vec3d)]
+    _launch(edge_lengths, len(vertices), inputs, [_on_device(length, wp.float64)])
+    short = np.flatnonzero(length < edge_length)
+    first = np.searchsorted(corners.start.numpy(), short, side="right") - 1
+    return np.stack([first, second[short]], axis=1), length[short]
 
 
 def _independent(edges: np.ndarray, key: np.ndarray, corners: _Corners, count: int) -> np.ndarray:
@@ -179,19 +179,25 @@ def _independent(edges: np.ndarray, key: np.ndarray, corners: _Corners, count: i
     An edge is taken when its key is the least among all that touch its neighbourhood; then again among
     those that remain.
     """
+
+    def around(value: np.ndarray) -> np.ndarray:
+        least = np.empty(count)
+        inputs = [corners.start, corners.second, _on_device(value, wp.float64)]
+        _launch(least_around, count, inputs, [_on_device(least, wp.float64)])
+        return least
+
     taken = np.zeros(len(edges), dtype=bool)
     left = np.arange(len(edges))
     for _ in range(_CHOICES_IN_A_ROUND):
         least = np.full(count, np.inf)
         np.minimum.at(least, edges[left].reshape(-1), np.repeat(key[left], 2))
-        around = least.copy()
-        np.minimum.at(around, corners.first, least[corners.second])
-        chosen = left[(key[left] <= around[edges[left]].T).all(axis=0)]
+        least = around(least)
+        chosen = left[key[left] <= np.minimum(least[edges[left, 0]], least[edges[left, 1]])]
         taken[chosen] = True
-        near = np.zeros(count, dtype=bool)
-        near[edges[taken]] = True
-        near[corners.second[near[corners.first]]] = True
-        left = np.flatnonzero(~near[edges].any(axis=1))
+        far = np.ones(count)
+        far[edges[taken]] = 0.0
+        far = around(far)
+        left = np.flatnonzero((far[edges[:, 0]] > 0.0) & (far[edges[:, 1]] > 0.0))
     return taken
 
 
@@ -211,45 +217,11 @@ def _allowed(
     edges: np.ndarray, target: np.ndarray, work: _Working, corners: _Corners, longest: float
 ) -> np.ndarray:
     """Which edges may be collapsed to the given points; shape (edges,), bool."""
-    spokes, end = corners.around(edges.reshape(-1))
-    owner = end // 2
-    good = np.ones(len(edges), dtype=bool)
-
-    # link condition: the ends have exactly the two vertices opposite the edge as common neighbours
-    count = len(work.vertices)
-    seen = np.sort(owner * count + corners.second[spokes])
-    common = np.bincount(seen[1:][seen[1:] == seen[:-1]] // count, minlength=len(edges))
-    valence = np.diff(corners.start)[edges]
-    good &= (common == 2) & (valence > 3).all(axis=1)
-
-    corner = work.faces[corners.face[spokes]]
-    on_edge = (corner == edges[owner, :1]) | (corner == edges[owner, 1:])
-    stays = on_edge.sum(axis=1) == 1  # the two triangles on both ends vanish
-    corner, on_edge, owner = corner[stays], on_edge[stays], owner[stays]
-    before = work.vertices[corner]
-    after = np.where(on_edge[:, :, None], target[owner][:, None, :], before)
-    side = np.roll(after, -1, axis=1) - after
-    square = np.einsum("fci,fci->fc", side, side)
-    normal_after = np.cross(side[:, 0], side[:, 1])
-    normal_before = np.cross(before[:, 1] - before[:, 0], before[:, 2] - before[:, 0])
-    area = np.linalg.norm(normal_after, axis=1)
-    shape_after = 2.0 * np.sqrt(3.0) * area / square.sum(axis=1)
-    turn = np.einsum("fi,fi->f", normal_before, normal_after)
-    fits = turn > _LEAST_TURN * area * np.linalg.norm(normal_before, axis=1)
-    fits &= square.max(axis=1) < longest**2
-    good[owner[~fits]] = False
-
-    worst_before = np.full(len(edges), _LEAST_SHAPE)
-    np.minimum.at(worst_before, end // 2, _shape(work.vertices[work.faces[corners.face[spokes]]]))
-    good[owner[shape_after <= worst_before[owner]]] = False
-    return good
-
-
-def _shape(corners: np.ndarray) -> np.ndarray:
-    """1 for an equilateral triangle, 0 for a flat one; corners (n, 3, 3)."""
-    side = np.roll(corners, -1, axis=1) - corners
-    double = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
-    return 2.0 * np.sqrt(3.0) * double / np.einsum("fci,fci->f", side, side)
+    allowed = np.empty(len(edges), dtype=bool)
+    asked = [_on_device(edges.astype(np.int32), wp.vec2i), _on_device(target, wp.vec3d)]
+    surface = [*corners, _on_device(work.faces, wp.int32), _on_device(work.vertices, wp.vec3d)]
+    _launch(allowed_collapses, len(edges), [*asked, *surface, longest], [_on_device(allowed, wp.bool)])
+    return allowed
 
 
 def _collapse(edges: np.ndarray, target: np.ndarray, work: _Working) -> None:
@@ -257,7 +229,16 @@ def _collapse(edges: np.ndarray, target: np.ndarray, work: _Working) -> None:
     work.vertices[stays] = target
     for planes in (work.matrix, work.vector, work.scalar, work.area):
         planes[stays] += planes[goes]
-    number = np.arange(len(work.vertices))
+    number = np.arange(len(work.vertices), dtype=np.int32)
     number[goes] = stays
     faces = number[work.faces]
     work.faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+
+
+def _on_device(values: np.ndarray, dtype: Any) -> wp.array:
+    """The same memory for the kernels, where the type is the same."""
+    return wp.array(values, dtype=dtype, device="cpu", copy=False)
+
+
+def _launch(kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
+    wp.launch(kernel, dim=size, inputs=inputs, outputs=outputs, device="cpu")
