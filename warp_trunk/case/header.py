@@ -17,6 +17,7 @@ from .keys import numbers, quoted, refuse_unknown, shown
 from .landmarks import COLUMNS
 from .layer_table import LayerTable, layer_table, layer_text
 from .rib_shares import RibShares
+from .study import Study, study_lines, study_table
 from .uncertainty import Uncertainty
 
 POSTURES = ("standing", "supine", "prone")
@@ -47,6 +48,8 @@ class CaseHeader:
     """How ribs follow the spine, from the table [ribs]."""
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
     """How uncertain the case is, from the table [uncertainty]."""
+    study: Study = dataclasses.field(default_factory=Study)
+    """What a study of several cases needs to know of it, from the table [study]."""
 
 
 def read_header(path: Path) -> CaseHeader:
@@ -74,6 +77,7 @@ def read_header(path: Path) -> CaseHeader:
         ("layers", dict, "a table, [layers]"),
         ("ribs", dict, "a table, [ribs]"),
         ("uncertainty", dict, "a table, [uncertainty]"),
+        ("study", dict, "a table, [study]"),
     ):
         if key in table:
             if not isinstance(table[key], kind):
@@ -104,6 +108,8 @@ def read_header(path: Path) -> CaseHeader:
         if "uncertainty" in values:
             known = [field.name for field in dataclasses.fields(Uncertainty)]
             values["uncertainty"] = Uncertainty(**numbers(path, values["uncertainty"], known, "uncertainty."))
+        if "study" in values:
+            values["study"] = study_table(path, values["study"])
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
@@ -148,4 +154,5 @@ def header_text(header: CaseHeader) -> str:
     ]
     if changed:
         lines += ["", "[uncertainty]", *changed]
+    lines += study_lines(header.study)
     return "\n".join(lines) + "\n" + ("" if header.layers is None else layer_text(header.layers))

@@ -65,6 +65,7 @@ def read_checked_case(
         tissue=header.tissue,
         posture=header.posture,
         uncertainty=header.uncertainty,
+        study=header.study,
         rib_shares=header.ribs,
         bones_after={
             name: files.surface(f"bones_after/{name}", path)

@@ -12,6 +12,7 @@ from warp_trunk.geometry.surface import Surface
 from .landmarks import Landmarks
 from .layers import Layers
 from .rib_shares import RibShares
+from .study import Study
 from .uncertainty import Uncertainty
 
 
@@ -44,6 +45,8 @@ class Case:
     flatter."""
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
     """How uncertain it is what the clinic gives and the model assumes."""
+    study: Study = dataclasses.field(default_factory=Study)
+    """Whose trunk it is, and what else a study of several cases needs to know."""
     bending_left: Landmarks | None = None
     """Points on the vertebrae while the patient bends to her left, some or all of those before surgery."""
     bending_right: Landmarks | None = None

@@ -50,6 +50,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         posture=case.posture,
         tissue=case.tissue,
         uncertainty=case.uncertainty,
+        study=case.study,
         ribs=case.rib_shares,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )

@@ -2,38 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import tempfile
 from collections.abc import Sequence
 
 from warp_trunk.errors import InputError
 
 from .commands import load, overview
 from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
-
-
-def start_warp() -> None:
-    """Starts Warp without the line that its native part prints on every machine without CUDA.
-
-    It writes past Python's streams, so the file descriptor is turned aside; anything else it says is passed on.
-    """
-    import warp as wp
-
-    wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel
-    sys.stderr.flush()
-    kept = os.dup(2)
-    with tempfile.TemporaryFile() as aside:
-        os.dup2(aside.fileno(), 2)
-        try:
-            wp.init()
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-        aside.seek(0)
-        for line in aside.read().decode(errors="replace").splitlines():
-            if "Could not find or load the NVIDIA CUDA driver" not in line:
-                print(line, file=sys.stderr)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +19,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return OK
     try:
         kind = load(arguments)
-        from .arguments import parse  # after the help, for which it is not needed
+        from warp_trunk.run.starting import start_warp  # after the help, for which they are not needed
+
+        from .arguments import parse
 
         command = parse(kind, arguments)
         start_warp()

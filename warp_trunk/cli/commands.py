@@ -29,9 +29,10 @@ COMMANDS = {
     "report": "Report",
     "measure": "Measure",
     "export": "Export",
+    "cohort": "Cohort",
 }
-"""The class of each command, in the order in which they are used: first steps, from a patient to a case, and from
-there to a result."""
+"""The class of each command, in the order in which they are used: first steps, from a patient to a case, from
+there to a result, and many of them."""
 
 
 def load(words: list[str]) -> Any:

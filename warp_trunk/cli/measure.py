@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from tyro.conf import Positional
@@ -20,14 +17,9 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.io.trunk_file import read_trunk
-from warp_trunk.measures import compare_skins, measure
-from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
-from warp_trunk.measures.table import comparison_text, measures_text
-from warp_trunk.measures.volume import tissue_volume_change
-from warp_trunk.results import partial, read_result, read_summary
-from warp_trunk.results.bands import levels_in_band
-from warp_trunk.results.folder import PREDICTED_SKIN, TRUNK
+from warp_trunk.results import read_result
+from warp_trunk.results.folder import PREDICTED_SKIN
+from warp_trunk.results.judging import check_writable, judged, write_record
 from warp_trunk.results.summary import SUMMARY
 from warp_trunk.run.progress import Progress
 
@@ -66,68 +58,11 @@ class Measure:
                 if self.against is not None and actual is not None:
                     check_place(self.against, actual, case)
             with progress.stage("measure", "measuring"):
-                record, text = measured(case, skin, actual, self.when)
-                inside = in_bands(file, record)
-                tissue = tissue_change(file, skin)
-        record["tissue_volume_change_percent"] = tissue
+                record, text = judged(case, file, skin, actual, self.when)
         print(text)
-        if inside is not None:
-            record["against"]["in_band"] = inside
-            print(f"\n{bands_text(inside)}")
-        if tissue is not None:
-            print(f"\nvolume of the soft tissue   {tissue:+.2f} %")
         write_record(stem, record)
         print(f"\nWritten to {stem}.json and {stem}.csv")
         return OK
-
-
-def measured(
-    case: Case, skin: Surface, actual: Surface | None, when: Literal["before", "after"] | None
-) -> tuple[dict[str, Any], str]:
-    """The record and the text of all measures of a skin, and of the actual one where there is one."""
-    same = skin.vertices.shape == case.skin.vertices.shape and np.array_equal(skin.faces, case.skin.faces)
-    if when is None:
-        unmoved = same and np.abs(skin.vertices - case.skin.vertices).max() < 1e-3  # float32 files round
-        when = "before" if unmoved else "after"
-    landmarks = case.landmarks_before if when == "before" else case.planned_landmarks
-    found = measure(skin, landmarks, case.skin if same and when == "after" else None)
-    record: dict[str, Any] = {"case": case.name, "landmarks": when, "skin": measures_record(found)}
-    text = [f"{case.name.strip()}: the skin with its landmarks {when} surgery", "", measures_text(found)]
-    if actual is not None:
-        other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
-        record |= {"actual": measures_record(other), "against": comparison_record(comparison)}
-        text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
-    return record, "\n".join(text)
-
-
-def in_bands(file: Path, record: dict[str, Any]) -> dict[str, bool | None] | None:
-    """By level, whether the actual rotation lies in the band of the prediction; None where there is no band."""
-    if "actual" not in record or file.name != PREDICTED_SKIN or not (file.parent / SUMMARY).is_file():
-        return None
-    bands = read_summary(file.parent).bands
-    if bands is None:
-        return None
-    return levels_in_band(bands, {level: one["bsr_deg"] for level, one in record["actual"]["levels"].items()})
-
-
-def bands_text(inside: dict[str, bool | None]) -> str:
-    """How many levels of the actual back lie in their bands, and which do not."""
-    known = [level for level, is_in in inside.items() if is_in is not None]
-    out = [level for level in known if not inside[level]]
-    text = f"Actual back surface rotation in its 95 % band at {len(known) - len(out)} of {len(known)} levels"
-    return text + (f"; not at {', '.join(out)}" if out else "")
-
-
-def tissue_change(file: Path, skin: Surface) -> float | None:
-    """Change of the tissue's volume [%] where the skin is that of a simulation whose mesh lies beside it."""
-    mesh = file.with_name(TRUNK)
-    if not mesh.is_file():
-        return None
-    trunk, displacement = read_trunk(mesh)
-    ours = (trunk.nodes + displacement)[trunk.skin_nodes]
-    if ours.shape != skin.vertices.shape or np.abs(ours - skin.vertices).max() > 1e-3:
-        return None
-    return tissue_volume_change(trunk, displacement)
 
 
 def patient_of(file: Path, folder: Path | None) -> Case:
@@ -195,26 +130,3 @@ def check_place(path: Path, surface: Surface, case: Case) -> None:
             f"{path}: must lie where the skin of the case is, z {own_low[2]:.0f} to {own_high[2]:.0f} mm, "
             f"but has z {low[2]:.0f} to {high[2]:.0f}; give it in mm and LPS axes, registered to the case"
         )
-
-
-def check_writable(stem: Path) -> None:
-    """Make the folder of a record, and raise InputError where the record cannot be written."""
-    probe = stem.with_name(f".{stem.name}.writable")
-    try:
-        stem.parent.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(b"")
-        probe.unlink()
-    except OSError as error:
-        raise InputError(
-            f"{stem}: measures cannot be written here ({error.strerror}); give --out a place of your own"
-        ) from error
-
-
-def write_record(stem: Path, record: dict[str, Any]) -> None:
-    """Write a record as JSON and as CSV, each whole or not at all."""
-    as_json, as_csv = (stem.with_name(f"{stem.name}{ending}") for ending in (".json", ".csv"))
-    partial(as_json).write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    with partial(as_csv).open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows(record)])
-    for path in (as_json, as_csv):
-        os.replace(partial(path), path)

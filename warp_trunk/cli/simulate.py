@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.planned_folder import plan_files
 from warp_trunk.case import Case, read_checked_case
-from warp_trunk.engine.tissue import Tissue
-from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
 from warp_trunk.run.run_plans import run_plans
 
-from .arguments import parse
 from .crossing_file import crossings_written
 from .ending import report_ending
-
+from .simulation import SimulationArguments
 
 @dataclass(frozen=True, kw_only=True)
-class Simulate:
+class Simulate(SimulationArguments):
     """Predict the trunk after surgery for a case folder."""
 
     case: Positional[Path]
@@ -37,12 +32,6 @@ class Simulate:
     plan: UseAppendAction[tuple[Path, ...]] = ()
     """A plan to simulate in place of what the case says of after surgery: plan.toml, or a folder that holds one;
     once for each plan. All share the mesh and the model of the patient."""
-    options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
-    """How the case is simulated."""
-    align_pelvis: bool = False
-    """Bring what is known after surgery back onto the pelvis before it, where its files are in another frame."""
-    tissue: Tissue = field(default_factory=Tissue)
-    """What the soft tissue is made of; what is not given here is taken from case.toml."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Simulates the case, or each plan for it, and writes the results."""
@@ -51,8 +40,7 @@ class Simulate:
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"), crossings_written(out):
                 case, warnings = read_checked_case(self.case, align=self.align_pelvis)
-            given = parse(Simulate, arguments, replace(self, tissue=case.tissue))
-            case = replace(case, tissue=given.tissue)
+            case = self.refined(case, arguments)
             with crossings_written(out):
                 if plans:
                     return self._run_plans(case, plans, out, progress)

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from .style import Pose
 
 
+_OPTIONAL = ("shoulders", "sure", "hump", "trends")
+"""Pictures that a page may be without."""
+
+
 def page(
     poses: Sequence[Pose],
     comparison: SkinComparison | None,
@@ -42,6 +46,7 @@ def page(
         drawings,
         case=summary.case,
         warnings=summary.warnings,
+        virtual=summary.virtual,
         converged=status is RelaxStatus.CONVERGED,
         status=status.name,
         reason=status.value[:1].upper() + status.value[1:],
@@ -83,9 +88,7 @@ def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str
         lstrip_blocks=True,
     )
     style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
-    pictures = {"shoulders": None, "sure": None} | {
-        name: b64encode(drawing).decode() for name, drawing in drawings.items()
-    }
+    pictures = dict.fromkeys(_OPTIONAL) | {name: b64encode(drawing).decode() for name, drawing in drawings.items()}
     return environment.get_template(template).render(style=style, pictures=pictures, **values).lstrip()
 
 

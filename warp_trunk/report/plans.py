@@ -76,6 +76,7 @@ def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: 
         "plans.html",
         drawings,
         panels=len(poses),
+        virtual=any(result.summary.virtual for result in results.values()),
         titles=", ".join(pose.look.title for pose in poses),
         plans=[
             (title, result.summary.case, folder.name or folder.resolve().name)

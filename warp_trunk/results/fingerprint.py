@@ -50,9 +50,9 @@ def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh |
     found["threads"] = 1 if device.startswith("cuda") else choose_threads(parameters["threads"])
     found |= dataclasses.asdict(case.tissue)
     found["shares of the ribs"] = dataclasses.asdict(case.rib_shares)
-    found["skin"] = _surface(case.skin)
+    found["skin"] = surface_digest(case.skin)
     for when, bones in (("bone", case.bones), ("bone after", case.bones_after)):
-        found |= {f"{when} {name}": _surface(surface) for name, surface in bones.items()}
+        found |= {f"{when} {name}": surface_digest(surface) for name, surface in bones.items()}
     found["landmarks_before"] = _landmarks(case.landmarks_before)
     found["landmarks_after"] = _landmarks(case.planned_landmarks)
     found["layers of the case"] = None if case.layers is None else _layers(case.layers)
@@ -82,7 +82,8 @@ def _digest(*parts: np.ndarray | str | bytes) -> str:
     return _MARK + digest.hexdigest()
 
 
-def _surface(surface: Surface) -> str:
+def surface_digest(surface: Surface) -> str:
+    """What tells a surface from every other one."""
     return _digest(surface.vertices, surface.faces)
 
 

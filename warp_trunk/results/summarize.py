@@ -75,6 +75,7 @@ def summarize(
         warnings=(*warnings, *(() if quality is None else quality.faults)),
         skin_quality=quality,
         bands=bands,
+        virtual=case.study.virtual,
     )
 
 

@@ -136,6 +136,8 @@ class Summary:
     """What makes the result doubtful, a sentence each."""
     skin_quality: SkinQuality | None = None
     """Worst stretch and fold of the predicted skin."""
+    virtual: bool = False
+    """Whether the trunk was made by a computer: nobody's."""
     bands: Bands | None = None
     """How sure each number is; None where that was not asked for."""
 

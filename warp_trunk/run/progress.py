@@ -21,6 +21,7 @@ class Progress:
         self._start = time.perf_counter()
         self._bars: Any = None
         self._task: Any = None
+        self._began = self._start
         self.seconds: dict[str, float] = {}
         """Time spent so far in each stage [s]."""
 
@@ -76,16 +77,45 @@ class Progress:
     def increment(self, increment: Increment, count: int) -> None:
         """Shows that an increment of so many is done; the time left follows from those before it."""
         relaxation = increment.relaxation
-        if self._bars is None:
-            self._line(
-                f"increment {increment.number} of {count}: {relaxation.status.name}, "
-                f"{relaxation.estimated_error:.2g} mm from equilibrium, {relaxation.steps} steps, "
-                f"{relaxation.linear_iterations} linear iterations, {increment.seconds:.1f} s"
-            )
+        if self._bars is not None:
+            self._bar("relaxing the tissue", increment.number, count)
             return
+<<<<<<< HEAD
         if self._task is None or increment.number == 1:  # another plan begins
             self._task = self._bars.add_task("relaxing the tissue", total=count)
         self._bars.update(self._task, completed=increment.number)
+=======
+        self._line(
+            f"increment {increment.number} of {count}: {relaxation.status.name}, "
+            f"{relaxation.estimated_error:.2g} mm from equilibrium, {relaxation.steps} steps, "
+            f"{relaxation.linear_iterations} linear iterations, {increment.seconds:.1f} s"
+        )
+
+    def part(self, doing: str, done: int, count: int, line: str = "", note: str = "") -> None:
+        """Shows that one of so many parts of a long work is done, how it ended, and the time left.
+
+        Args:
+            doing: what the parts are.
+            done: how many are; 0 begins the work.
+            count: how many there are.
+            line: how the last one ended.
+            note: how all ended so far.
+        """
+        if not done:
+            self._began = time.perf_counter()
+        if self._bars is not None:
+            if line:
+                self.message(line)
+            self._bar(f"{doing}, {note}" if note else doing, done, count)
+        elif line:
+            left = (time.perf_counter() - self._began) / done * (count - done)
+            self._line(f"{line} ({done} of {count} {doing}, {note}, about {_time(left)} left)")
+
+    def _bar(self, doing: str, done: int, count: int) -> None:
+        if self._task is None:
+            self._task = self._bars.add_task(doing, total=count)
+        self._bars.update(self._task, completed=done, description=doing)
+>>>>>>> cc34aec (Simulate and judge many cases at once with warp-trunk cohort)
 
     def total(self) -> float:
         """Time since this was made [s]."""
@@ -95,6 +125,14 @@ class Progress:
         print(text, file=self._stream, flush=True)
 
 
+<<<<<<< HEAD
 def stage_of(progress: Progress | None, name: str, doing: str) -> AbstractContextManager[None]:
     """A stage of a progress, or nothing where there is none."""
     return nullcontext() if progress is None else progress.stage(name, doing)
+=======
+def _time(seconds: float) -> str:
+    """A time as one says it."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+>>>>>>> cc34aec (Simulate and judge many cases at once with warp-trunk cohort)

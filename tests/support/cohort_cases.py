@@ -1,0 +1,45 @@
+"""Small cases for a cohort: a coarse trunk with a few bones, whose actual skin is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from warp_trunk.case import Case, write_case
+from warp_trunk.case.study import Study
+from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.surface import Surface
+
+from .small_case import small_case
+
+COARSE = ("--tets", "5000", "--increments", "1", "--no-record", "--device", "cpu", "--bone-voxel", "8")
+"""Options with which such a case takes some seconds."""
+
+
+@cache
+def coarse_case() -> Case:
+    """The small case with a coarse skin."""
+    case = small_case()
+    return replace(case, name="coarse", skin=coarsen(case.skin, 30.0, 6.0))
+
+
+def turned_case(name: str, degrees: float, study: Study | None = None) -> Case:
+    """The coarse case whose actual skin is that before surgery, turned about the vertical by an angle."""
+    case = coarse_case()
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    actual = Surface(case.skin.vertices @ turn.T, case.skin.faces)
+    return replace(case, name=name, actual_skin=actual, study=study or Study())
+
+
+def write_cohort_cases(folder: Path) -> Path:
+    """Three good cases of two patients and one that is broken."""
+    write_case(folder / "a", turned_case("first", 1.0, Study(patient="P1", months_after=6.0, virtual=True)))
+    write_case(folder / "b", turned_case("second", -2.0, Study(patient="P1", months_after=12.0, virtual=True)))
+    write_case(folder / "c", turned_case("third", 3.0, Study(patient="P2", months_after=24.0, virtual=True)))
+    write_case(folder / "d", turned_case("broken", 0.0))
+    (folder / "d" / "landmarks_before.csv").unlink()
+    return folder

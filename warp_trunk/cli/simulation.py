@@ -1,0 +1,41 @@
+"""What every command that simulates cases takes from the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.run.options import RunOptions
+
+from .arguments import parse
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationArguments:
+    """How cases are simulated."""
+
+    options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
+    """How the case is simulated."""
+    align_pelvis: bool = False
+    """Bring what is known after surgery back onto the pelvis before it, where its files are in another frame."""
+    tissue_file: Path | None = None
+    """Constants of tissue and ribs that stand for those of case.toml, as `calibrate` writes them (tissue.toml)."""
+    tissue: Tissue = field(default_factory=Tissue)
+    """What the soft tissue is made of; what is not given here is that of the tissue file, then of case.toml."""
+
+    def refined(self, case: Case, arguments: Sequence[str]) -> Case:
+        """A case with the constants of the tissue file, and over them those that the words of the command give."""
+        if self.tissue_file is not None:
+            from warp_trunk.case.tissue_file import read_tissue_file, with_constants
+
+            case = with_constants(case, read_tissue_file(self.tissue_file))
+        given = parse(type(self), arguments, replace(self, tissue=case.tissue))
+        return replace(case, tissue=given.tissue)

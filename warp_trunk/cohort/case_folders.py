@@ -1,0 +1,50 @@
+"""Which cases a cohort has, and where their results go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from warp_trunk.case.places import HEADER, refuse_case
+from warp_trunk.errors import InputError
+
+from .record import JUDGED
+
+
+def case_folders(folder: Path) -> list[Path]:
+    """The case folders in a folder, by name.
+
+    Raises:
+        InputError: there is no such folder, it is itself a case, or it holds none.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; give the one that holds the case folders")
+    if (folder / HEADER).is_file():
+        raise InputError(f"{folder}: is one case; give the folder that holds it and the others, or use simulate")
+    found = sorted(path.parent for path in folder.glob(f"*/{HEADER}"))
+    if not found:
+        raise InputError(
+            f"{folder}: holds no case folder, which is one with {HEADER} in it; make cases with warp-trunk "
+            "import, plan or make-case"
+        )
+    return found
+
+
+def check_out(out: Path, folder: Path, names: list[str]) -> list[str]:
+    """Makes the folder of a cohort's results; tells of results in it that are of no case any more.
+
+    Raises:
+        InputError: it lies in a case, or is the folder of the cases, or cannot be written to.
+    """
+    refuse_case(out)
+    if out.resolve() == folder.resolve():
+        raise InputError(f"{out}: holds the cases; give --out another folder")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        probe = out / ".writable"
+        probe.write_bytes(b"")
+        probe.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{out}: results cannot be written here ({error.strerror}); give --out a folder of your own"
+        ) from error
+    return sorted({path.parent.name for path in out.glob(f"*/{JUDGED}")} - set(names))

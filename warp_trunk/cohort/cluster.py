@@ -1,0 +1,137 @@
+"""Where the cases of a cohort are worked on: processes of this machine, or a Dask cluster that runs already."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from warp_trunk.engine.parallel import choose_threads
+from warp_trunk.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+MEMORY_PER_WORKER = 4e9
+"""Memory that a case of the default mesh may take [bytes]; no more workers are started by themselves than fit."""
+MOST_WORKERS = 1024
+"""More processes are no use on one machine."""
+RETRIES = 1
+"""How often a case is begun anew where its worker was lost, before it is given up."""
+PATIENCE = 30.0
+"""How long a scheduler and its first worker are waited for [s]."""
+LOOPBACK = "127.0.0.1"
+"""Nobody else on the network reaches what listens here."""
+
+
+@contextmanager
+def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Client]:
+    """A client of a cluster of this machine's own, or of one that runs already.
+
+    Args:
+        workers: processes to start; 0 is one for each GPU, or each core for which there is memory.
+        scheduler: address of a running scheduler, `tcp://host:8786`; nothing is started then.
+        device: where cases are computed; `cpu` leaves GPUs alone.
+
+    Raises:
+        InputError: the extra is not installed, a number of workers that cannot be, or nobody answers.
+    """
+    distributed = _distributed()
+    if scheduler is None:
+        with _own_cluster(distributed, workers, device) as cluster, distributed.Client(cluster) as client:
+            yield client
+        return
+    if workers:
+        raise InputError("--workers: a running cluster has its own; leave it out, or leave --scheduler out")
+    try:
+        client = distributed.Client(scheduler, timeout=PATIENCE)
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"--scheduler: nobody answers at {scheduler}, or it has no worker ({error}); start `dask scheduler` "
+            "and `dask worker`, and give the address that the scheduler prints"
+        ) from error
+    with client:
+        yield client
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError as error:
+        raise InputError(
+            f"cohorts: run on Dask, which is not installed ({error}); install the extra: "
+            "uv sync --extra cluster, or pip install warp-trunk[cluster]"
+        ) from error
+    return distributed
+
+
+@contextmanager
+def _own_cluster(distributed: Any, workers: int, device: str) -> Iterator[Any]:
+    """Processes of this machine, each for one case at a time, which listen on loopback only."""
+    from dask import config
+    from distributed.deploy.spec import SpecCluster
+
+    gpus = _gpus() if device == "auto" else []
+    count = choose_workers(workers, gpus)
+    settings: dict[str, Any] = {
+        "distributed.scheduler.allowed-failures": RETRIES,
+        "distributed.worker.multiprocessing-method": "spawn",  # a CUDA context does not survive a fork
+        "distributed.admin.system-monitor.gil.enabled": False,
+    }
+    quiet: Any = logging.ERROR
+    with config.set(settings):
+        names = [gpus[number % len(gpus)] if gpus else None for number in range(count)]
+        with SpecCluster(
+            workers={number: _worker(distributed, gpu) for number, gpu in enumerate(names)},
+            scheduler={
+                "cls": distributed.Scheduler,
+                "options": {"host": LOOPBACK, "port": 0, "dashboard_address": f"{LOOPBACK}:0"},
+            },
+            silence_logs=quiet,
+        ) as cluster:
+            yield cluster
+
+
+def _worker(distributed: Any, gpu: str | None) -> dict[str, Any]:
+    """One process with one thread for cases; on one GPU only, where there is one for it."""
+    return {
+        "cls": distributed.Nanny,
+        "options": {
+            "host": LOOPBACK,
+            "nthreads": 1,
+            "memory_limit": 0,  # the machine's own limit: a mesh is as large as was asked for
+            "env": {} if gpu is None else {"CUDA_VISIBLE_DEVICES": gpu},
+            "dashboard": False,
+            "silence_logs": logging.ERROR,
+        },
+    }
+
+
+def choose_workers(workers: int, gpus: list[str]) -> int:
+    """The number of processes: as asked for, or for 0 one for each GPU or for each core for which there is memory.
+
+    Raises:
+        InputError: a number that cannot be.
+    """
+    if not 0 <= workers <= MOST_WORKERS:
+        raise InputError(f"--workers: must be 0 (as fits this machine) to {MOST_WORKERS}, not {workers}")
+    if workers:
+        return workers
+    if gpus:
+        return len(gpus)
+    import psutil
+
+    return max(1, min(choose_threads(0), int(psutil.virtual_memory().available // MEMORY_PER_WORKER)))
+
+
+def _gpus() -> list[str]:
+    """What CUDA_VISIBLE_DEVICES says for each GPU of this process, each by itself."""
+    import warp as wp
+
+    wp.init()
+    count = wp.get_cuda_device_count()
+    given = [name for name in os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",") if name]
+    return given[:count] if len(given) >= count else [str(number) for number in range(count)]

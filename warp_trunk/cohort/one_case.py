@@ -1,0 +1,187 @@
+"""One case of a cohort, as a worker does it: simulated like any other, judged by its actual skin, and kept."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from warp_trunk.case import read_checked_case
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.spline import fit_spline
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import measure
+from warp_trunk.results import Checkpoint, fingerprint_of, read_result
+from warp_trunk.results.fingerprint import Fingerprint, surface_digest
+from warp_trunk.results.fingerprint import difference as first_difference
+from warp_trunk.results.folder import PREDICTED_SKIN
+from warp_trunk.results.judging import judged, write_record
+from warp_trunk.run.options import RunOptions, parameters
+from warp_trunk.run.progress import Progress
+from warp_trunk.run.run_case import run_case
+from warp_trunk.run.starting import start_warp
+
+from .record import FAILED, JUDGED, CaseRow, Judged, LevelRow, read_judged, write_judged
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.results import Summary
+
+LOG = "log.txt"
+"""What a worker tells while it simulates a case, in the case's result folder."""
+MEASURES = "predicted_skin_measures"
+"""The measures of a case beside its result, as `warp-trunk measure` writes them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CohortOptions:
+    """How every case of a cohort is simulated."""
+
+    run: RunOptions = field(default_factory=RunOptions)
+    """As one case alone."""
+    align_pelvis: bool = False
+    """Bring what is known after surgery back onto the pelvis before it."""
+    refine: Callable[[Case], Case] | None = None
+    """Changes each case after it is read, such as its tissue by what the command line says."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what is of one case alone."""
+        for name, value in (("--from-mesh", self.run.from_mesh), ("--live", self.run.live)):
+            if value:
+                raise InputError(f"{name}: is for one case; leave it out, or use simulate")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Done:
+    """How one case of a cohort ended."""
+
+    row: CaseRow
+    """Its row."""
+    kept: bool = False
+    """Whether it was there already, of the same case and options."""
+    notice: str = ""
+    """Why an earlier result was not kept, in words."""
+
+
+def do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
+    """Simulates and judges a case unless that is done; what goes wrong is a row with its reason.
+
+    Args:
+        folder: the case folder.
+        out: the case's result folder.
+        options: how.
+    """
+    start_warp()
+    try:
+        return _do_case(folder, out, options)
+    except InputError as error:
+        reason = str(error)
+    except MemoryError:
+        reason = "not enough memory for this mesh; use fewer workers or tetrahedra"
+    except Exception as error:  # one case must not end the others, whatever it is
+        reason = f"{type(error).__name__}: {error}"
+    return Done(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
+
+
+def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
+    case, warnings = read_checked_case(folder, align=options.align_pelvis)
+    if options.refine is not None:
+        case = options.refine(case)
+    fingerprint = fingerprint_of(case, parameters(options.run))
+    made_from = _made_from(case, options.run, fingerprint)
+    earlier, notice = read_judged(out), ""
+    if earlier is not None:
+        notice = first_difference(earlier.made_from, made_from)
+        if not notice:
+            return Done(row=dataclasses.replace(earlier.row, folder=folder.name), kept=True)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / JUDGED).unlink(missing_ok=True)
+    with (out / LOG).open("a", encoding="utf-8") as log, Progress(log) as progress:
+        run = dataclasses.replace(options.run, resume=_goes_on(out, fingerprint))
+        result = run_case(case, out, run, progress, warnings=warnings)
+        with progress.stage("judge", "judging by the actual skin"):
+            row = _row(case, folder, out, result.summary)
+        write_judged(out, Judged(made_from=made_from, row=row))
+    return Done(row=row, notice=notice)
+
+
+def _made_from(case: Case, options: RunOptions, simulation: Fingerprint) -> Fingerprint:
+    """What a row depends on: the simulation, what judges it, and what it says of the case."""
+    found = dict(simulation)
+    found["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
+    found["record"] = options.record
+    found |= {"case": case.name, "study": dataclasses.asdict(case.study)}
+    found["uncertainty"] = dataclasses.asdict(case.uncertainty)
+    return json.loads(json.dumps(found))
+
+
+def _goes_on(out: Path, fingerprint: Fingerprint) -> bool:
+    """Whether an interrupted simulation of the same case and options lies there."""
+    try:
+        return Checkpoint(out, fingerprint).count() > 0
+    except InputError:  # of another case or options: it starts anew
+        return False
+
+
+def _row(case: Case, folder: Path, out: Path, summary: Summary) -> CaseRow:
+    """The row of a case whose result is whole."""
+    result = read_result(out)
+    record, _ = judged(case, out / PREDICTED_SKIN, result.predicted_skin, case.actual_skin, "after")
+    write_record(out / MEASURES, record)
+    curves = summary.cobb_deg
+    main = max(range(len(curves.before)), key=lambda i: curves.before[i].angle, default=None)
+    cobb = None if main is None else curves.before[main].angle
+    left = None if main is None else curves.followed[main]
+    before = measure(case.skin, case.landmarks_before)
+    return CaseRow(
+        folder=folder.name,
+        status=summary.status,
+        case=case.name,
+        patient=case.study.patient or folder.name,
+        pose=case.study.pose,
+        virtual=case.study.virtual,
+        cobb_deg=cobb,
+        correction_percent=None if not cobb or left is None else 100.0 * (1.0 - left / cobb),
+        months_after=case.study.months_after,
+        tets=summary.tets,
+        hump_before_mm=before.max_hump,
+        hump_predicted_mm=record["skin"]["max_hump_mm"],
+        hump_actual_mm=record["actual"]["max_hump_mm"] if "actual" in record else None,
+        skin_distance_mm=_back_distance(record),
+        levels=_levels(case, summary, record),
+        warnings=len(summary.warnings),
+        seconds=summary.seconds.get("total"),
+        peak_memory_mb=summary.peak_memory_mb,
+    )
+
+
+def _levels(case: Case, summary: Summary, record: dict[str, Any]) -> tuple[LevelRow, ...]:
+    rotation = summary.bsr_deg
+    carried = measure(_carried(case), case.planned_landmarks).bsr
+    inside = record.get("against", {}).get("in_band", {})
+    return tuple(
+        LevelRow(
+            level=level,
+            before=rotation.before.get(level),
+            predicted=predicted,
+            spline=carried.get(level),
+            actual=None if rotation.actual is None else rotation.actual.get(level),
+            in_band=inside.get(level),
+        )
+        for level, predicted in rotation.after.items()
+    )
+
+
+def _carried(case: Case) -> Surface:
+    """The skin before surgery where the spline through all landmarks takes it: no tissue, no relaxation."""
+    spline = fit_spline(case.landmarks_before.points, case.planned_landmarks.points)
+    return Surface(spline(case.skin.vertices), case.skin.faces)
+
+
+def _back_distance(record: dict[str, Any]) -> float | None:
+    """Mean distance of the predicted back from the actual one [mm]; None where either is missing."""
+    back = record["against"]["distance"]["back"] if "against" in record else None
+    return None if back is None else back["mean_mm"]

@@ -1,0 +1,104 @@
+"""All cases of a cohort, over the workers of a cluster."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from warp_trunk.errors import InputError
+
+from .one_case import CohortOptions, Done, do_case
+from .record import FAILED, CaseRow
+from .warming import warm
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from warp_trunk.run.progress import Progress
+
+CPU_THREADS = 1
+"""Threads of a case on the CPU: cores are filled by cases, and what a case comes to does not depend on how many
+others there are, to the last bit."""
+
+
+def work(
+    client: Client, folders: Sequence[Path], out: Path, options: CohortOptions, progress: Progress
+) -> list[Done]:
+    """Simulates and judges every case; in the order of the folders.
+
+    Each worker writes its result itself, so that none that is finished is lost with a worker, the scheduler or
+    this process.
+
+    Raises:
+        InputError: the scheduler was lost.
+    """
+    if not options.run.threads:
+        options = dataclasses.replace(options, run=dataclasses.replace(options.run, threads=CPU_THREADS))
+    _warm_each_host(client, options)
+    futures = {
+        client.submit(
+            do_case,
+            folder.resolve(),
+            (out / folder.name).resolve(),
+            options,
+            key=f"case-{folder.name}",
+            pure=False,
+        ): folder
+        for folder in folders
+    }
+    found: dict[Path, Done] = {}
+    progress.part("cases", 0, len(folders))
+    for future, ended in _ended(client, futures, out):
+        folder = futures[future]
+        done = found[folder] = ended if isinstance(ended, Done) else _lost(folder, ended)
+        failed = sum(one.row.status == FAILED for one in found.values())
+        progress.part("cases", len(found), len(folders), _line(done), f"{failed} failed")
+    return [found[folder] for folder in folders]
+
+
+def _ended(client: Client, futures: dict[Any, Path], out: Path) -> Iterator[tuple[Any, Any]]:
+    """Each future with its outcome or its error, as they end."""
+    from distributed import as_completed
+    from distributed.client import FutureCancelledError
+
+    for future in as_completed(list(futures)):
+        if future.status == "cancelled" or client.status not in ("running", "connecting"):
+            raise _scheduler_lost(out)
+        try:
+            yield future, future.result()
+        except FutureCancelledError:
+            raise _scheduler_lost(out) from None
+        except Exception as error:  # of the machinery: a case's own are in its row
+            yield future, error
+
+
+def _scheduler_lost(out: Path) -> InputError:
+    return InputError(
+        f"{out}: the scheduler was lost; results that are finished are kept: give the same command again"
+    )
+
+
+def _lost(folder: Path, error: Exception) -> Done:
+    """The row of a case whose worker was lost each time."""
+    from distributed import KilledWorker
+
+    reason = f"{type(error).__name__}: {error}"
+    if isinstance(error, KilledWorker):
+        reason = "its worker was lost each time, likely for want of memory; use fewer workers or tetrahedra"
+    return Done(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
+
+
+def _warm_each_host(client: Client, options: CohortOptions) -> None:
+    """Compiles what the cases need once on each host, where several workers would do it at the same time."""
+    hosts: dict[str, str] = {}
+    for address, info in client.scheduler_info(n_workers=-1)["workers"].items():
+        hosts.setdefault(info["host"], address)
+    client.run(warm, options.run, workers=list(hosts.values()), on_error="ignore")  # a case tells its own reason
+
+
+def _line(done: Done) -> str:
+    """The case that ended, and how."""
+    said = "kept" if done.kept else done.row.reason or done.row.status
+    return f"{done.row.folder}: {said}" + (f"; done again, for {done.notice}" if done.notice else "")

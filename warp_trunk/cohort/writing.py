@@ -1,0 +1,73 @@
+"""The files of a cohort: cohort.csv, cohort.json and cohort.html."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.measures.comparison import DETECTABLE
+
+from .page import cohort_page
+from .record import CaseRow, LevelRow
+from .summary import CohortSummary, summarize_cohort
+
+TABLE, RECORD, PAGE = "cohort.csv", "cohort.json", "cohort.html"
+_LEVEL = tuple(field.name for field in dataclasses.fields(LevelRow))
+_CASE = tuple(field.name for field in dataclasses.fields(CaseRow) if field.name != "levels")
+COLUMNS = (*_CASE, *(name if name in ("level", "in_band") else f"bsr_{name}_deg" for name in _LEVEL))
+"""Header of cohort.csv."""
+
+
+def write_cohort(out: Path, rows: Sequence[CaseRow]) -> CohortSummary:
+    """Writes the tables and the page of a cohort into a folder; an earlier one is replaced, the page last."""
+    summary = summarize_cohort(rows)
+    with atomic_write(out / TABLE) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *table_rows(rows)])
+    record = msgspec.json.encode({"summary": summary, "cases": rows})
+    with atomic_write(out / RECORD) as unfinished:
+        unfinished.write_bytes(msgspec.json.format(record, indent=2) + b"\n")
+    with atomic_write(out / PAGE) as unfinished:
+        unfinished.write_text(cohort_page(rows, summary), encoding="utf-8")
+    return summary
+
+
+def table_rows(rows: Sequence[CaseRow]) -> Iterator[list[Any]]:
+    """The rows of cohort.csv: one for each case and level; a case without levels has one row."""
+    for row in rows:
+        case = [getattr(row, name) for name in _CASE]
+        for level in row.levels or (LevelRow(level=""),):
+            yield [*case, *(getattr(level, name) for name in _LEVEL)]
+
+
+def cohort_text(summary: CohortSummary) -> str:
+    """What a terminal shows of a cohort."""
+    lines = [
+        f"{summary.cases} cases: {summary.counted} of {summary.patients} patients count"
+        + (f"; {summary.virtual} are virtual, of nobody" if summary.virtual else "")
+    ]
+    for what, names in (
+        ("failed", summary.failed),
+        ("did not converge", summary.unfinished),
+        ("without an actual skin", summary.without_actual),
+        ("bending, not surgery", summary.bending),
+    ):
+        if names:
+            lines.append(
+                f"{what}: {', '.join(names[:12])}" + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+            )
+    for name, one in summary.ranges.items():
+        if one.error is None or one.nothing_changes is None or one.spline is None or one.within is None:
+            continue
+        spread = "" if one.error.sd is None else f" ± {one.error.sd:.2f}"
+        lines.append(
+            f"{name:<7} mean absolute error {one.error.mean:.2f}{spread}° over patients; "
+            f"{one.nothing_changes.mean:.2f}° if nothing changed, {one.spline.mean:.2f}° by the spline; "
+            f"{100.0 * one.within.mean:.0f} % of levels within {DETECTABLE:g}°"
+        )
+    return "\n".join(lines)
