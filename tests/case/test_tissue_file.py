@@ -1,0 +1,60 @@
+"""Constants by name, and tissue.toml."""
+
+from dataclasses import replace
+
+import pytest
+
+from support.small_case import small_case
+from warp_trunk.case.layers import Layers
+from warp_trunk.case.tissue_file import constant_of, read_tissue_file, with_constants, write_tissue_file
+from warp_trunk.errors import InputError
+
+GIVEN = {"poisson_ratio": 0.1 + 0.2, "fat.youngs_modulus": 3.25, "ribs.recovery": 0.55}
+
+
+def test_what_is_set_is_there():
+    case = with_constants(small_case(), GIVEN)
+    assert {name: constant_of(case, name) for name in GIVEN} == GIVEN
+    assert case.layers is not None
+    skin, fat, muscle = case.layers.tissues(case.tissue)
+    assert (skin.youngs_modulus, fat.youngs_modulus, muscle.youngs_modulus) == (130.0, 3.25, 10.0)
+    assert fat.poisson_ratio == 0.1 + 0.2
+    assert case.tissue.theta == small_case().tissue.theta
+
+
+def test_constants_of_the_ribs_make_no_layers_and_those_of_layers_stay():
+    assert with_constants(small_case(), {"ribs.turn": 0.5, "epsilon": 2.0}).layers is None
+    layers = Layers(constants={"fat": {"density": 900.0, "youngs_modulus": 1.0}})
+    case = with_constants(replace(small_case(), layers=layers), {"fat.youngs_modulus": 2.0})
+    assert case.layers is not None
+    assert case.layers.constants == {"fat": {"density": 900.0, "youngs_modulus": 2.0}}
+    assert constant_of(small_case(), "fat.youngs_modulus") == 2.5  # the default of a layer
+
+
+def test_round_trip(tmp_path):
+    path = tmp_path / "tissue.toml"
+    write_tissue_file(path, GIVEN, ["calibrated"])
+    assert read_tissue_file(path) == GIVEN
+    assert path.read_text().startswith("# calibrated\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("[tisue]", "unknown key 'tisue'; did you mean 'tissue'?"),
+        ("[layers.bone]", "unknown key 'layers.bone'"),
+        ("[layers]\nfat = 2", "'layers.fat' must be a table, [layers.fat]"),
+        ("[tissue]\npoisson_ratio = 0.5", "'poisson_ratio' must be a number from 0 to 0.499"),
+        ("[ribs]\nrecovery = 1.5", "'recovery' must be from 0 to 1"),
+        ("[ribs]\nrecovery = '1'", "'ribs.recovery' must be a number"),
+        ("ribs = 1", "'ribs' must be a table, [ribs]"),
+        ("x", "cannot be read as TOML"),
+    ],
+)
+def test_refused(tmp_path, text, rule):
+    path = tmp_path / "tissue.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        read_tissue_file(path)
+    assert str(error.value).startswith(str(path))
+    assert rule in str(error.value)

@@ -1,0 +1,142 @@
+"""A cohort by hand: the papers' numbers of two patients."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from warp_trunk.cohort.errors_of import case_error
+from warp_trunk.cohort.record import CaseRow, LevelRow
+from warp_trunk.cohort.summary import summarize_cohort
+from warp_trunk.cohort.writing import COLUMNS, cohort_text, write_cohort
+
+
+def level(
+    name: str, predicted: float, before: float, spline: float, actual: float | None, band: bool | None = None
+):
+    return LevelRow(level=name, predicted=predicted, before=before, spline=spline, actual=actual, in_band=band)
+
+
+ROWS = [
+    CaseRow(
+        folder="a", status="CONVERGED", case="first", patient="P1", virtual=True, cobb_deg=50.0, tets=1000,
+        hump_before_mm=20.0, hump_predicted_mm=11.0, hump_actual_mm=10.0,
+        levels=(
+            level("T5", 5.0, 9.0, 8.0, 4.0, True),
+            level("T6", 6.0, 12.0, 9.0, 9.0, False),
+            level("L2", -2.0, 0.0, -4.0, -1.0),
+            level("L3", -3.0, 0.0, 0.0, None),
+        ),
+    ),
+    CaseRow(
+        folder="b", status="CONVERGED", case="second", patient="P2", cobb_deg=60.0, tets=1000,
+        hump_before_mm=30.0, hump_predicted_mm=9.0, hump_actual_mm=14.0,
+        levels=(level("T5", 7.0, 14.0, 10.0, 6.0, True), level("L2", -8.0, -6.0, -7.0, -5.0, True)),
+    ),
+    CaseRow(folder="c", status="CONVERGED", patient="P3", levels=(level("T5", 1.0, 2.0, 3.0, None),)),
+    CaseRow(folder="d", status="STALLED", patient="P4", levels=(level("T5", 1.0, 2.0, 3.0, 99.0),)),
+    CaseRow(folder="e", status="FAILED", reason="skin.ply: is <open>, 3 edges"),
+    CaseRow(
+        folder="f", status="CONVERGED", patient="P2", pose="bending",
+        levels=(level("T5", 1.0, 2.0, 3.0, 99.0),),
+    ),
+]  # fmt: skip
+
+
+def test_who_counts():
+    found = summarize_cohort(ROWS)
+    assert (found.cases, found.counted, found.patients, found.virtual) == (6, 2, 2, 1)
+    assert (found.failed, found.unfinished, found.without_actual, found.bending) == (
+        ("e",),
+        ("d",),
+        ("c",),
+        ("f",),
+    )
+    assert not found.complete
+    assert summarize_cohort(ROWS[:3]).complete
+
+
+def test_the_papers_table_of_a_case():
+    """T5 1, T6 3: mean 2, SD sqrt(2); largest 6 against 9."""
+    error = case_error(ROWS[0], "T3-T12")
+    assert error is not None
+    assert error.levels == ("T5", "T6")
+    assert (error.mean, error.sd, error.of_maximum) == (2.0, pytest.approx(2.0**0.5), -3.0)
+
+
+def test_ranges():
+    """T3-L5: a has 1, 3, 1 and b 1, 3: means 5/3 and 2. Nothing changes: 5, 3, 1 and 8, 1; spline: 4, 0, 3 and
+    4, 2."""
+    found = summarize_cohort(ROWS).ranges["T3-L5"]
+    assert found.error is not None
+    assert found.error.mean == pytest.approx((5.0 / 3.0 + 2.0) / 2.0)
+    assert found.error.sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
+    assert found.nothing_changes is not None
+    assert found.nothing_changes.mean == pytest.approx((3.0 + 4.5) / 2.0)
+    assert found.spline is not None
+    assert found.spline.mean == pytest.approx((7.0 / 3.0 + 3.0) / 2.0)
+    assert found.better_than_nothing is not None
+    assert found.better_than_nothing.mean == pytest.approx((4.0 / 3.0 + 2.5) / 2.0)
+    assert found.better_than_spline is not None
+    assert found.better_than_spline.mean == pytest.approx((2.0 / 3.0 + 1.0) / 2.0)
+    assert found.within is not None
+    assert found.within.mean == pytest.approx((2.0 / 3.0 + 0.5) / 2.0)
+    assert found.cases_within is not None
+    assert found.cases_within.mean == 1.0
+    assert found.in_band is not None
+    assert found.in_band.mean == pytest.approx((0.5 + 1.0) / 2.0)
+
+
+def test_levels_hump_and_trends():
+    found = summarize_cohort(ROWS)
+    assert list(found.levels) == ["T5", "T6", "L2"]
+    t5 = found.levels["T5"]
+    assert (t5.error.mean, t5.error.sd, t5.bias, t5.nothing_changes, t5.spline) == (1.0, 0.0, 1.0, 6.5, 4.0)
+    assert found.levels["L2"].bias == -2.0  # -1 and -3
+    assert found.hump is not None
+    assert (found.hump.error.mean, found.hump.agreement.bias) == (3.0, -2.0)  # +1 and -5
+    assert found.agreement is not None
+    assert (found.agreement.pairs, found.agreement.bias) == (5, pytest.approx((1 - 3 - 1 + 1 - 3) / 5))
+    assert found.trends["cobb_deg"] is None  # two cases have no trend
+    assert found.trends["months_after"] is None
+
+
+def test_files(tmp_path: Path):
+    summary = write_cohort(tmp_path, ROWS)
+    with (tmp_path / "cohort.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    assert len(rows) == 4 + 2 + 1 + 1 + 1 + 1
+    assert (rows[1]["folder"], rows[1]["level"], rows[1]["bsr_actual_deg"], rows[1]["in_band"]) == (
+        "a",
+        "T6",
+        "9.0",
+        "False",
+    )
+    assert [row["reason"] for row in rows if row["folder"] == "e"] == ["skin.ply: is <open>, 3 edges"]
+    record = json.loads((tmp_path / "cohort.json").read_text())
+    assert record["summary"]["ranges"]["T3-L5"]["error"]["mean"] == pytest.approx(11.0 / 6.0)
+    assert [case["folder"] for case in record["cases"]] == list("abcdef")
+    text = cohort_text(summary)
+    assert "1 are virtual, of nobody" in text
+    assert "failed: e" in text
+    page = (tmp_path / "cohort.html").read_text()
+    for said in (
+        "Virtual: nobody",
+        "&lt;open&gt;",
+        "1.83 ± 0.24",
+        "d did not converge",
+        "c has no actual skin",
+        "T4-T12",
+    ):
+        assert said in page, said
+    assert "<open>" not in page
+    assert "http" not in page.replace("http-equiv", "")  # nothing from elsewhere
+
+
+def test_a_cohort_of_which_nothing_is_known(tmp_path: Path):
+    write_cohort(tmp_path, ROWS[4:5])
+    assert "there is nothing to judge" in (tmp_path / "cohort.html").read_text()
