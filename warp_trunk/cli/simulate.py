@@ -20,6 +20,7 @@ from .crossing_file import crossings_written
 from .ending import report_ending
 from .simulation import SimulationArguments
 
+
 @dataclass(frozen=True, kw_only=True)
 class Simulate(SimulationArguments):
     """Predict the trunk after surgery for a case folder."""

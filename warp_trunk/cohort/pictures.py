@@ -78,7 +78,7 @@ def levels_picture(summary: CohortSummary) -> Figure:
 def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure:
     """Bland and Altman's plot: every level's difference over its mean, with the limits of agreement."""
     ones = level_errors(rows, WHOLE)
-    figure = new_figure(6.4, 4.2, "constrained")
+    figure = new_figure(4.6, 4.6, "constrained")
     axes = figure.subplots()
     guessed, actual = np.array([(one.guessed, one.actual) for one in ones]).T
     lumbar = np.array([one.level.startswith("L") for one in ones])
@@ -133,10 +133,10 @@ def hump_picture(rows: Sequence[CaseRow]) -> Figure:
 
 def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary, known: Sequence[str]) -> Figure:
     """The error of every case over what it may go with, with the line of least squares."""
-    figure = new_figure(3.1 * len(known), 3.0, "constrained")
-    panels: list[Axes] = np.atleast_1d(figure.subplots(1, len(known), sharey=True)).tolist()
+    figure = new_figure(3.1 * len(AGAINST), 3.0, "constrained")
+    panels: list[Axes] = figure.subplots(1, len(AGAINST), sharey=True).tolist()
     errors = case_errors(rows)
-    for axes, name in zip(panels, known, strict=True):
+    for axes, name in zip(panels, known, strict=False):
         values = [getattr(row, name) for row in rows]
         pairs = np.array([(x, y) for x, y in zip(values, errors, strict=True) if None not in (x, y)], dtype=float)
         axes.plot(*pairs.T, PREDICTED.marker, color=PREDICTED.colour, markersize=4.5)
@@ -151,5 +151,7 @@ def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary, known: Seque
         axes.set_xlabel(AGAINST[name])
         axes.ticklabel_format(axis="x", style="plain", useOffset=False)
         axes.locator_params(axis="x", nbins=4)
+    for axes in panels[len(known) :]:
+        axes.set_axis_off()
     panels[0].set_ylabel("mean absolute error [degrees]")
     return figure

@@ -21,7 +21,7 @@ class Progress:
         self._start = time.perf_counter()
         self._bars: Any = None
         self._task: Any = None
-        self._began = self._start
+        self._began, self._reached = self._start, 0
         self.seconds: dict[str, float] = {}
         """Time spent so far in each stage [s]."""
 
@@ -80,11 +80,6 @@ class Progress:
         if self._bars is not None:
             self._bar("relaxing the tissue", increment.number, count)
             return
-<<<<<<< HEAD
-        if self._task is None or increment.number == 1:  # another plan begins
-            self._task = self._bars.add_task("relaxing the tissue", total=count)
-        self._bars.update(self._task, completed=increment.number)
-=======
         self._line(
             f"increment {increment.number} of {count}: {relaxation.status.name}, "
             f"{relaxation.estimated_error:.2g} mm from equilibrium, {relaxation.steps} steps, "
@@ -112,10 +107,10 @@ class Progress:
             self._line(f"{line} ({done} of {count} {doing}, {note}, about {_time(left)} left)")
 
     def _bar(self, doing: str, done: int, count: int) -> None:
-        if self._task is None:
+        if self._task is None or done <= self._reached:  # another plan or work begins
             self._task = self._bars.add_task(doing, total=count)
+        self._reached = done
         self._bars.update(self._task, completed=done, description=doing)
->>>>>>> cc34aec (Simulate and judge many cases at once with warp-trunk cohort)
 
     def total(self) -> float:
         """Time since this was made [s]."""
@@ -125,14 +120,13 @@ class Progress:
         print(text, file=self._stream, flush=True)
 
 
-<<<<<<< HEAD
 def stage_of(progress: Progress | None, name: str, doing: str) -> AbstractContextManager[None]:
     """A stage of a progress, or nothing where there is none."""
     return nullcontext() if progress is None else progress.stage(name, doing)
-=======
+
+
 def _time(seconds: float) -> str:
     """A time as one says it."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
->>>>>>> cc34aec (Simulate and judge many cases at once with warp-trunk cohort)
