@@ -10,13 +10,27 @@ import numpy as np
 
 from warp_trunk.case import Case, write_case
 from warp_trunk.case.study import Study
+from warp_trunk.cohort.one_case import CohortOptions
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.run.options import RunOptions
 
 from .small_case import small_case
 
-COARSE = ("--tets", "5000", "--increments", "1", "--no-record", "--device", "cpu", "--bone-voxel", "8")
-"""Options with which such a case takes some seconds."""
+
+def cohort_options(threads: int = 0) -> CohortOptions:
+    """With these such a case takes some seconds."""
+    return CohortOptions(
+        run=RunOptions(
+            mesh=MeshOptions(tets=8000, bone_voxel=8.0),
+            simulation=SimulationOptions(increments=1),
+            device="cpu",
+            threads=threads,
+            record=False,
+        )
+    )
 
 
 @cache

@@ -1,0 +1,183 @@
+"""Cases over the processes of a cluster: nobody is lost, nothing is done twice, and no bit differs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from distributed import Client, LocalCluster
+
+from support.cohort_cases import cohort_options, turned_case, write_cohort_cases
+from warp_trunk.case import write_case
+from warp_trunk.cohort.cluster import choose_workers, connected
+from warp_trunk.cohort.one_case import LOG, do_case
+from warp_trunk.cohort.record import JUDGED
+from warp_trunk.cohort.working import work
+from warp_trunk.errors import InputError
+from warp_trunk.io.lock import LOCK
+from warp_trunk.run.progress import Progress
+
+SAME = ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv", "actual_skin.ply")
+"""Files of a result that hold no time."""
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_cohort_cases(tmp_path_factory.mktemp("cases"))
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    """Two processes of this machine."""
+    with connected(2, None, "cpu") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def alone(cases: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of the good cases, done one after the other by this process."""
+    out = tmp_path_factory.mktemp("alone")
+    for name in "abc":
+        assert do_case(cases / name, out / name, cohort_options(threads=1)).row.status == "CONVERGED"
+    return out
+
+
+class Killing(Progress):
+    """Kills the worker that works on a case, once."""
+
+    def __init__(self, client: Client, out: Path) -> None:
+        super().__init__()
+        self.client, self.out, self.killed = client, out, 0
+
+    def begin(self) -> None:
+        """Waits until a case is worked on, and kills its worker."""
+        until = time.monotonic() + 120.0
+        while time.monotonic() < until and not self.killed:
+            for lock in self.out.glob(f"*/{LOCK}"):
+                text = lock.read_text().strip() if lock.exists() else ""
+                if text and int(text) != os.getpid():
+                    os.kill(int(text), signal.SIGKILL)
+                    self.killed = int(text)
+                    return
+            time.sleep(0.02)
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {f"{name}/{file}": (out / name / file).read_bytes() for name in "abc" for file in SAME}
+
+
+def levels(out: Path) -> list[Any]:
+    return [json.loads((out / name / JUDGED).read_text())["row"]["levels"] for name in "abc"]
+
+
+def test_a_killed_worker_costs_a_retry_and_changes_no_bit(
+    cases: Path, client: Client, alone: Path, tmp_path: Path
+) -> None:
+    killing = Killing(client, tmp_path)
+    watcher = threading.Thread(target=killing.begin)
+    watcher.start()
+    done = work(client, sorted(cases.iterdir()), tmp_path, cohort_options(), killing)
+    watcher.join()
+    assert killing.killed
+    assert [one.row.status for one in done] == ["CONVERGED"] * 3 + ["FAILED"]
+    assert "landmarks_before.csv: there is no such file" in done[3].row.reason
+    assert contents(tmp_path) == contents(alone)
+    assert levels(tmp_path) == levels(alone)
+    begun = sum((tmp_path / name / LOG).read_text().count("meshing the soft tissue") for name in "abc")
+    assert begun <= 4  # one of them twice
+
+
+def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a"
+    for file in (alone / "a").iterdir():
+        out.mkdir(exist_ok=True)
+        (out / file.name).write_bytes(file.read_bytes())
+    kept = do_case(cases / "a", out, cohort_options(threads=1))
+    assert kept.kept
+    assert kept.row.levels
+    changed = dataclasses.replace(cohort_options(threads=1), refine=_softer)
+    done = do_case(cases / "a", out, changed)
+    assert not done.kept
+    assert done.notice == "'theta' was 17.0 and is 5.0"
+    moved = tmp_path / "case"
+    write_case(moved, turned_case("first", 2.0, None))
+    again = do_case(moved, out, changed)
+    assert (again.kept, again.notice) == (False, "'actual_skin' is another")
+
+
+def _softer(case: Any) -> Any:
+    return dataclasses.replace(case, tissue=dataclasses.replace(case.tissue, theta=5.0))
+
+
+def test_a_case_that_cannot_be_is_a_row(cases: Path, tmp_path: Path) -> None:
+    run = dataclasses.replace(cohort_options().run, device="cuda:99")
+    done = do_case(cases / "a", tmp_path, dataclasses.replace(cohort_options(), run=run))
+    assert (done.row.status, done.row.folder) == ("FAILED", "a")
+    assert "'cuda:99' is not on this machine" in done.row.reason
+
+
+def test_only_this_machine_is_listened_to(client: Client) -> None:
+    """Scheduler, dashboard and workers."""
+    processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
+    listening = [
+        c.laddr.ip for p in processes for c in p.net_connections("inet") if c.status == psutil.CONN_LISTEN
+    ]
+    assert len(listening) >= 4
+    assert set(listening) == {"127.0.0.1"}
+    assert client.dashboard_link.startswith("http://127.0.0.1:")
+
+
+def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_path: Path) -> None:
+    """The case that is done when the scheduler goes is there, and kept by the next run."""
+    for file in (alone / "a").iterdir():
+        (tmp_path / "a").mkdir(exist_ok=True)
+        (tmp_path / "a" / file.name).write_bytes(file.read_bytes())
+    cluster: Any = LocalCluster(1, processes=False, threads_per_worker=1, dashboard_address=None, silence_logs=50)
+
+    class Closing(Progress):
+        def part(self, doing: str, done: int, count: int, line: str = "", note: str = "") -> None:
+            if done == 1:
+                cluster.close()
+
+    with Client(cluster, timeout=5) as client, pytest.raises(InputError, match="the scheduler was lost"):
+        work(client, [cases / name for name in "ab"], tmp_path, cohort_options(), Closing())
+    assert do_case(cases / "a", tmp_path / "a", cohort_options(threads=1)).kept
+
+
+@pytest.mark.parametrize(("workers", "gpus", "found"), [(3, [], 3), (0, ["0", "1"], 2), (3, ["0"], 3)])
+def test_number_of_workers(workers: int, gpus: list[str], found: int) -> None:
+    assert choose_workers(workers, gpus) == found
+
+
+def test_no_more_workers_than_cores_by_themselves() -> None:
+    assert 1 <= choose_workers(0, []) <= len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((-1, None, "cpu"), "--workers: must be 0"),
+        ((2, "tcp://127.0.0.1:1", "cpu"), "--workers: a running cluster has its own"),
+        ((0, "nowhere", "cpu"), "--scheduler: nobody answers at nowhere"),
+    ],
+)
+def test_refused(arguments: tuple[int, str | None, str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("warp_trunk.cohort.cluster.PATIENCE", 0.5)
+    with pytest.raises(InputError, match=said), connected(*arguments):
+        pass
+
+
+def test_without_the_extra_its_name_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"uv sync --extra cluster"), connected(1, None, "cpu"):
+        pass
