@@ -5,8 +5,8 @@
 ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. Each patient is drawn, gets her curve as
 make-case imposes it, and an actual skin by a model that differs from the default of `simulate`: a neo-Hookean
 continuum in layers, ribs that follow, a finer mesh, and the noise of a scanner. Her truth stands in truth.json
-beside the cases; case.toml says `virtual = true`. A patient who cannot be (her curve folds the trunk, her landmarks are
-refused, her truth does not converge) is drawn again, and counted.
+beside the cases; case.toml says `virtual = true`. A patient who cannot be (her curve folds the trunk, her
+landmarks are refused, her truth does not converge) is drawn again, and counted.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from warp_trunk import (
 )  # fmt: skip
 from warp_trunk.case import check_case
 from warp_trunk.case.layers import Layers
-from warp_trunk.case.study import Study
+from warp_trunk.case.study import Pose, Study
 from warp_trunk.case.tissue_file import with_constants
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
@@ -197,7 +197,7 @@ def made(
     skin = shaped(skin, drawn)
     bones = {bone: shaped(surface, drawn) for bone, surface in bones.items()}
     curve = SpineCurve(kind=drawn.kind, cobb=drawn.cobb, apical_rotation=drawn.rotation, direction=drawn.direction)
-    amounts = {name: ("surgery", drawn.correction)}
+    amounts: dict[str, tuple[Pose, float]] = {name: ("surgery", drawn.correction)}
     if options.bending:
         amounts[f"{name}_bending"] = ("bending", 0.5 * drawn.correction)
     cases = {}

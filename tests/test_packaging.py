@@ -46,6 +46,21 @@ def test_importing_the_package_imports_nothing_heavy():
     assert python(f"import sys, warp_trunk; print([m for m in {HEAVY} if m in sys.modules])") == "[]"
 
 
+def test_importing_the_package_and_all_its_names_starts_no_cuda():
+    """Workers of a cohort are told their GPU after that; Warp may be loaded, but not initialised."""
+    code = """
+import sys, warp_trunk
+for name in warp_trunk.__all__:
+    getattr(warp_trunk, name)
+import warp_trunk.cohort.working, warp_trunk.cohort.cluster
+warp = sys.modules["warp"]
+assert warp._src.context.runtime is None, "Warp is initialised"
+libraries = open("/proc/self/maps").read() if sys.platform == "linux" else ""
+print([line for line in libraries.splitlines() if "libcuda.so" in line])
+"""
+    assert python(code) == "[]"
+
+
 def test_kernels_are_never_imported_by_their_bare_name():
     """A package called kernels exists on the package index."""
     for path in sources():
