@@ -37,7 +37,10 @@ def main() -> None:
     a, b, c = given.spacing
     affine, shape = grid_around(skin, (a, b, c), turn)
     numbers = {name: number for number, name in TABLES["totalsegmentator-v2"].items()}
-    surfaces: dict[int, Surface] = {numbers[theirs(name)]: bone for name, bone in bones.items()}
+    surfaces: dict[int, Surface] = {}
+    for name, bone in bones.items():
+        number = numbers[theirs(name)]
+        surfaces[number] = together(surfaces[number], bone) if number in surfaces else bone
     labels = label_map(surfaces, affine, shape)
     names = TABLES["totalsegmentator-v2"]
     write_labels(given.out / "labels.nii.gz", labels, affine, names)
@@ -48,7 +51,13 @@ def main() -> None:
     body[box] = inside
     for folder in (given.out, given.out / "masks"):
         write_labels(folder / "body.nii.gz", body, affine)
-    print(f"{len(surfaces)} bones on {' x '.join(map(str, shape))} voxels written to {given.out}")
+    print(f"{len(surfaces)} labels on {' x '.join(map(str, shape))} voxels written to {given.out}")
+
+
+def together(one: Surface, other: Surface) -> Surface:
+    """Two surfaces with one label, as all costal cartilages have."""
+    faces = np.vstack([one.faces, other.faces + len(one.vertices)])
+    return Surface(np.vstack([one.vertices, other.vertices]), faces)
 
 
 if __name__ == "__main__":

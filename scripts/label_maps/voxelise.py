@@ -91,6 +91,8 @@ def theirs(name: str) -> str:
     parts = name.split("_")
     if parts[0] == "rib":
         return f"rib_{parts[1]}_{int(parts[2])}"
+    if parts[:2] == ["costal", "cartilage"]:
+        return "costal_cartilages"
     if parts[0] == "clavicle":
         return f"clavicula_{parts[1]}"
     return name if name[0] not in "CTL" or len(name) > 3 else f"vertebrae_{name}"

@@ -153,7 +153,7 @@ def _draw_bone(axes: Axes, view: _View, bone: Surface, colour: np.ndarray, outli
         LineCollection(list(turned), colors=outline, linewidths=1.6, capstyle="round", zorder=order)
     )
     polygons = PolyCollection(
-        list(view.flat(corners[seen])), facecolors=shade, edgecolors=shade, linewidths=0.2, zorder=order
+        view.flat(corners[seen]), facecolors=shade, edgecolors=shade, linewidths=0.2, zorder=order
     )
     axes.add_collection(polygons)
 

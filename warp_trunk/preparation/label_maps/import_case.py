@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -21,9 +21,10 @@ from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
 from ..scanning import CutPlane
+from .cartilages import split_cartilages
 from .image_checks import doubts_of_image
 from .mask import Mask
-from .names import SKIN
+from .names import CARTILAGES, RIB, SKIN
 from .segmentation_checks import doubts_of_bones
 from .skin import body_skin, check_cuts
 from .sources import Source
@@ -108,10 +109,15 @@ def import_case(
         )
     if body is not None:
         check_cuts(body, cuts)
-    wanted = [n for n in sorted(source.masks) if _is_bone(n)]
+    masks, told = source.masks, list(source.notes)
+    if options.more_bones and CARTILAGES in masks:
+        with stage("cartilages", "telling costal cartilages apart"):
+            masks, more = _with_cartilages(masks)
+            told += more
+    wanted = {n: mask for n, mask in sorted(masks.items()) if _is_wanted(n, options.more_bones)}
     with stage("bones", f"drawing the surfaces of {len(wanted)} bones"):
-        shapes = _shapes({n: source.masks[n] for n in wanted}, options.smoothing)
-    surfaces = {n: s for n, s in source.surfaces.items() if _is_bone(n)}
+        shapes = _shapes(wanted, options.smoothing)
+    surfaces = {n: s for n, s in source.surfaces.items() if _is_wanted(n, options.more_bones)}
     surfaces |= {n: shape.surface for n, shape in shapes.items()}
     made: tuple[CutPlane, ...] = ()
     with stage("skin", "drawing the skin"):
@@ -122,20 +128,40 @@ def import_case(
             skin, made = drawn.surface, drawn.cuts
     bones = {n: s for n, s in surfaces.items() if TRUNK.fullmatch(n) or (options.more_bones and MORE.fullmatch(n))}
     with stage("landmarks", "finding landmarks"):
-        found = _landmarks(bones, source.masks)
+        found = _landmarks(bones, masks)
     case = Case(name=name, skin=skin, bones=bones, landmarks_before=found.landmarks, posture=options.posture)
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
-    masks = {n: source.masks[n] for n in bones if n in source.masks}
+    own = {n: masks[n] for n in bones if n in masks}
     notes = [
-        *_notes(source, shapes, bones),
-        *doubts_of_bones(bones, {n for n, mask in masks.items() if mask.faces_at_border()}),
-        *doubts_of_image(masks, body, spine),
+        *told,
+        *_dropped(shapes, bones),
+        *doubts_of_bones(bones, {n for n, mask in own.items() if mask.faces_at_border()}),
+        *doubts_of_image(own, body, spine),
     ]
     return Imported(case, found, shapes, made, tuple(notes))
 
 
-def _is_bone(name: str) -> bool:
-    return bool(TRUNK.fullmatch(name) or MORE.fullmatch(name) or name.startswith("humerus"))
+def _is_wanted(name: str, more_bones: bool) -> bool:
+    """Whether a bone is one of the case, or says where the arms begin."""
+    return bool(
+        TRUNK.fullmatch(name) or name.startswith(("humerus", "scapula")) or (more_bones and MORE.fullmatch(name))
+    )
+
+
+def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[str]]:
+    """The masks with the label of all cartilages told apart, and what is to be said about it."""
+    others = {name: mask for name, mask in masks.items() if name != CARTILAGES}
+    if "sternum" not in others:
+        return others, [f"{CARTILAGES}: left out, as the sternum that they lead to has no label."]
+    split = split_cartilages(
+        masks[CARTILAGES], {n: m for n, m in others.items() if RIB.fullmatch(n)}, others["sternum"]
+    )
+    notes = []
+    if split.lost > 0.0:
+        notes.append(
+            f"{CARTILAGES}: {split.lost / 1000.0:.1f} cm3 of it hang together with no rib, and were left out."
+        )
+    return {**others, **split.masks}, notes
 
 
 def _shapes(masks: Mapping[str, Mask], smoothing: float) -> dict[str, BoneShape]:
@@ -166,8 +192,9 @@ def _landmarks(bones: Mapping[str, Surface], masks: Mapping[str, Mask]) -> Found
     return replace(found, unsure={name: reasons[name] for name in (*VERTEBRAE, *ASIS) if name in reasons})
 
 
-def _notes(source: Source, shapes: Mapping[str, BoneShape], bones: Mapping[str, Surface]) -> list[str]:
-    notes = list(source.notes)
+def _dropped(shapes: Mapping[str, BoneShape], bones: Container[str]) -> list[str]:
+    """Which bones of a case are not in one piece."""
+    notes = []
     for name, shape in shapes.items():
         if name in bones and shape.dropped:
             share = 100.0 * sum(shape.dropped) / (shape.volume + sum(shape.dropped))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +45,14 @@ class Mask:
         """Where voxels of the box (n, 3) are, by their numbers, which need not be whole [mm], shape (n, 3)."""
         return (voxels + np.array(self.first)) @ self.affine[:3, :3].T + self.affine[:3, 3]
 
+    def part(self, inside: np.ndarray) -> Mask | None:
+        """Some of its voxels, (i, j, k) of its box, in a box of their own; None where there are none."""
+        box = boxes(inside.view(np.uint8)).get(1)
+        if box is None:
+            return None
+        i, j, k = (first + side.start for first, side in zip(self.first, box, strict=True))
+        return replace(self, inside=inside[box].copy(), first=(i, j, k))
+
     def faces_at_border(self) -> dict[tuple[int, int], int]:
         """How many of its voxels lie on each face of the image, by axis and side (0 low, 1 high); none where
         none."""
@@ -72,6 +80,30 @@ def joined(one: Mask, other: Mask) -> Mask | None:
         inside[box] |= mask.inside
     x, y, z = low.tolist()
     return Mask(inside, (x, y, z), one.affine, one.shape)
+
+
+def boxes(labels: np.ndarray) -> dict[int, tuple[slice, slice, slice]]:
+    """The box around each label that is not 0, by its number.
+
+    Only where a line of voxels along the first axis goes from one label to another is looked at, which is much
+    less than all of a volume.
+
+    Args:
+        labels: whole numbers from 0, shape (i, j, k).
+    """
+    rows = labels.shape[0]
+    count = int(labels.max(initial=0)) + 1
+    low, high = np.full((3, count), max(labels.shape)), np.full((3, count), -1)
+    for k in range(labels.shape[2]):
+        line = labels[:, :, k].ravel(order="F")
+        turns = np.flatnonzero(line[1:] != line[:-1])
+        at = np.concatenate([[0], turns, turns + 1, [len(line) - 1]])
+        found = line[at]
+        for axis, place in enumerate((at % rows, at // rows, np.full(len(at), k))):
+            np.minimum.at(low[axis], found, place)
+            np.maximum.at(high[axis], found, place)
+    spans = [(value, low[:, value].tolist(), (high[:, value] + 1).tolist()) for value in range(1, count)]
+    return {value: (slice(a, x), slice(b, y), slice(c, z)) for value, (a, b, c), (x, y, z) in spans if x > a}
 
 
 def largest_piece(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

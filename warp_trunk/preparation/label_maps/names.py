@@ -17,6 +17,8 @@ SKIN, CARTILAGES, FAT, MUSCLE, ARMS = (
     "extremities",
 )
 """What is no single bone: the body, both sides' costal cartilages in one, tissue, arms and legs."""
+RIB = re.compile(r"rib_(left|right)_(\d\d)")
+"""Our name of a rib."""
 _LEVELS = {"C": 7, "T": 13, "L": 6}
 _REGIONS = {"cervical": "C", "thoracic": "T", "dorsal": "T", "lumbar": "L"}
 _ORDINALS = (

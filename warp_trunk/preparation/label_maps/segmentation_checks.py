@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Container, Mapping
 from itertools import pairwise
 
@@ -12,6 +11,8 @@ from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
+from .names import RIB
+
 _LARGER, _SMALLER = 1.7, 0.5
 """Volume of a vertebra over the median of its neighbours', which grow by a tenth from one to the next."""
 _WIDER = 1.6
@@ -20,7 +21,6 @@ _FROM_VERTEBRA = 8.0
 """The head of a rib is nearer to its vertebra than this [mm]: 3 mm at most in the anatomy of BodyParts3D."""
 _ALIKE = 3
 """So many ribs of a side that are at another vertebra than their number says are numbered wrong together."""
-_RIB = re.compile(r"rib_(left|right)_(\d\d)")
 _CURE = "Correct the labels, in 3D Slicer for example"
 
 
@@ -63,7 +63,7 @@ def _numbers(bones: Mapping[str, Surface]) -> list[str]:
             "a bone, and has no landmarks."
         )
     for side in ("left", "right"):
-        have = {int(m[2]) for m in map(_RIB.fullmatch, bones) if m and m[1] == side}
+        have = {int(m[2]) for m in map(RIB.fullmatch, bones) if m and m[1] == side}
         missing = sorted(set(range(1, 13)) - have)
         if have and missing:
             names = ", ".join(map(str, missing))
@@ -130,24 +130,30 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
     """Ribs away from their vertebrae, or at others."""
     from scipy.spatial import KDTree  # heavy
 
-    trees = {name: KDTree(bone.vertices) for name, bone in spine.items() if name[0] == "T"}
+    levels = [name for name in spine if name[0] == "T"]
+    if not levels:
+        return []
+    every = KDTree(np.vstack([spine[name].vertices for name in levels]))
+    owner = [name for name in levels for _ in spine[name].vertices]
+    trees = {name: KDTree(spine[name].vertices) for name in levels}
     shifts: dict[str, dict[int, int]] = {"left": {}, "right": {}}
     doubts = []
     for name in sorted(bones):
-        found = _RIB.fullmatch(name)
+        found = RIB.fullmatch(name)
         number = int(found[2]) if found else 0
         if not found or f"T{number}" not in trees:
             continue
         points = bones[name].vertices
-        away = {level: float(tree.query(points)[0].min()) for level, tree in trees.items()}
-        nearest = min(away, key=lambda level: away[level])
-        at = int(nearest[1:])
-        if at not in (number - 1, number) and away[f"T{number}"] > _FROM_VERTEBRA:
+        away = float(trees[f"T{number}"].query(points)[0].min())
+        if away <= _FROM_VERTEBRA:
+            continue
+        distances, nearest = every.query(points)
+        at = int(owner[int(np.asarray(nearest)[np.argmin(distances)])][1:])
+        if at not in (number - 1, number):
             shifts[found[1]][number] = at
-        elif away[f"T{number}"] > _FROM_VERTEBRA:
+        else:
             doubts.append(
-                f"{name}: ends {away[f'T{number}']:.0f} mm from T{number}; its head is missing from the "
-                f"label. {_CURE}."
+                f"{name}: ends {away:.0f} mm from T{number}; its head is missing from the label. {_CURE}."
             )
     for side, moved in shifts.items():
         if len(moved) >= _ALIKE:

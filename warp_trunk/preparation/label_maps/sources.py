@@ -14,7 +14,7 @@ from warp_trunk.io.image_files.reading import ENDINGS, image_ending, image_stem,
 from warp_trunk.io.image_files.record import Image
 from warp_trunk.io.surface_files import read_surface, surface_files
 
-from .mask import Mask, joined
+from .mask import Mask, boxes, joined
 from .names import ARMS, SKIN, known_name
 from .tables import TABLES, label_table
 
@@ -106,11 +106,7 @@ def _label_map(path: Path, table: Mapping[int, str] | None) -> Source:
 
 
 def _add_layer(found: Source, layer: np.ndarray, names: Mapping[int, str], image: Image, path: Path) -> None:
-    from scipy import ndimage  # heavy
-
-    for value, box in enumerate(ndimage.find_objects(layer), 1):
-        if box is None:
-            continue
+    for value, box in boxes(layer).items():
         label = names.get(value, f"label {value}")
         name = known_name(label) if value in names else None
         if name is None:
@@ -168,13 +164,7 @@ def _named(files: Iterable[tuple[str, Path]], found: Source) -> list[tuple[str, 
 
 def _mask_of(inside: np.ndarray, image: Image) -> Mask | None:
     """The box around what is inside; None where nothing is."""
-    from scipy import ndimage  # heavy
-
-    box = ndimage.find_objects(inside.view(np.uint8))
-    if not box or box[0] is None:
-        return None
-    i, j, k = (part.start for part in box[0])
-    return Mask(inside[box[0]].copy(), (i, j, k), image.affine, _shape(image))
+    return Mask(inside, (0, 0, 0), image.affine, _shape(image)).part(inside)
 
 
 def _shape(image: Image) -> tuple[int, int, int]:

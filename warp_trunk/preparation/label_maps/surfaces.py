@@ -9,8 +9,9 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import Grid
 from warp_trunk.geometry.isosurface import one_solid, zero_surface
+from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.geometry.surface_checks import enclosed_volume
+from warp_trunk.geometry.surface_checks import components, enclosed_volume
 
 from .mask import Mask, distance, largest_piece, reduced
 
@@ -23,7 +24,7 @@ _ROOM = 3
 KEPT = 0.003
 """How far the volume of a surface may be from that of its voxels, relative."""
 _TRIES = 5
-_FIRST_SLOPE = 1.4
+_SLOPE = 1.4
 """By how much the smoothed distance changes across the surface for each mm, about."""
 
 
@@ -70,8 +71,7 @@ def bone_shape(mask: Mask, name: str, smoothing: float) -> BoneShape:
     spacing = mask.spacing * factors
     field = ndimage.gaussian_filter(distance(solid, spacing), smoothing / spacing)
     block = mask.voxel_volume * float(np.prod(factors))
-    level = _level_of(field, volume / block)
-    surface = zero_surface(one_solid(field - level, 1.0), _unit_grid(field))
+    surface = _holding(field, volume / block, float(np.cbrt(np.prod(spacing))))
     vertices = mask.place((surface.vertices - _ROOM) * factors + 0.5 * (np.array(factors) - 1.0))
     mirrored = np.linalg.det(mask.affine[:3, :3]) < 0.0
     surface = Surface(vertices, surface.faces[:, ::-1].copy() if mirrored else surface.faces)
@@ -83,28 +83,38 @@ def bone_shape(mask: Mask, name: str, smoothing: float) -> BoneShape:
     )
 
 
-def _level_of(field: np.ndarray, volume: float) -> float:
-    """At which level a field holds a volume [voxels], by the secant method."""
-    level, held = 0.0, _volume(field)
-    step = float(np.cbrt(volume)) * (volume - held) / max(held, 1.0) / 3.0 * _FIRST_SLOPE
+def _holding(field: np.ndarray, volume: float, side: float) -> Surface:
+    """The surface at the level at which a field holds a volume [voxels]; one solid.
+
+    By the secant method. The first step is what is missing over the area of the surface, as far as it is known how
+    steep the field is there.
+
+    Args:
+        field: signed distance, positive at the border [mm], shape (i, j, k).
+        volume: what is to be held.
+        side: of a voxel [mm].
+    """
+    level = 0.0 if (field < 0.0).any() else float(np.partition(field, int(volume), axis=None)[int(volume)])
+    surface = _drawn(field - level)
+    held = enclosed_volume(surface)
+    area = float(np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1).sum())
+    step = _SLOPE * side * (volume - held) / area
     for _ in range(_TRIES):
         if abs(held / volume - 1.0) <= KEPT / 3.0 or step == 0.0:
             break
-        before, old = held, level
+        before = held
         level += step
-        held = _volume(field - level)
+        surface = _drawn(field - level)
+        held = enclosed_volume(surface)
         if held == before:
             break
-        step = (volume - held) * (level - old) / (held - before)
-    return level
+        step *= (volume - held) / (held - before)
+    return surface
 
 
-def _volume(field: np.ndarray) -> float:
-    if not (field < 0.0).any():
-        return 0.0
-    return enclosed_volume(zero_surface(field, _unit_grid(field)))
-
-
-def _unit_grid(field: np.ndarray) -> Grid:
+def _drawn(field: np.ndarray) -> Surface:
+    """The zero surface, in voxels; only the largest part of what is inside, without a cavity."""
     x, y, z = field.shape
-    return Grid(np.zeros(3), 1.0, (x, y, z))
+    grid = Grid(np.zeros(3), 1.0, (x, y, z))
+    surface = zero_surface(field, grid)
+    return surface if components(surface).max() == 0 else zero_surface(one_solid(field, 1.0), grid)
