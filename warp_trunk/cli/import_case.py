@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
@@ -17,7 +18,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source
 from warp_trunk.preparation.label_maps.mask import Mask
-from warp_trunk.preparation.label_maps.sources import read_body
+from warp_trunk.preparation.label_maps.sources import read_body, read_tissue
 from warp_trunk.run.progress import Progress
 
 from .cut_planes import cut_planes
@@ -42,6 +43,9 @@ class Import:
     """Mask of the body, from which the skin is made, where the segmentation has none (body.nii.gz)."""
     ct: Path | None = None
     """The CT itself, from whose density the skin is made where there is no mask of the body."""
+    tissue: Path | None = None
+    """Where the fat under the skin and the muscles are, from which layers are measured: what TotalSegmentator -ta
+    tissue_types writes, a folder or a label map."""
     labels: str | None = None
     """What the numbers mean where the file does not say it: totalsegmentator-v2, totalsegmentator-v1, or a file
     .csv of numbers and names."""
@@ -65,8 +69,15 @@ class Import:
             with progress.stage("load", f"reading {self.segmentation}"):
                 source = read_source(self.segmentation, self.labels)
                 body = self._body()
+                tissue = None if self.tissue is None else read_tissue(self.tissue)
             made = import_case(
-                source, body, self.out.resolve().name, self.options, cuts=tuple(cuts), stage=progress.stage
+                source,
+                body,
+                self.out.resolve().name,
+                self.options,
+                tissue=tissue,
+                cuts=tuple(cuts),
+                stage=progress.stage,
             )
             with progress.stage("write", f"writing {self.out}"):
                 self._write(made)
@@ -122,6 +133,12 @@ def _tell(made: Imported, left_over: Sequence[str], empty: Sequence[str]) -> Non
         )
     for plane in made.cuts:
         print(f"The body is cut flat at {plane}")
+    if made.fat is not None:
+        low, middle, high = np.percentile(made.fat.thickness[made.fat.measured], (5, 50, 95))
+        print(
+            f"Fat under the skin: {middle:.1f} mm in the median, {low:.1f} to {high:.1f} mm at nine of ten of "
+            f"{np.count_nonzero(made.fat.measured)} points; simulate takes it for its layers"
+        )
     if left_over:
         print(f"Not taken, as they are no bones of the trunk: {_some(left_over)}")
     if empty:

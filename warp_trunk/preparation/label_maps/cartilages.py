@@ -47,8 +47,8 @@ def split_cartilages(label: Mask, ribs: Mapping[str, Mask], sternum: Mask) -> Sp
     From the front end of each rib, the highest first, the cheapest way to the sternum is sought within the label.
     A step near the border of the label, or through a cartilage that has an owner, costs more, so that ways run
     along the middle and each through a cartilage of its own where several are joined (minimal paths: Cohen and
-    Kimmel, Int. J. Comput. Vis. 24, 1997). That of ribs 8 to 10 ends where it joins the cartilage above. Every voxel
-    then goes to the way that is nearest within the label.
+    Kimmel, Int. J. Comput. Vis. 24, 1997). That of ribs 8 to 10 ends where it joins the cartilage above. Every
+    voxel then goes to the way that is nearest within the label.
 
     Args:
         label: all costal cartilages, of both sides.

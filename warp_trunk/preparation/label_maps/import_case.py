@@ -16,15 +16,17 @@ import numpy as np
 from warp_trunk.case import Case
 from warp_trunk.case.header import POSTURES
 from warp_trunk.case.landmarks import ASIS, VERTEBRAE, Landmarks
+from warp_trunk.case.layers import Layers
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
 from ..scanning import CutPlane
 from .cartilages import split_cartilages
+from .fat import FatThickness, fat_thickness
 from .image_checks import doubts_of_image
 from .mask import Mask
-from .names import CARTILAGES, RIB, SKIN
+from .names import CARTILAGES, FAT, MUSCLE, RIB, SKIN
 from .segmentation_checks import doubts_of_bones
 from .skin import body_skin, check_cuts
 from .sources import Source
@@ -73,6 +75,8 @@ class Imported:
     """Of the bones that came from voxels."""
     cuts: tuple[CutPlane, ...]
     """Where the body was cut flat."""
+    fat: FatThickness | None
+    """The fat under the skin, where the image shows it."""
     notes: tuple[str, ...]
     """What a user should look at, a sentence each."""
 
@@ -83,6 +87,7 @@ def import_case(
     name: str,
     options: ImportOptions | None = None,
     *,
+    tissue: Mapping[str, Mask] | None = None,
     cuts: tuple[CutPlane, ...] = (),
     stage: Stage = lambda _name, _doing: nullcontext(),
 ) -> Imported:
@@ -93,6 +98,7 @@ def import_case(
         body: the body; that of the source when left out.
         name: what to call the case.
         options: how; the defaults when left out.
+        tissue: the fat under the skin and the muscles, see `read_tissue`; those of the source when left out.
         cuts: where to cut the body flat, besides neck and thighs.
         stage: shows the stages.
 
@@ -129,16 +135,21 @@ def import_case(
     bones = {n: s for n, s in surfaces.items() if TRUNK.fullmatch(n) or (options.more_bones and MORE.fullmatch(n))}
     with stage("landmarks", "finding landmarks"):
         found = _landmarks(bones, masks)
-    case = Case(name=name, skin=skin, bones=bones, landmarks_before=found.landmarks, posture=options.posture)
-    spine = {n: bones[n] for n in VERTEBRAE if n in bones}
-    own = {n: masks[n] for n in bones if n in masks}
-    notes = [
-        *told,
-        *_dropped(shapes, bones),
-        *doubts_of_bones(bones, {n for n, mask in own.items() if mask.faces_at_border()}),
-        *doubts_of_image(own, body, spine),
-    ]
-    return Imported(case, found, shapes, made, tuple(notes))
+    tissue = tissue or masks
+    fat = None
+    if FAT in tissue:
+        with stage("fat", "measuring the fat under the skin"):
+            fat = fat_thickness(skin, tissue[FAT], tissue.get(MUSCLE), made)
+    case = Case(
+        name=name,
+        skin=skin,
+        bones=bones,
+        landmarks_before=found.landmarks,
+        posture=options.posture,
+        layers=None if fat is None else Layers(fat_thickness=fat.thickness),
+    )
+    notes = (*told, *_dropped(shapes, bones), *_doubts(bones, masks, body))
+    return Imported(case, found, shapes, made, fat, notes)
 
 
 def _is_wanted(name: str, more_bones: bool) -> bool:
@@ -190,6 +201,14 @@ def _landmarks(bones: Mapping[str, Surface], masks: Mapping[str, Mask]) -> Found
     found = find_landmarks(whole)
     reasons = {**found.unsure, **cut}
     return replace(found, unsure={name: reasons[name] for name in (*VERTEBRAE, *ASIS) if name in reasons})
+
+
+def _doubts(bones: Mapping[str, Surface], masks: Mapping[str, Mask], body: Mask | None) -> list[str]:
+    """What is doubtful about the segmentation and about the image."""
+    own = {n: masks[n] for n in bones if n in masks}
+    spine = {n: bones[n] for n in VERTEBRAE if n in bones}
+    cut = {n for n, mask in own.items() if mask.faces_at_border()}
+    return [*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine)]
 
 
 def _dropped(shapes: Mapping[str, BoneShape], bones: Container[str]) -> list[str]:

@@ -15,7 +15,7 @@ from warp_trunk.io.image_files.record import Image
 from warp_trunk.io.surface_files import read_surface, surface_files
 
 from .mask import Mask, boxes, joined
-from .names import ARMS, SKIN, known_name
+from .names import ARMS, FAT, MUSCLE, SKIN, known_name
 from .tables import TABLES, label_table
 
 _JOINED = {"sacrum", SKIN}
@@ -63,7 +63,7 @@ def read_source(path: Path, labels: str | None = None) -> Source:
     """
     table = None if labels is None else label_table(labels)
     found = _folder(path, table) if path.is_dir() else _label_map(path, table)
-    if not found.names - {SKIN, ARMS}:
+    if not found.names - {SKIN, ARMS, FAT, MUSCLE}:
         known = ", ".join(found.left_over[:5])
         raise InputError(
             f"{path}: none of its labels is a bone that is known"
@@ -71,6 +71,27 @@ def read_source(path: Path, labels: str | None = None) -> Source:
             + "; a label is named as in TotalSegmentator, vertebrae_T8, or give --labels"
         )
     return found
+
+
+def read_tissue(path: Path) -> dict[str, Mask]:
+    """The fat under the skin and the muscles, as TotalSegmentator's task `tissue_types` writes them.
+
+    Args:
+        path: a label map with names, or a folder of masks.
+
+    Returns:
+        `subcutaneous_fat`, and `skeletal_muscle` where it is there.
+
+    Raises:
+        InputError: nothing that can be read, or no fat in it.
+    """
+    masks = (_folder(path, None) if path.is_dir() else _label_map(path, None)).masks
+    if FAT not in masks:
+        raise InputError(
+            f"{path}: has no label or mask '{FAT}' with a voxel in it; give what TotalSegmentator -ta "
+            "tissue_types writes"
+        )
+    return {name: masks[name] for name in (FAT, MUSCLE) if name in masks}
 
 
 def read_body(path: Path) -> Mask:
