@@ -1,0 +1,71 @@
+"""The skin of a body with arms: closed, flat at neck and thighs, and without the arms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from support.blocks import blocks
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import check_solid, enclosed_volume
+from warp_trunk.preparation.label_maps.mask import Mask
+from warp_trunk.preparation.label_maps.skin import body_skin
+
+SIDE = 4.0
+LOW = np.array([-320.0, -120.0, -80.0])
+WIDE, DEEP = 130.0, 95.0
+BONES = {
+    "T1": blocks((((-20, -20, 330), (20, 20, 350)),)),
+    "hip_left": blocks((((30, -30, 20), (90, 30, 100)),)),
+    "hip_right": blocks((((-90, -30, 20), (-30, 30, 100)),)),
+    "scapula_left": blocks((((70, 30, 260), (110, 45, 330)),)),
+    "scapula_right": blocks((((-110, 30, 260), (-70, 45, 330)),)),
+}
+HANGING, RAISED = ((170, -10, 60), (190, 10, 320)), ((150, -10, 300), (300, 10, 320))
+
+
+def body(arms: str) -> Mask:
+    """A trunk of elliptic sections that goes on above and below, with two arms joined to it at the shoulders."""
+    i, j, k = np.meshgrid(*map(np.arange, (161, 61, 121)), indexing="ij")
+    x, y, z = (SIDE * n + low for n, low in zip((i, j, k), LOW, strict=True))
+    x = np.abs(x)
+    inside = (x / WIDE) ** 2 + (y / DEEP) ** 2 < 1.0
+    if arms == "hanging":
+        inside |= (np.hypot(x - 180.0, y) < 38.0) & (z > 20.0) & (z < 340.0)
+        inside |= (x < 180.0) & (np.abs(y) < 38.0) & (np.abs(z - 300.0) < 40.0)
+    else:
+        inside |= (np.hypot(y, z - 310.0) < 38.0) & (x < 310.0)
+    affine = np.diag([SIDE, SIDE, SIDE, 1.0])
+    affine[:3, 3] = LOW
+    a, b, c = inside.shape
+    return Mask(inside, (0, 0, 0), affine, (a, b, c))
+
+
+def humeri(box: tuple) -> dict[str, Surface]:
+    left = blocks((box,))
+    return {
+        "humerus_left": left,
+        "humerus_right": Surface(left.vertices * [-1.0, 1.0, 1.0], left.faces[:, ::-1].copy()),
+    }
+
+
+@pytest.mark.parametrize(("arms", "box", "at"), [("hanging", HANGING, 150.0), ("raised", RAISED, 175.0)])
+def test_arms_are_cut_off_and_the_skin_is_closed(arms, box, at):
+    skin = body_skin(body(arms), {**BONES, **humeri(box)}, (), 10.0)
+    check_solid(skin.surface, "skin")
+    x, _, z = skin.surface.vertices.T
+    assert np.abs(x).max() < at + SIDE
+    assert (z.min(), z.max()) == pytest.approx((-5.0, 375.0), abs=0.1)  # 25 mm below the hip bones and above T1
+    low = z < 200.0
+    assert (np.hypot(x / WIDE, skin.surface.vertices[:, 1] / DEEP)[low] < 1.05).all()  # no hand, no forearm
+    assert {plane.radius < np.inf for plane in skin.cuts} == {True, False}
+    assert len(skin.cuts) == 4
+    trunk = np.pi * WIDE * DEEP * 380.0
+    assert trunk < enclosed_volume(skin.surface) < 1.05 * trunk
+
+
+def test_arms_whose_bones_have_no_labels_stay():
+    skin = body_skin(body("raised"), BONES, (), 12.0)
+    check_solid(skin.surface, "skin")
+    assert np.abs(skin.surface.vertices[:, 0]).max() > 290.0
+    assert len(skin.cuts) == 2
