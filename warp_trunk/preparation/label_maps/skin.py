@@ -43,6 +43,8 @@ _BARELY = 1.0
 """A plane that less than this lies beyond [mm] cuts nothing."""
 _UPRIGHT = 0.7
 """A plane whose normal is within 45 degrees of the z axis is that of a neck or of the thighs."""
+_WIDEST = 80.0
+"""No arm reaches further inward from its bone than this [mm]; where the body does, arm and trunk touch."""
 _HEAD, _BESIDE, _HANGING = 25.0, 30.0, 0.3
 """The head of a humerus is this large [mm], an arm's plane lies this far beside the bone [mm], and an arm hangs
 where its bone points down by more than this cosine."""
@@ -237,7 +239,8 @@ def _arm_cuts(mask: Mask, bones: Mapping[str, Surface]) -> list[CutPlane]:
         if along[2] < -_HANGING:
             normal = np.array([left, 0.0, 0.0]) - left * along[0] * along
             normal /= np.linalg.norm(normal)
-            point, radius = head - _BESIDE * normal, float(np.ptp(reach))
+            levels = middle + np.linspace(0.0, 0.8 * reach.max(), 12)[:, None] * along
+            point, radius = head - _beside(mask, levels, normal) * normal, float(np.ptp(reach))
         else:
             normal, point, radius = along, head, float(np.ptp(reach)) + _BESIDE
         x, y, z = point.tolist()
@@ -246,8 +249,31 @@ def _arm_cuts(mask: Mask, bones: Mapping[str, Surface]) -> list[CutPlane]:
     return planes
 
 
+def _beside(mask: Mask, levels: np.ndarray, normal: np.ndarray) -> float:
+    """How far inward from its bone a hanging arm ends [mm], where there is a gap between it and the trunk; without
+    a gap it is cut through at `_BESIDE`.
+
+    Args:
+        mask: the body.
+        levels: points on the axis of the bone, from its middle down [mm], shape (n, 3).
+        normal: unit vector to the outside.
+    """
+    steps = np.arange(0.0, _WIDEST, 1.0)
+    inside = _inside(mask, (levels[:, None] - steps[:, None] * normal).reshape(-1, 3)).reshape(len(levels), -1)
+    ends = np.where(inside.all(axis=1), np.inf, steps[inside.argmin(axis=1)])
+    widest = float(ends.max())
+    return max(_BESIDE, widest + float(mask.spacing.max())) if math.isfinite(widest) else _BESIDE
+
+
 def _holds(mask: Mask, points: np.ndarray) -> bool:
     """Whether most of the points lie in the mask."""
+    return bool(_inside(mask, points).mean() > 0.5)
+
+
+def _inside(mask: Mask, points: np.ndarray) -> np.ndarray:
+    """Whether points (n, 3) lie in the mask, shape (n,)."""
     voxels = np.rint((points - mask.affine[:3, 3]) @ np.linalg.inv(mask.affine[:3, :3]).T).astype(int) - mask.first
-    inside = ((voxels >= 0) & (voxels < mask.inside.shape)).all(axis=1)
-    return bool(inside.any() and mask.inside[tuple(voxels[inside].T)].sum() > 0.5 * len(points))
+    seen = np.flatnonzero(((voxels >= 0) & (voxels < mask.inside.shape)).all(axis=1))
+    result = np.zeros(len(points), dtype=bool)
+    result[seen] = mask.inside[tuple(voxels[seen].T)]
+    return result

@@ -1,0 +1,39 @@
+"""A label map of 512 x 512 x 900 voxels fits into memory, read in a process of its own."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from label_maps.voxelise import write_labels
+
+from support.label_maps import NAMES, NUMBERS
+
+SHAPE = (512, 512, 900)
+MOST = 2e9
+"""Bytes."""
+READ = """
+import resource, sys
+from pathlib import Path
+from warp_trunk.preparation.label_maps import read_source
+from warp_trunk.preparation.label_maps.sources import read_body
+found = read_source(Path(sys.argv[1]))
+body = read_body(Path(sys.argv[1]))
+print(len(found.masks), body.inside.shape, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss is in kB on Linux")
+def test_a_large_map_is_read_within_two_gigabytes(tmp_path):
+    values = np.zeros(SHAPE, dtype=np.uint8, order="F")
+    for place, name in enumerate(("vertebrae_T5", "vertebrae_T6", "sternum", "hip_left", "hip_right")):
+        low = 40 + 90 * place
+        values[low : low + 60, 100:400, low : low + 300] = NUMBERS[name]
+    values[0, 0, 0] = values[-1, -1, -1] = NUMBERS["sacrum"]  # as large as a box can be
+    write_labels(tmp_path / "a.nii", values, np.diag([0.8, 0.8, 0.75, 1.0]), NAMES)
+    del values
+    run = subprocess.run([sys.executable, "-c", READ, str(tmp_path / "a.nii")], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr[-500:]
+    masks, *shape, memory = run.stdout.replace("(", "").replace(")", "").replace(",", "").split()
+    assert (int(masks), tuple(map(int, shape))) == (6, SHAPE)
+    assert float(memory) < MOST
