@@ -1,0 +1,74 @@
+"""The work of the linear solver: wrong weights in the preconditioner raise it while every result stays right."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from support.small_trunk import small_case
+from warp_trunk.bone_motion.bone_path import BonePath, spline_path
+from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.model import build_model
+from warp_trunk.engine.relaxation import multilevel
+from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
+from warp_trunk.engine.relaxation.conjugate_gradient import ConjugateGradient
+from warp_trunk.engine.relaxation.multilevel import Multilevel
+from warp_trunk.engine.state import State
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.meshing import MeshOptions, build_trunk
+from warp_trunk.preparation.phantom import phantom_case
+
+LOAD_FACTORS = {"phantom": (1.0,), "small": (0.1, 0.5, 1.0)}
+"""Parts of the correction whose gradients are solved for."""
+ACCURACIES = [10.0**-digits for digits in range(1, 9)]
+"""Of the solves of each: a solve looks at itself every eighth iteration, which many of them blur."""
+HELD = {
+    ("phantom", "itmsm"): 864,
+    ("small", "itmsm"): 2376,
+    ("small", "neo-hookean"): 992,
+}
+"""Iterations of all solves of a trunk, on any machine."""
+WITHIN = 0.01
+"""Part of them by which a few last bits may change them."""
+SCENES = pytest.mark.parametrize(("trunk", "energy"), HELD)
+
+
+@cache
+def scene(name: str) -> tuple[TrunkMesh, BonePath]:
+    """A trunk and how its bones move."""
+    if name == "small":
+        case, trunk = small_case()
+    else:
+        case = phantom_case()
+        trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=42_000, bone_voxel=6.0))
+    return trunk, spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, "cpu")
+
+
+def iterations(name: str, energy: EnergyName) -> int:
+    """Iterations of all solves, with the curvature at rest."""
+    trunk, path = scene(name)
+    state = State(build_model(trunk, energy=energy, device="cpu", precision="float64", threads=2))
+    matrix = BlockMatrix(state)
+    matrix.assemble()
+    solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
+    spent = 0
+    for load_factor in LOAD_FACTORS[name]:
+        state.place(path.at(load_factor))
+        state.evaluate()
+        spent += sum(solver.solve(0.0, accuracy).iterations for accuracy in ACCURACIES)
+    return spent
+
+
+@SCENES
+def test_linear_solves_take_the_iterations_that_they_took(trunk: str, energy: EnergyName) -> None:
+    assert iterations(trunk, energy) == pytest.approx(HELD[trunk, energy], rel=WITHIN)
+
+
+@SCENES
+def test_a_spoiled_coarse_correction_is_noticed(
+    trunk: str, energy: EnergyName, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    invert = multilevel.invert
+    monkeypatch.setattr(multilevel, "invert", lambda matrix: 1.5 * invert(matrix))
+    assert iterations(trunk, energy) > (1.0 + WITHIN) * HELD[trunk, energy]
