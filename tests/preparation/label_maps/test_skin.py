@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from support.blocks import blocks
 from warp_trunk.geometry.surface import Surface
@@ -69,3 +70,24 @@ def test_arms_whose_bones_have_no_labels_stay():
     check_solid(skin.surface, "skin")
     assert np.abs(skin.surface.vertices[:, 0]).max() > 290.0
     assert len(skin.cuts) == 2
+
+
+def test_a_back_that_runs_along_the_voxels_has_no_stairs():
+    side, turn = 3.0, Rotation.from_euler("x", 3.0, degrees=True)
+    i, j, k = np.meshgrid(*map(np.arange, (101, 81, 101)), indexing="ij")
+    affine = np.diag([side, side, side, 1.0])
+    affine[:3, 3] = -side * np.array([50.0, 40.0, 50.0])
+    points = np.stack([i, j, k], axis=-1).reshape(-1, 3) * side + affine[:3, 3]
+
+    def off(places: np.ndarray) -> np.ndarray:
+        """Distance from an elliptic cylinder that leans by 3 degrees, to first order."""
+        own = turn.inv().apply(places)[:, :2] / [WIDE, DEEP]
+        reach = np.linalg.norm(own, axis=1)
+        return (reach - 1.0) * reach / np.maximum(np.linalg.norm(own / [WIDE, DEEP], axis=1), 1e-9)
+
+    inside = (off(points) < 0.0).reshape(101, 81, 101)
+    skin = body_skin(Mask(inside, (0, 0, 0), affine, (101, 81, 101)), {}, (), 8.0).surface
+    back = skin.vertices[(np.abs(skin.vertices[:, 2]) < 100.0) & (np.abs(skin.vertices[:, 0]) < 80.0)]
+    assert len(back) > 500
+    assert np.abs(off(back)).mean() < 0.11 * side
+    assert np.abs(off(back)).max() < 0.5 * side
