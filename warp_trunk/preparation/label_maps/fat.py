@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.case.layers import SKIN_THICKNESS
+from warp_trunk.geometry.nearest import nearest
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
 
@@ -38,7 +39,7 @@ class FatThickness:
 
 
 def fat_thickness(skin: Surface, fat: Mask, muscle: Mask | None, cuts: Sequence[CutPlane]) -> FatThickness:
-    """Follow a ray from each vertex of the skin inward to where the fat ends.
+    """Follow a ray from each vertex of the skin inward to where the fat ends, and tell how deep that place is.
 
     Masks are taken as linear between the centres of voxels, so that thickness does not come in steps of a voxel.
     A skin of `SKIN_THICKNESS`, which no such image shows, lies above the fat; where the fat ends above its lower
@@ -53,7 +54,8 @@ def fat_thickness(skin: Surface, fat: Mask, muscle: Mask | None, cuts: Sequence[
     flat = np.zeros(len(skin.faces), dtype=bool)
     for plane in cuts:
         flat |= (np.abs(plane.distance(skin.vertices)) < _FLAT)[skin.faces].all(axis=1)
-    normals = vertex_normals(Surface(skin.vertices, skin.faces[~flat]))
+    real = Surface(skin.vertices, skin.faces[~flat])
+    normals = vertex_normals(real)
     measured = np.linalg.norm(normals, axis=1) > 0.5
     depths = np.arange(0.0, _REACH + _STEP, _STEP)
     ends = np.zeros(len(skin.vertices))
@@ -62,7 +64,10 @@ def fat_thickness(skin: Surface, fat: Mask, muscle: Mask | None, cuts: Sequence[
         points = skin.vertices[some, None] - depths[:, None] * normals[some, None]
         is_fat, *is_muscle = (mask.holds(points) for mask in inside)
         ends[some] = _ends(is_fat, is_muscle[0] & ~is_fat if is_muscle else np.zeros_like(is_fat))
-    thickness = np.maximum(ends - SKIN_THICKNESS, 0.0)
+    bottoms = skin.vertices - ends[:, None] * normals
+    face, weights = nearest(real, bottoms, _REACH)  # as deep as layers are meshed: in folds and at rims less
+    above = np.einsum("nc,ncx->nx", weights, real.vertices[real.faces[face]])
+    thickness = np.maximum(np.linalg.norm(bottoms - above, axis=1) - SKIN_THICKNESS, 0.0)
     thickness[~measured] = np.median(thickness[measured]) if measured.any() else 0.0
     return FatThickness(thickness, measured)
 
