@@ -20,6 +20,14 @@ SLOWEST = wp.constant(0.95)
 """Changes are taken to shrink at least this fast from window to window."""
 
 
+def run_length(cuda: bool) -> int:
+    """Numbers that an item of `advance` and `turn` holds: a vector of a node, or on the CPU a vector register.
+
+    There an item costs more than what it does, and the loop over items is not made of vector instructions.
+    """
+    return 3 if cuda else 16
+
+
 @wp.func
 def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int):
     """Sum of what the ranges hold of one product."""
@@ -34,6 +42,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels of the loop, in its order, in one precision."""
     add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
+    run = wp.types.vector(run_length(cuda), scalar)
 
     @wp.kernel(module="unique", enable_backward=False)
     def start_kernel(
@@ -63,10 +72,10 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         iteration: wp.array(dtype=wp.int32),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        search: wp.array(dtype=vec3),
-        product: wp.array(dtype=vec3),
-        solution: wp.array(dtype=vec3),
-        residual: wp.array(dtype=vec3),
+        search: wp.array(dtype=run),
+        product: wp.array(dtype=run),
+        solution: wp.array(dtype=run),
+        residual: wp.array(dtype=run),
     ):
         """Steps along the search direction."""
         i = first + wp.tid()
@@ -88,8 +97,8 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         iteration: wp.array(dtype=wp.int32),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        preconditioned: wp.array(dtype=vec3),
-        search: wp.array(dtype=vec3),
+        preconditioned: wp.array(dtype=run),
+        search: wp.array(dtype=run),
     ):
         """p = z + beta p, with beta = 0 at the first iteration; a direction of negative curvature is kept."""
         i = first + wp.tid()

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.conjugate_gradient import BENT, LEFT, LONG, NORM, conjugate_gradient_kernels
+from warp_trunk.kernels.conjugate_gradient import (
+    BENT,
+    LEFT,
+    LONG,
+    NORM,
+    conjugate_gradient_kernels,
+    run_length,
+)
 
+from ..model import Model
 from ..parallel import Launch
 from .block_matrix import BlockMatrix
 from .dots import PADDING, Dots
@@ -55,8 +65,11 @@ class ConjugateGradient:
         """
         self.model = model = matrix.model
         ranges = model.parallel.ranges
-        self.solution, self.search, self._earlier, r, z, q = (model.free_vectors() for _ in range(6))
-        p = self.search
+        self._earlier = model.free_vectors()
+        (self.solution, runs_of_x), (r, runs_of_r), (self.search, runs_of_p), (z, runs_of_z), (q, runs_of_q) = (
+            in_runs(model) for _ in range(5)
+        )
+        p, self._kept = self.search, (r, z, q)  # the runs are the same memory
         self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
@@ -66,11 +79,10 @@ class ConjugateGradient:
         kernels = conjugate_gradient_kernels(*model.variant)
         over_free, record_undivided = model.over_free, model.parallel.record_undivided
         self._start = over_free(kernels.start, [gradient], [self.solution, r, p, self._earlier])
-        self._turn = over_free(kernels.turn, [ranges, self._iteration, r_dot_z, p_dot_q, z], [p])
+        scalars = [ranges, self._iteration, r_dot_z, p_dot_q]
+        self._turn = over_runs(model, kernels.turn, [*scalars, runs_of_z], [runs_of_p])
         self._multiply = matrix.multiply(p, q, self._p_dot_q)
-        self._advance = over_free(
-            kernels.advance, [ranges, self._iteration, r_dot_z, p_dot_q, p, q], [self.solution, r]
-        )
+        self._advance = over_runs(model, kernels.advance, [*scalars, runs_of_p, runs_of_q], [runs_of_x, runs_of_r])
         self._count = record_undivided(kernels.count, 1, [], [self._iteration])
         self._precondition = preconditioner.apply(r, z, self._r_dot_z)
         self._window = over_free(kernels.window, [self.solution], [self._earlier, extent])
@@ -138,3 +150,23 @@ class ConjugateGradient:
             self._precondition()  # z = M^-1 r
         self._window()
         self._decide()
+
+
+def in_runs(model: Model) -> tuple[wp.array, wp.array]:
+    """Vectors of the free nodes, all zero, and the same memory in the runs of `run_length`."""
+    length = run_length(model.parallel.is_cuda)
+    count = runs_of(model)
+    padded = model.zeros(model.vec3, -(-count * length // 3))
+    run = wp.types.vector(length, model.scalar)
+    return padded[: model.free_nodes], wp.array(ptr=padded.ptr, shape=(count,), dtype=run, device=model.device)
+
+
+def runs_of(model: Model) -> int:
+    """How many runs hold the vectors of the free nodes."""
+    return -(-3 * model.free_nodes // run_length(model.parallel.is_cuda))
+
+
+def over_runs(model: Model, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+    """Records a launch over the runs of the free nodes."""
+    least = model.parallel.least_split * 3 // run_length(model.parallel.is_cuda)
+    return model.parallel.record(kernel, runs_of(model), inputs, outputs, least=least)
