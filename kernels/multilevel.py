@@ -5,21 +5,19 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .reduction import adder
+from .reduction import adder, lane_adder
 
 vec8i = wp.types.vector(8, wp.int32)
-CHUNK = wp.constant(64)
-"""Columns of the dense product that one CUDA thread adds up."""
 STRIP = 16
 """Rows of the dense product that one item of the CPU adds up."""
-LANES = 16
-"""Threads that share a grid vertex on CUDA; there the coarse residual has to be zero before."""
+LANES = 32
+"""Threads that share a grid vertex, or a row of the dense product, on CUDA."""
 
 
 @cache
 def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels of the preconditioner, in one precision."""
-    add = adder(cuda)
+    add, add_lanes = adder(cuda), lane_adder(scalar)
     vec3 = wp.types.vector(3, scalar)
     vec8 = wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
@@ -40,14 +38,14 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         """P^T r: every grid vertex gathers the residual of the points it reaches, over LANES threads on CUDA."""
         i = first + wp.tid()
         v = i // lanes
+        total = vec3()
         if i < end:
-            total = vec3()
             for k in range(row_start[v] + i % lanes, row_start[v + 1], lanes):
                 total += weight[k] * residual[point[k]]
-            if wp.static(cuda):
-                wp.atomic_add(coarse_residual, v, total)
-            else:
-                coarse_residual[v] = total
+        if wp.static(cuda):
+            total = vec3(add_lanes(total[0], lanes), add_lanes(total[1], lanes), add_lanes(total[2], lanes))
+        if i < end and i % lanes == 0:
+            coarse_residual[v] = total
 
     @wp.kernel(module="unique", enable_backward=False)
     def prolong_kernel(
@@ -126,7 +124,7 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                             )
 
     @wp.kernel(module="unique", enable_backward=False)
-    def dense_chunk_kernel(
+    def dense_lanes_kernel(
         first: int,
         end: int,
         slab: int,
@@ -135,14 +133,16 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         residual: wp.array(dtype=scalar),
         solution: wp.array(dtype=scalar),
     ):
-        """Adds CHUNK columns of a symmetric dense product, for CUDA: neighbours read neighbouring numbers."""
-        i = (first + wp.tid()) % size
-        start = (first + wp.tid()) // size * CHUNK
-        if first + wp.tid() < end:
-            value = scalar(0.0)
-            for k in range(start, wp.min(start + CHUNK, size)):
-                value += inverse[k, i] * residual[k]
-            wp.atomic_add(solution, i, value)
+        """A dense product, for CUDA: `lanes` threads share a row, and neighbours read neighbouring numbers."""
+        item = first + wp.tid()
+        i = item // lanes
+        value = scalar(0.0)
+        if item < end:
+            for k in range(item % lanes, size, lanes):
+                value += inverse[i, k] * residual[k]
+        value = add_lanes(value, lanes)
+        if item < end and item % lanes == 0:
+            solution[i] = value
 
     @wp.kernel(module="unique", enable_backward=False)
     def dense_strip_kernel(
@@ -167,6 +167,6 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         prolong=prolong_kernel,
         grid_diagonal=grid_diagonal_kernel,
         grid_matrix=grid_matrix_kernel,
-        dense_chunk=dense_chunk_kernel,
+        dense_lanes=dense_lanes_kernel,
         dense_strip=dense_strip_kernel,
     )

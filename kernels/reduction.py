@@ -25,6 +25,19 @@ def adder(cuda: bool) -> Any:
     return add
 
 
+@cache
+def lane_adder(scalar: type) -> Any:
+    """The function that adds up a value over neighbouring CUDA threads, a power of two of at most 32, for each."""
+
+    @wp.func_native("""
+    for (int away = lanes / 2; away > 0; away /= 2) value += __shfl_xor_sync(0xffffffffu, value, away);
+    return value;
+    """)
+    def add_lanes(value: scalar, lanes: wp.int32) -> scalar: ...
+
+    return add_lanes
+
+
 @wp.func
 def keep_largest(values: wp.array2d(dtype=wp.float64), row: int, column: int, value: wp.float64):
     """values[row, column] = max(itself, value); looks first, since most items are not the largest."""

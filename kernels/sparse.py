@@ -5,13 +5,17 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .reduction import adder
+from .reduction import adder, lane_adder
+
+ROW_LANES = 8
+"""Threads that share a row of the product on CUDA, so that neighbours read neighbouring blocks."""
 
 
 @cache
 def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels `multiply` and `invert_diagonal` in one precision."""
-    add = adder(cuda)
+    add, add_lanes = adder(cuda), lane_adder(scalar)
+    lanes = wp.constant(ROW_LANES if cuda else 1)
     vec3 = wp.types.vector(3, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
 
@@ -28,13 +32,17 @@ def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         q: wp.array(dtype=vec3),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """q = A p, and the part of p . q that this range holds, kept by iteration."""
-        i = first + wp.tid()
+        """q = A p, and the part of p . q that this range holds, kept by iteration; `lanes` items share a row."""
+        item = first + wp.tid()
+        i = item // lanes
         product = wp.float64(0.0)
-        if i < end:
-            total = vec3()
-            for k in range(row_start[i], row_start[i + 1]):
+        total = vec3()
+        if item < end:
+            for k in range(row_start[i] + item % lanes, row_start[i + 1], lanes):
                 total += blocks[0, k] * p[columns[k]]
+        if wp.static(cuda):
+            total = vec3(add_lanes(total[0], lanes), add_lanes(total[1], lanes), add_lanes(total[2], lanes))
+        if item < end and item % lanes == 0:
             q[i] = total
             product = wp.float64(wp.dot(p[i], total))
         add(p_dot_q, iteration[0], 8 * slab, product)

@@ -6,7 +6,7 @@ import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.slabs import slab_kernels
-from warp_trunk.kernels.sparse import sparse_kernels
+from warp_trunk.kernels.sparse import ROW_LANES, sparse_kernels
 
 from ..parallel import Launch
 from ..state import State
@@ -70,7 +70,7 @@ class BlockMatrix:
         s = self.sparsity
         return self.model.parallel.record(
             sparse_kernels(*self.model.variant).multiply,
-            s.row_bounds,
+            s.row_bounds * (ROW_LANES if self.model.parallel.is_cuda else 1),
             [s.row_start, s.columns, self.blocks, p_dot_q.iteration, p],
             [q, p_dot_q.products],
         )

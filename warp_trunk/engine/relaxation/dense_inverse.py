@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
-from warp_trunk.kernels.multilevel import CHUNK, STRIP, multilevel_kernels
+from warp_trunk.kernels.multilevel import LANES, STRIP, multilevel_kernels
 
 from ..model import Model
 from ..parallel import Launch
@@ -31,18 +31,12 @@ def record_dense_product(model: Model, inverse: np.ndarray, residual: wp.array, 
     flat_residual = view(residual, model.scalar, size)
     kernels = multilevel_kernels(*model.variant)
     if model.parallel.is_cuda:
-        product = model.parallel.record(
-            kernels.dense_chunk,
-            size * -(-size // CHUNK),
+        return model.parallel.record(
+            kernels.dense_lanes,
+            size * LANES,
             [size, model.array(inverse, model.scalar), flat_residual],
             [view(solution, model.scalar, size)],
         )
-
-        def solve() -> None:
-            solution.zero_()
-            product()
-
-        return solve
     strips = -(-size // STRIP)
     padded = np.zeros((strips * STRIP, size))
     padded[:size] = inverse

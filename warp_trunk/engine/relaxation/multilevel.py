@@ -92,21 +92,13 @@ class Multilevel:
     def _restrict(self, level: _Level, residual: wp.array) -> Launch:
         """Records P^T r."""
         parallel = self.model.parallel
-        gather = parallel.record(
+        return parallel.record(
             multilevel_kernels(*self.model.variant).restrict,
             len(level.residual) * (LANES if parallel.is_cuda else 1),
             [*level.transfer.by_vertex, residual],
             [level.residual],
             least=1024,  # a vertex gathers from tens of points
         )
-        if not parallel.is_cuda:
-            return gather
-
-        def restrict() -> None:
-            level.residual.zero_()
-            gather()
-
-        return restrict
 
     def _prolong(self, level: _Level, fine: list[wp.array], dots: Dots) -> Launch:
         """Records z = D^-1 r + P z_coarse with r . z, of `fine`: D^-1, r and z of what the level hangs on."""
