@@ -87,6 +87,15 @@ def test_numbers_by_increment(recorded):
     assert rotations == pytest.approx(expected, abs=0.05)
 
 
+def test_a_plan_that_moves_nothing_is_recorded(tmp_path):
+    case, trunk = small_case()
+    (first, *_) = made_up_increments(trunk)
+    still = replace(first.relaxation, energy=Energy(dict.fromkeys(first.relaxation.energy.terms, 0.0)))
+    record(tmp_path / "still.rrd", case, trunk, [replace(first, relaxation=still)])
+    energies = column(tmp_path / "still.rrd", "/energy", "scalars")
+    assert {k: v.tolist() for k, v in energies.items()} == {1: [0]}
+
+
 def test_landmarks_go_with_the_load_factor(recorded):
     path, case, _, _ = recorded
     points = column(path, "/now/landmarks", "positions")

@@ -93,7 +93,8 @@ class Import:
             print(f"warp-trunk: warning: {warning}", file=sys.stderr)
         print(f"Case '{made.case.name}' of {len(made.case.bones)} bones written to {self.out}")
         print(
-            f"Look at {self.out / PICTURE}, then plan: warp-trunk plan {self.out} --out planned --uiv T4 --liv L1"
+            f"Look at {self.out / PICTURE}, then plan: warp-trunk plan {self.out} --out planned --uiv T4 --liv L1 "
+            "--curve T8,correction=0.65"
         )
         return INCOMPLETE if made.found.unsure else OK
 

@@ -79,7 +79,7 @@ class Numbers:
         rr = self._rr
         values = {**energy.terms, "total": energy.total}
         if not self._terms:
-            self._terms = [name for name, value in values.items() if value != 0.0]
+            self._terms = [name for name, value in values.items() if value != 0.0 or name == "total"]
             names, colours = zip(*(TERMS.get(name, (name, OTHER)) for name in self._terms), strict=True)
             lines = rr.SeriesLines(names=list(names), colors=list(colours), widths=[2.0] * len(names))
             self._log("energy", lines, static=True)
