@@ -46,7 +46,7 @@ class Cohort(SimulationArguments):
         if self.tissue_file is not None:
             read_tissue_file(self.tissue_file)  # refused here, and not by every case
         options = CohortOptions(
-            run=self.options, align_pelvis=self.align_pelvis, refine=partial(_refined, self, tuple(arguments))
+            run=self.options, align_pelvis=self.align_pelvis, refine=partial(refined_by, self, tuple(arguments))
         )
         with Progress() as progress:
             for name in left_over:
@@ -63,6 +63,6 @@ class Cohort(SimulationArguments):
         return OK if cohort.complete else INCOMPLETE
 
 
-def _refined(command: Cohort, arguments: tuple[str, ...], case: Case) -> Case:
+def refined_by(command: SimulationArguments, arguments: tuple[str, ...], case: Case) -> Case:
     """The case with the constants that the command line gives; a function, so that it travels to workers."""
     return command.refined(case, arguments)

@@ -30,6 +30,7 @@ COMMANDS = {
     "measure": "Measure",
     "export": "Export",
     "cohort": "Cohort",
+    "calibrate": "Calibrate",
 }
 """The class of each command, in the order in which they are used: first steps, from a patient to a case, from
 there to a result, and many of them."""

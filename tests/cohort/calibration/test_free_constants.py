@@ -1,0 +1,75 @@
+"""What can be calibrated, and how it is counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from support.small_case import small_case
+from warp_trunk.case.layers import Layers
+from warp_trunk.case.tissue_file import constant_of
+from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free, values_of
+from warp_trunk.errors import InputError
+from warp_trunk.run.options import RunOptions
+
+CONTINUUM: dict[str, Any] = {"energy": "neo-hookean"}
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "why"),
+    [
+        ((), {}, "is missing"),
+        (("poison_ratio",), {}, "did you mean poisson_ratio?"),
+        (("theta", "theta"), {}, "'theta' is given twice"),
+        (("youngs_modulus",), {}, "all forces grow with it alike"),
+        (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
+        (("density",), {}, "acts only with gravity"),
+        (("poisson_ratio",), {}, "give --energy neo-hookean"),
+        (("epsilon",), CONTINUUM, "constant of the energy itmsm"),
+        (("ribs.recovery",), {}, "give --bones follow"),
+        (("fat.youngs_modulus",), {}, "give --layers depth"),
+        (("youngs_modulus",), {"layers": "depth", "gravity": 9.81}, "every layer has its own"),
+        (
+            ("skin.youngs_modulus", "fat.youngs_modulus", "muscle.youngs_modulus"),
+            {"layers": "depth"},
+            "only their ratios act; leave one out",
+        ),
+    ],
+)
+def test_what_no_skin_tells_is_refused(names: tuple[str, ...], options: dict[str, Any], why: str) -> None:
+    with pytest.raises(InputError) as error:
+        check_free(names, small_case(), RunOptions(**options))
+    assert why in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("names", "options"),
+    [
+        (("epsilon", "theta"), {}),
+        (("youngs_modulus", "density"), {"gravity": 9.81}),
+        (("poisson_ratio", "fat.youngs_modulus"), {**CONTINUUM, "layers": "depth"}),
+        (("ribs.recovery", "ribs.turn"), {"bones": "follow"}),
+    ],
+)
+def test_what_skins_tell_is_not(names: tuple[str, ...], options: dict[str, Any]) -> None:
+    check_free(names, small_case(), RunOptions(**options))
+    check_free(
+        names, replace(small_case(), layers=Layers()), RunOptions(**{**options, "layers": "none"})
+    ) if not any("." in name for name in names) else None
+
+
+@pytest.mark.parametrize("name", ["poisson_ratio", "fat.youngs_modulus", "theta", "density", "ribs.scapula"])
+def test_counting_goes_there_and_back(name: str) -> None:
+    start = constant_of(small_case(), name)
+    free = FreeConstant(name=name, start=start)
+    counted = free.counted(start)
+    assert values_of([free], np.array([counted]))[name] == pytest.approx(start)
+    low, high = free.limits
+    assert low <= counted <= high
+    step = 1e-6
+    change = (free.value(counted + step) - free.value(counted - step)) / (2.0 * step)
+    assert free.slope(start) == pytest.approx(change, rel=1e-6)
+    assert free.believed > 0.0

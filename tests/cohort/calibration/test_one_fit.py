@@ -1,0 +1,64 @@
+"""One case of a calibration: its derivatives are differences of whole simulations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.cohort_cases import cohort_options, turned_case
+from warp_trunk.case import write_case
+from warp_trunk.case.tissue_file import constant_of
+from warp_trunk.cohort.calibration.free_constants import FreeConstant
+from warp_trunk.cohort.calibration.one_fit import FitJob, fit_case
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.errors import InputError
+
+FREE = ("poisson_ratio", "fat.youngs_modulus", "ribs.recovery", "ribs.turn")
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> FitJob:
+    folder = tmp_path_factory.mktemp("fit") / "case"
+    case = turned_case("fit", 2.0)
+    marks = case.planned_landmarks
+    turned = marks.points.copy()
+    rows = [row for row, name in enumerate(marks.names) if name.startswith("T7")]
+    middle = turned[rows].mean(axis=0)
+    c, s = np.cos(0.3), np.sin(0.3)
+    turned[rows] = (turned[rows] - middle) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + middle
+    write_case(folder, replace(case, landmarks_after=replace(marks, points=turned)))
+    options = replace(
+        cohort_options(threads=1).run,
+        energy="neo-hookean",
+        layers="depth",
+        bones="follow",
+        precision="float64",
+        simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-6)),
+    )
+    free = tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in FREE)
+    return FitJob(folder=folder, options=options, align_pelvis=False, refine=None, free=free)
+
+
+def test_derivatives_are_differences(job: FitJob) -> None:
+    start = np.array([one.counted(one.start) for one in job.free])
+    found = fit_case(job, start)
+    assert found.derivative is not None
+    plain = replace(job, derivative=False)
+    for number, free in enumerate(job.free):
+        step = np.zeros(len(start))
+        step[number] = 0.05 * free.believed  # distances are float32
+        higher, lower = (fit_case(plain, start + way * step).residuals for way in (1.0, -1.0))
+        difference = (higher - lower) / (2.0 * step[number])
+        size = np.abs(difference).max()
+        assert size > 1e-3, free.name
+        assert np.abs(found.derivative[:, number] - difference).max() < 0.02 * size, free.name
+
+
+def test_a_case_without_actual_skin_is_refused(job: FitJob, tmp_path: Path) -> None:
+    write_case(tmp_path / "case", replace(turned_case("x", 0.0), actual_skin=None))
+    with pytest.raises(InputError, match="has no actual skin to calibrate on"):
+        fit_case(replace(job, folder=tmp_path / "case"), np.zeros(len(job.free)))

@@ -1,0 +1,1 @@
+"""Constants of tissue and ribs found on patients whose actual skin is known."""

@@ -1,0 +1,154 @@
+"""The constants that a calibration may change: how each is counted, what is believed, what cannot be seen."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case.layers import CONSTANTS, NAMES
+from warp_trunk.case.rib_shares import LIMITS, RANGES
+from warp_trunk.case.tissue_file import CONSTANT_NAMES, RIBS
+from warp_trunk.case.uncertainty import FACTORS, Uncertainty
+from warp_trunk.errors import InputError
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.run.options import RunOptions
+
+_DENSITY = 50.0
+"""What is believed of a density: within this [kg/m^3]; soft tissues have 900 to 1100."""
+_SHARE = 0.25
+"""What is believed of a share of the ribs for which no range is known."""
+_FACTOR = 1000.0
+"""A stiffness is looked for between its start over this and its start times this."""
+_OF_ITMSM, _OF_CONTINUUM = ("epsilon", "theta"), ("poisson_ratio",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeConstant:
+    """One constant, counted so that steps of it mean the same everywhere: a stiffness by its logarithm."""
+
+    name: str
+    """One of `CONSTANT_NAMES`."""
+    start: float
+    """Where the search begins, and the middle of what is believed of it."""
+
+    @property
+    def of(self) -> str:
+        """The layer, `ribs`, or nothing for the uniform tissue."""
+        return self.name.rpartition(".")[0]
+
+    @property
+    def constant(self) -> str:
+        """Its name in its tissue."""
+        return self.name.rpartition(".")[2]
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether it is counted by its logarithm."""
+        return self.of != RIBS and self.constant in FACTORS
+
+    @property
+    def believed(self) -> float:
+        """Standard deviation of what is believed of it before, as it is counted.
+
+        As `--bands` has it: half the range of a share, the deviation or the logarithm of the factor of a constant.
+        """
+        if self.of == RIBS:
+            low, high = RANGES.get(self.constant, (0.0, 2.0 * _SHARE))
+            return 0.5 * (high - low)
+        if self.constant == "density":
+            return _DENSITY
+        spread = getattr(Uncertainty(), self.constant)
+        return math.log(spread) if self.logarithmic else spread
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Between which it is looked for, as it is counted."""
+        if self.of == RIBS:
+            return LIMITS[self.constant]
+        if self.constant == "poisson_ratio":
+            return 0.0, 0.499
+        if self.constant == "density":
+            return 500.0, 2000.0
+        middle = self.counted(self.start)
+        return middle - math.log(_FACTOR), middle + math.log(_FACTOR)
+
+    def counted(self, value: float) -> float:
+        """A value as it is counted."""
+        return math.log(value) if self.logarithmic else value
+
+    def value(self, counted: float) -> float:
+        """The value of what was counted."""
+        return math.exp(counted) if self.logarithmic else counted
+
+    def slope(self, value: float) -> float:
+        """Change of the value with what is counted."""
+        return value if self.logarithmic else 1.0
+
+
+def values_of(free: Sequence[FreeConstant], counted: np.ndarray) -> dict[str, float]:
+    """Constants by name, of what was counted, shape (constants,)."""
+    return {one.name: one.value(float(x)) for one, x in zip(free, counted, strict=True)}
+
+
+def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
+    """Raise InputError for constants that no skin can tell, whatever the patients, and say why."""
+    if not names:
+        raise InputError(
+            "--free: is missing; give the constants to find, such as --free poisson_ratio ribs.recovery"
+        )
+    for name in names:
+        if name not in CONSTANT_NAMES:
+            near = difflib.get_close_matches(name, CONSTANT_NAMES, n=1)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            raise InputError(f"--free: there is no constant '{name}'{hint}; known are {', '.join(CONSTANT_NAMES)}")
+    twice = [name for number, name in enumerate(names) if name in names[:number]]
+    if twice:
+        raise InputError(f"--free: '{twice[0]}' is given twice; give it once")
+    layered = options.layers != "none" and (options.layers is not None or case.layers is not None)
+    for name in names:
+        why = _unseen(name, case, options, layered)
+        if why:
+            raise InputError(f"--free: '{name}' cannot be found from any skin: {why}")
+    stiff = [name for name in names if name.endswith(".youngs_modulus")]
+    if len(stiff) == len(NAMES) and not options.gravity:
+        raise InputError(
+            "--free: the Young's moduli of all layers cannot be found together: with bones moved as prescribed "
+            "and no gravity only their ratios act; leave one out, which the others are then found against"
+        )
+
+
+def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
+    """Why a constant changes no prediction with these options; empty where it does."""
+    of, _, constant = name.rpartition(".")
+    if of == RIBS:
+        return "" if options.bones == "follow" else "ribs have shares only where bones follow; give --bones follow"
+    if of and not layered:
+        return "the trunk has no layers; give --layers depth"
+    if constant in _OF_ITMSM and options.energy != "itmsm":
+        return f"it is a constant of the energy itmsm; these are simulated with {options.energy}"
+    if constant in _OF_CONTINUUM and options.energy == "itmsm":
+        return "it is a constant of the neo-Hookean energy; give --energy neo-hookean"
+    if constant == "density" and not options.gravity:
+        return "a density acts only with gravity; give --gravity 9.81"
+    if constant == "youngs_modulus" and not of and layered:
+        return "every layer has its own; free fat.youngs_modulus instead"
+    if constant == "youngs_modulus" and not of and not options.gravity:
+        return (
+            "with bones moved as prescribed and no gravity all forces grow with it alike, so that the trunk comes "
+            "to rest at the same place; give --gravity 9.81, or free the ratio of layers (fat.youngs_modulus)"
+        )
+    own = (
+        []
+        if case.layers is None
+        else [layer for layer in NAMES if constant in {**CONSTANTS[layer], **case.layers.constants.get(layer, {})}]
+    )
+    if not of and layered and len(own) == len(NAMES):
+        return "every layer has its own; free those"
+    return ""

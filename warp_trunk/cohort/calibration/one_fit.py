@@ -1,0 +1,223 @@
+"""One case of a calibration, as a worker does it: how far it lies from the actual skin, and what changes that."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case import read_checked_case
+from warp_trunk.case.layers import CONSTANTS, NAMES
+from warp_trunk.case.rib_shares import LIMITS
+from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
+from warp_trunk.engine.constants import Constant
+from warp_trunk.engine.linearization import Linearization
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.simulation import Increment, simulate
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.measures import compare_skins
+from warp_trunk.measures.skin_distance import skin_distance
+from warp_trunk.results import predicted_skin
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.paths import find_path
+from warp_trunk.run.prepare import Prepared, prepare
+from warp_trunk.run.starting import start_warp
+
+from .free_constants import FreeConstant, values_of
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.geometry.surface import Surface
+
+PLACES = 400
+"""Places of the skin at which a case is compared, spread evenly over it."""
+WORTH = 40
+"""How many of them tell nothing of each other: errors of a scan and of a model are alike over 50 mm, and back and
+flanks of a trunk are some 300 by 350 mm. All places of a case together weigh as much as this many."""
+SKIN_SD = 2.0
+"""What a place of the skin is off where the constants are right [mm]: 1.4 of the scanner of both papers, and as
+much of the model beside its constants; assumed."""
+STEP = 1e-2
+"""Part of what is believed of a constant by which it is changed for a difference."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitJob:
+    """What is asked of a worker."""
+
+    folder: Path
+    """The case."""
+    options: RunOptions
+    """How it is simulated."""
+    align_pelvis: bool
+    """Bring what is known after surgery back onto the pelvis before it."""
+    refine: Callable[[Case], Case] | None
+    """What the command line changes in each case."""
+    free: tuple[FreeConstant, ...]
+    """What is to be found."""
+    derivative: bool = True
+    """Whether the change with each constant is wanted."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CaseFit:
+    """How far a case is from its actual skin at some constants."""
+
+    residuals: np.ndarray
+    """Distance of each place from the actual skin, positive outside, over `SKIN_SD` and by `WORTH`, (places,)."""
+    derivative: np.ndarray | None
+    """Its change with each constant as it is counted, (places, constants); None where it was not asked for."""
+    skin_mm: float
+    """Mean distance of the back from the actual one [mm]."""
+    bsr_deg: float | None
+    """Mean absolute error of back surface rotation from T3 to L5 [degrees]."""
+
+
+def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
+    """Simulates a case with constants, and compares it with its actual skin.
+
+    Derivatives come from one linear solve for each constant at the equilibrium. Under gravity with a rest state
+    that was found for the constants that is not possible: there each takes one simulation more.
+
+    Args:
+        job: the case and what is free.
+        counted: the constants as they are counted, shape (constants,).
+
+    Raises:
+        InputError: a case that cannot be simulated, has no actual skin, or does not converge.
+    """
+    start_warp()
+    case = read_fit_case(job)
+    now = _simulated(case, job, counted)
+    places = _places(now)
+    distance, direction = _distance(now, places)
+    scale = np.sqrt(WORTH / len(places)) / SKIN_SD
+    derivative = None
+    if job.derivative:
+        moved = _moved(now, job, counted)[:, places]
+        derivative = scale * np.einsum("vi,cvi->vc", direction, moved)
+    judged = compare_skins(now.skin, now.actual, now.case.planned_landmarks)
+    back, rotation = judged.distance["back"], judged.bsr_error["T3-L5"]
+    return CaseFit(
+        residuals=scale * distance,
+        derivative=derivative,
+        skin_mm=float("nan") if back is None else back.mean,
+        bsr_deg=None if rotation is None else rotation.mean,
+    )
+
+
+def read_fit_case(job: FitJob) -> Case:
+    """The case, with what the command line changes in it.
+
+    Raises:
+        InputError: it cannot be read, or has no actual skin.
+    """
+    case, _ = read_checked_case(job.folder, align=job.align_pelvis)
+    if case.actual_skin is None:
+        raise InputError(f"{job.folder}: has no actual skin to calibrate on; add actual_skin.ply or leave it out")
+    return case if job.refine is None else job.refine(case)
+
+
+@dataclass(frozen=True, eq=False)
+class _Simulated:
+    """A case at its end."""
+
+    case: Case
+    prepared: Prepared
+    last: Increment
+    skin: Surface
+    actual: Surface
+
+
+def _simulated(case: Case, job: FitJob, counted: np.ndarray) -> _Simulated:
+    case = with_constants(case, values_of(job.free, counted))
+    prepared = prepare(case, job.options)
+    *_, last = simulate(prepared.model, prepared.bone_path, job.options.simulation)
+    if last.relaxation.status is not RelaxStatus.CONVERGED:
+        raise InputError(f"{job.folder}: ended {last.relaxation.status.name}, which is no prediction")
+    assert case.actual_skin is not None  # `read_fit_case` has refused it
+    return _Simulated(
+        case, prepared, last, predicted_skin(case, prepared.trunk, last.displacement), case.actual_skin
+    )
+
+
+def _places(now: _Simulated) -> np.ndarray:
+    """Vertices of the skin at which it is compared: the same at all constants, so chosen by the skin before."""
+    case = now.case
+    counted = skin_distance(case.skin, now.actual, case.landmarks_before).counted
+    there = np.flatnonzero(counted)
+    return there[np.linspace(0, len(there) - 1, min(PLACES, len(there))).astype(np.int64)]
+
+
+def _distance(now: _Simulated, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance of places of the predicted skin from the actual one, and the direction in which it grows."""
+    points = now.skin.vertices[places]
+    nearest = SurfaceDistance(now.actual).nearest(points)
+    distance = nearest.distance.astype(np.float64)
+    away = points - nearest.point
+    length = np.linalg.norm(away, axis=1)
+    normal = vertex_normals(now.skin)[places]
+    far = length > 0.05  # float32 knows no direction of less
+    direction = np.where(
+        far[:, None], np.sign(distance)[:, None] * away / np.maximum(length, 1e-9)[:, None], normal
+    )
+    return distance, direction
+
+
+def _moved(now: _Simulated, job: FitJob, counted: np.ndarray) -> np.ndarray:
+    """How the skin moves with each constant as it is counted [mm], shape (constants, vertices, 3)."""
+    if now.prepared.model.scan is not None:
+        return np.stack([_by_difference(now, job, counted, number) for number in range(len(job.free))])
+    linear, none = Linearization(now.prepared.model, now.last), np.zeros_like(now.prepared.trunk.nodes)
+    bones = [_bones_moved(now, job, free) if free.of == RIBS else none for free in job.free]
+    pulls = [none if free.of == RIBS else _pull(now, linear, free) for free in job.free]
+    return linear.follow(np.stack(bones), np.stack(pulls))[:, now.prepared.trunk.skin_nodes]
+
+
+def _bones_moved(now: _Simulated, job: FitJob, free: FreeConstant) -> np.ndarray:
+    """Change of the places of bones with a share of the ribs [mm], shape (nodes, 3)."""
+    value, step = getattr(now.case.rib_shares, free.constant), STEP * free.believed
+    low, high = max(value - step, LIMITS[free.constant][0]), min(value + step, LIMITS[free.constant][1])
+    lower, upper = (
+        find_path(with_constants(now.case, {free.name: end}), now.prepared.trunk, job.options).at(1.0)
+        for end in (low, high)
+    )
+    return (upper - lower) / (high - low)
+
+
+def _pull(now: _Simulated, linear: Linearization, free: FreeConstant) -> np.ndarray:
+    """What a constant as it is counted adds to the gradient of every free node."""
+    tissues = now.prepared.model.tissues
+    slope = free.slope(constant_of(now.case, free.name))
+    if free.of:
+        return slope * linear.pull(Constant(free.constant, NAMES.index(free.of)))
+    if len(tissues) == 1:
+        return slope * linear.pull(Constant(free.constant, 0))
+    return slope * sum(
+        (linear.pull(Constant(free.constant, n)) for n in _without_own(now.case, free.constant)),
+        start=np.zeros_like(now.prepared.trunk.nodes),
+    )
+
+
+def _without_own(case: Case, constant: str) -> Sequence[int]:
+    """The layers that have a constant from the uniform tissue."""
+    given: Mapping[str, Mapping[str, float]] = {} if case.layers is None else case.layers.constants
+    return [n for n, layer in enumerate(NAMES) if constant not in {**CONSTANTS[layer], **given.get(layer, {})}]
+
+
+def _by_difference(now: _Simulated, job: FitJob, counted: np.ndarray, number: int) -> np.ndarray:
+    """The same from another simulation."""
+    free = job.free[number]
+    step = STEP * free.believed
+    if counted[number] + step > free.limits[1]:
+        step = -step
+    changed = counted.copy()
+    changed[number] += step
+    other = _simulated(now.case, dataclasses.replace(job, derivative=False), changed)
+    return (other.skin.vertices - now.skin.vertices) / step

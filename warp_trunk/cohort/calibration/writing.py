@@ -1,0 +1,140 @@
+"""The files of a calibration: tissue.toml, and beside it what is known of it as JSON and as a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from warp_trunk.case.tissue_file import write_tissue_file
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.report.page import rendered
+
+from .calibrate import Calibration, HeldOut
+
+FOUND_HEAD = ("constant", "believed before", "found", "95 % interval", "told by the patients")
+HELD_HEAD = (
+    "case",
+    "back: before",
+    "with the others' constants",
+    "rotation: before",
+    "with the others' constants",
+)
+
+
+def check_file(path: Path) -> None:
+    """Raise InputError where the files cannot be written."""
+    if path.suffix != ".toml":
+        raise InputError(f"{path}: must end in .toml, as simulate --tissue-file reads it; call it tissue.toml")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        probe = path.with_name(f".{path.name}.writable")
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written here ({error.strerror}); give --out a place of your own"
+        ) from error
+
+
+def write_calibration(path: Path, calibration: Calibration) -> Path:
+    """Writes what was found; returns the page."""
+    remarks = [
+        f"found by warp-trunk calibrate on {len(calibration.cases)} cases of {calibration.patients} patients",
+        *(["VIRTUAL: a computer made these cases; these constants are nobody's"] if calibration.virtual else []),
+        *(f"{one.name}: {one.low:.4g} to {one.high:.4g} (95 %)" for one in calibration.found),
+    ]
+    record = path.with_suffix(".json")
+    with atomic_write(record) as unfinished:
+        unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(calibration), indent=2) + b"\n")
+    page = path.with_suffix(".html")
+    with atomic_write(page) as unfinished:
+        unfinished.write_text(calibration_page(calibration), encoding="utf-8")
+    write_tissue_file(path, {one.name: one.value for one in calibration.found}, remarks)
+    return page
+
+
+def calibration_page(calibration: Calibration) -> str:
+    """The text of the page; all that comes from files is escaped."""
+    names = [one.name for one in calibration.found]
+    return rendered(
+        "calibration.html",
+        {},
+        virtual=calibration.virtual > 0,
+        cases=len(calibration.cases),
+        patients=calibration.patients,
+        poses=" and ".join(calibration.poses),
+        warnings=warnings_of(calibration),
+        found_head=FOUND_HEAD,
+        found_rows=[
+            [one.name, f"{one.start:.4g}", f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}",
+             f"{100.0 * one.from_data:.0f} %"]
+            for one in calibration.found
+        ],
+        correlation_head=("", *names),
+        correlation_rows=[
+            [name, *(f"{value:+.2f}" for value in row)]
+            for name, row in zip(names, calibration.correlation, strict=True)
+        ],
+        rounds=calibration.rounds,
+        before=f"{calibration.skin_before_mm:.2f}",
+        after=f"{calibration.skin_mm:.2f}",
+        held_head=HELD_HEAD,
+        held_rows=[_held_row(one) for one in calibration.held_out],
+        gain=gain_text(calibration),
+    )  # fmt: skip
+
+
+def warnings_of(calibration: Calibration) -> list[str]:
+    """What makes the constants doubtful."""
+    said = [f"{name} took no part: {reason}" for name, reason in calibration.left_out.items()]
+    if not calibration.converged:
+        said.append("The search did not come to its end; give other constants free, or more cases.")
+    for one in calibration.found:
+        if one.from_data < 0.5:
+            said.append(
+                f"{one.name}: these patients told {100.0 * one.from_data:.0f} % of what is known of it, the rest "
+                "is what was believed before; do not free it, or bring more patients."
+            )
+    if calibration.patients == 1:
+        said.append(
+            "One patient: the intervals rest on the stated errors alone, and nobody is left to judge it by."
+        )
+    return said
+
+
+def gain_text(calibration: Calibration) -> str:
+    """What the constants are worth for a patient who had no part in them; empty for one patient."""
+    gain = calibration.held_out_gain_mm
+    if gain is None:
+        return ""
+    way = "nearer to" if gain.mean > 0.0 else "further from"
+    text = f"A back that had no part in it comes {abs(gain.mean):.2f} mm {way} the actual one in the mean"
+    if gain.low is not None and gain.high is not None:
+        text += f" (95 % interval {gain.low:+.2f} to {gain.high:+.2f} mm, drawn over {gain.patients} patients)"
+    return text + "."
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """What a terminal shows."""
+    lines = [f"{len(calibration.cases)} cases of {calibration.patients} patients, {calibration.rounds} rounds"]
+    lines += [
+        f"{one.name:<22} {one.value:10.4g}   95 %: {one.low:.4g} to {one.high:.4g}   (before {one.start:.4g}; "
+        f"{100.0 * one.from_data:.0f} % told by the patients)"
+        for one in calibration.found
+    ]
+    lines.append(
+        f"mean distance of the backs: {calibration.skin_before_mm:.2f} mm before, {calibration.skin_mm:.2f} after"
+    )
+    return "\n".join([*lines, *filter(None, [gain_text(calibration)]), *warnings_of(calibration)])
+
+
+def _held_row(one: HeldOut) -> list[str]:
+    return [
+        one.case,
+        f"{one.skin_before_mm:.2f} mm",
+        f"{one.skin_mm:.2f} mm",
+        "–" if one.bsr_before_deg is None else f"{one.bsr_before_deg:.2f}°",
+        "–" if one.bsr_deg is None else f"{one.bsr_deg:.2f}°",
+    ]
