@@ -53,9 +53,10 @@ def test_derivatives_are_differences(job: FitJob) -> None:
         step[number] = 0.05 * free.believed  # distances are float32
         higher, lower = (fit_case(plain, start + way * step).residuals for way in (1.0, -1.0))
         difference = (higher - lower) / (2.0 * step[number])
-        size = np.abs(difference).max()
-        assert size > 1e-3, free.name
-        assert np.abs(found.derivative[:, number] - difference).max() < 0.02 * size, free.name
+        size = np.linalg.norm(difference)
+        assert size > 1e-2, free.name
+        # of all places together: where the nearest point changes its triangle, a difference sees both
+        assert np.linalg.norm(found.derivative[:, number] - difference) < 0.02 * size, free.name
 
 
 def test_a_case_without_actual_skin_is_refused(job: FitJob, tmp_path: Path) -> None:
