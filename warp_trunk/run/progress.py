@@ -104,7 +104,8 @@ class Progress:
             self._bar(f"{doing}, {note}" if note else doing, done, count)
         elif line:
             left = (time.perf_counter() - self._began) / done * (count - done)
-            self._line(f"{line} ({done} of {count} {doing}, {note}, about {_time(left)} left)")
+            told = (f"{done} of {count} {doing}", *([note] if note else []), f"about {_time(left)} left")
+            self._line(f"{line} ({', '.join(told)})")
 
     def _bar(self, doing: str, done: int, count: int) -> None:
         if self._task is None or done <= self._reached:  # another plan or work begins

@@ -14,7 +14,7 @@ from warp_trunk.errors import InputError
 from ..statistics.estimate import Estimate, over_patients
 from .fit import Certainty, Fit, Piece, Prior, certainty, find, without
 from .free_constants import FreeConstant
-from .one_fit import CaseFit, FitJob, fit_case
+from .one_fit import CaseFit, FitJob, tried
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -202,15 +202,13 @@ class _Rounds:
         """Jobs over the workers; what a job refuses is in its place."""
         from distributed import as_completed
 
-        futures = {
-            self._client.submit(fit_case, job, counted, pure=False): case.name for case, job, counted in jobs
-        }
+        futures = {self._client.submit(tried, job, counted, pure=False): case.name for case, job, counted in jobs}
         found: dict[str, CaseFit | Exception] = {}
         self._progress.part("cases of this round", 0, len(futures))
         for future in as_completed(list(futures)):
             try:
                 found[futures[future]] = future.result()
-            except Exception as error:  # a case's own, or its worker's; the round tells
+            except Exception as error:  # its worker's; the round tells
                 found[futures[future]] = error
             one = found[futures[future]]
             said = str(one) if isinstance(one, Exception) else f"{one.skin_mm:.2f} mm from the actual back"

@@ -112,6 +112,14 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     )
 
 
+def tried(job: FitJob, counted: np.ndarray) -> CaseFit | InputError:
+    """The same, or what it refuses: an answer for the round, and no failure of a worker."""
+    try:
+        return fit_case(job, counted)
+    except InputError as error:
+        return error
+
+
 def read_fit_case(job: FitJob) -> Case:
     """The case, with what the command line changes in it.
 
