@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.continuum import Continuum
 from support.meshes import block_with_bone, grid, rotate, trunk
 from support.reference import Reference
 from warp_trunk.bone_motion.bone_path import BonePath
@@ -108,6 +109,20 @@ def test_tissue_too_soft_to_stand_is_refused() -> None:
         InputError, match=r"^gravity: no rest state .* modulus of 0\.01 kPa .* raise youngs_modulus"
     ):
         sag_free(standing(youngs_modulus=0.01))
+
+
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+@pytest.mark.parametrize("kilopascal", [1.0, 1.5])
+def test_the_scan_is_a_minimum_or_the_rest_state_is_refused(energy: EnergyName, kilopascal: float) -> None:
+    """By the dense second derivative of an energy written apart; gravity adds nothing to it."""
+    if kilopascal == 1.0:
+        with pytest.raises(InputError, match=r"tissue of 1 kPa does not come to rest .* but buckles .*; raise "):
+            sag_free(standing(energy, kilopascal))
+        return
+    model = sag_free(standing(energy, kilopascal)).model
+    rest = at_rest(model)
+    reference = (Reference if energy == "itmsm" else Continuum)(rest, model.tissue)
+    assert np.linalg.eigvalsh(reference.hessian(BARE.nodes - rest.nodes))[0] > 0.0
 
 
 def test_gravity_has_the_energy_of_the_masses_where_they_are() -> None:

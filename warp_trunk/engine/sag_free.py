@@ -11,6 +11,7 @@ shrinks in every round to about the strain.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from warp_trunk.errors import InputError
 from .energies.energy import TetEnergy
 from .model import Model
 from .relaxation.newton import Newton
+from .relaxation.products import ProductReader
 from .rest_mesh import RestMesh
 from .state import State
 
@@ -55,7 +57,8 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         tolerance: largest estimated distance of the equilibrium from the scan [mm].
 
     Raises:
-        InputError: tissue so soft for this gravity that no rest state was found.
+        InputError: tissue so soft for this gravity that no rest state was found, or only one for which the scan
+            is a saddle, by the true curvature there: the tissue would buckle.
     """
     if model.gravity == 0.0 or model.free_nodes == 0:
         return RestState(model, 0.0, 0.0, 0, 0)
@@ -65,28 +68,48 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     work = replace(model, elements=at_rest(model, scanned))
     state = State(work)
     newton = Newton(state)
+    products = ProductReader(state, newton.direction, state.gradient)
     newton.begin(tolerance, 0.0)
+    state.displacement.assign(scan - rest)
+    state.evaluate()
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):
-        state.displacement.assign(scan - rest)
-        state.evaluate()
         spent += newton.propose(None, 1.0)[1]
         rest[model.free] -= newton.direction.numpy()
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break
-        if newton.distance <= tolerance:
-            sag = float(np.linalg.norm(scan - rest, axis=1).max())
-            found = replace(model, rest=rest, scan=scan - rest, elements=at_rest(model, mesh))
-            return RestState(found, sag, newton.distance, rounds, spent)
         for name, values in work.elements.measures(mesh).items():
             getattr(work.elements, name).assign(values)
-    softest = min(tissue.youngs_modulus for tissue in model.tissues)
+        state.displacement.assign(scan - rest)
+        state.evaluate()
+        if newton.distance > tolerance:
+            continue
+        newton.begin(tolerance, 0.0, confirm=True, near=True)
+        spent += newton.propose(None, 1.0)[1]
+        arrived, more = newton.arrives(0.0, products.read())
+        spent += more
+        sag = float(np.linalg.norm(scan - rest, axis=1).max())
+        if arrived:
+            found = replace(model, rest=rest, scan=scan - rest, elements=at_rest(model, mesh))
+            return RestState(found, sag, newton.distance, rounds, spent)
+        if math.isinf(newton.distance):
+            raise InputError(
+                f"gravity: from the only rest state that was found, {sag:.0f} mm away, tissue of "
+                f"{softest(model):g} kPa does not come to rest in the scan but buckles under its weight; "
+                "raise youngs_modulus, or take the scan as the rest state (--rest scan)"
+            )
+        newton.begin(tolerance, 0.0)
     raise InputError(
         f"gravity: no rest state was found from which {model.gravity:g} m/s^2 pulls the tissue into the scan; "
-        f"with a Young's modulus of {softest:g} kPa it would sag by {np.abs(scan - rest).max():.0f} mm or more: "
-        "raise youngs_modulus, or take the scan as the rest state (--rest scan)"
+        f"with a Young's modulus of {softest(model):g} kPa it would sag by {np.abs(scan - rest).max():.0f} mm or "
+        "more: raise youngs_modulus, or take the scan as the rest state (--rest scan)"
     )
+
+
+def softest(model: Model) -> float:
+    """Young's modulus of the softest tissue [kPa]."""
+    return min(tissue.youngs_modulus for tissue in model.tissues)
 
 
 def mesh_at(model: Model, rest: np.ndarray) -> RestMesh:
