@@ -63,7 +63,8 @@ class Bands:
     shoulder_difference_mm: Band | None
     """How much higher the right shoulder stands [mm]."""
     spine: dict[str, Band]
-    """Measures of the planned spine alone by their name in the record of measures, such as `trunk_shift_mm`."""
+    """Measures of the planned spine alone by their name in the record of measures: `trunk_shift_mm`, or
+    `cobb_deg T5-T12`, with the ends that the curve has before surgery."""
     exact: dict[str, Band]
     """The same numbers of the skin, by the names of the sources' `sd`, where surgery meets the plan and each
     landmark has the same error before and after: "this plan carried out exactly"."""

@@ -13,20 +13,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
-from warp_trunk.measures.sagittal import kyphosis, lordosis
-from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
 from .draws import Scene
 from .options import RunOptions
 from .prepare import Prepared
 from .sensitivities import Sensitivity, sensitivities
-from .sources import Source, sources_of
+from .sources import Source, effect_of, sources_of
+from .spine_bands import spine_bands
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -35,8 +32,6 @@ if TYPE_CHECKING:
 
 DRAWS = 32
 """Draws of all errors; a standard deviation of so many is known to an eighth of itself."""
-SPINE_DRAWS = 1000
-"""Draws of the landmarks alone, for what is measured on the spine."""
 _LANDMARKS, _MESH = "landmarks", "mesh"
 
 
@@ -70,7 +65,7 @@ def find_bands(
     linear = Linearization(prepared.model, increment, relaxer=relaxer)
     found = sensitivities(case, prepared, increment, options, linear=linear)
     sources = sources_of(case, prepared, options)
-    effects = {source.name: np.array([_effect(source, one) for one in found]) for source in sources}
+    effects = {source.name: np.array([effect_of(source, one) for one in found]) for source in sources}
     marks = _landmark_sd(case, found)
     mesh = np.array([_mesh_sd(case, one) for one in found])
     scene = Scene(case, prepared, options, linear, increment, found)
@@ -89,7 +84,7 @@ def find_bands(
             bsr_deg=_of_kind(bands, "bsr "),
             max_hump_mm=next(iter(_of_kind(bands, "hump ").values()), None),
             shoulder_difference_mm=bands.get("shoulder difference"),
-            spine=_spine_bands(case, sources, np.random.default_rng(seed)),
+            spine=spine_bands(case, sources),
             exact={
                 one.name: Band.of(one.value, float(sd))
                 for one, sd in zip(found, np.sqrt(exact * drawn.ratio**2 + mesh**2), strict=True)
@@ -102,16 +97,6 @@ def find_bands(
         ),
         skin_sd,
     )
-
-
-def _effect(source: Source, one: Sensitivity) -> float:
-    """What one standard deviation of a source changes in a number."""
-    change = sum(one.constants[name] * value for name, value in source.constants.items())
-    if source.landmarks_after is not None:
-        change += float(np.vdot(one.landmarks_after, source.landmarks_after))
-    if source.bones is not None:
-        change += float(np.vdot(one.bones, source.bones))
-    return change
 
 
 def _landmark_sd(case: Case, found: Sequence[Sensitivity]) -> dict[str, np.ndarray]:
@@ -162,30 +147,3 @@ def _left_out(prepared: Prepared, options: RunOptions) -> tuple[str, ...]:
     if options.bones != "spline":
         said.append("how ribs follow: it is known for bones that the spline carries")
     return tuple(said)
-
-
-def _spine_bands(case: Case, sources: Sequence[Source], random: np.random.Generator) -> dict[str, Band]:
-    """Bands of what is measured on the planned spine alone, by draws of its landmarks and of the surgery."""
-    after = case.planned_landmarks
-    moves = [source.landmarks_after for source in sources if source.landmarks_after is not None]
-    value, drawn = _of_spine(after), []
-    for _ in range(SPINE_DRAWS):
-        change = case.uncertainty.landmark_sd * random.standard_normal(after.points.shape)
-        change += sum((random.standard_normal() * move for move in moves), start=np.zeros_like(change))
-        drawn.append(_of_spine(Landmarks(after.names, after.points + change)))
-    return {
-        name: Band.of(number, float(np.std([one[name] for one in drawn])))
-        for name, number in value.items()
-        if all(name in one for one in drawn)
-    }
-
-
-def _of_spine(landmarks: Landmarks) -> dict[str, float]:
-    """Measures of a spine by their names in the record of measures; those that are missing are left out."""
-    spine = spine_of(landmarks)
-    shift = trunk_shift(spine, sacral_line(landmarks))
-    values = {f"kyphosis_deg {ends}": angle for ends, angle in kyphosis(spine).items()}
-    values |= {f"lordosis_deg {ends}": angle for ends, angle in lordosis(spine).items()}
-    if shift is not None:
-        values |= {"trunk_shift_mm": shift.lateral, "trunk_shift_forward_mm": shift.forward}
-    return {name: value for name, value in values.items() if value is not None}

@@ -21,7 +21,7 @@ from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
 from .options import RunOptions
 from .paths import motions_of
 from .prepare import Prepared
-from .sensitivities import constant_names
+from .sensitivities import Sensitivity, constant_names
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -50,6 +50,16 @@ class Source:
     """Change of the places of nodes on bone after surgery [mm], shape (nodes, 3)."""
     constants: dict[str, float] = field(default_factory=dict)
     """Change of constants by their name in `Sensitivity.constants`, in their units."""
+
+
+def effect_of(source: Source, one: Sensitivity) -> float:
+    """What one standard deviation of a source changes in a number."""
+    change = sum(one.constants[name] * value for name, value in source.constants.items())
+    if source.landmarks_after is not None:
+        change += float(np.vdot(one.landmarks_after, source.landmarks_after))
+    if source.bones is not None:
+        change += float(np.vdot(one.bones, source.bones))
+    return change
 
 
 def sources_of(case: Case, prepared: Prepared, options: RunOptions) -> tuple[Source, ...]:
