@@ -91,12 +91,20 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
             ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=65"),
             "must be 0 to 1, not 65.0; the nearest is 1",
         ),
+        (("--plan", "PLAN", "--aim", "hump"), "--aim and --within belong together"),
+        (("--plan", "PLAN", "--within", "T8,correction=0.5..0.8"), "--aim and --within belong together"),
+        (
+            ("--plan", "PLAN", "--aim", "bsr", "--within", "T8,correction=0.5"),
+            "two numbers, as correction=0.5..0.8",
+        ),
+        (("--plan", "PLAN", "--aim", "bsr", "--within", "L2,correction=0..1"), "is not in the plan"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(
     folder: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], rule: str
 ) -> None:
-    assert plan(folder, "refused", *options) == 2
+    file = str(folder / "plan.toml")
+    assert plan(folder, "refused", *(file if option == "PLAN" else option for option in options)) == 2
     said = capsys.readouterr().err.splitlines()
     assert rule in said[-1]
     assert not (folder / "refused").exists()

@@ -12,13 +12,17 @@ from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import plan_surgery, read_plan
+from warp_trunk.bone_motion.plan.bounds import bounds_of_text
 from warp_trunk.bone_motion.plan.plan_file import curve_of_text
 from warp_trunk.bone_motion.plan.planned_folder import check_planned_folder, write_planned_case
 from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_text
-from warp_trunk.case import read_case
+from warp_trunk.case import Case, read_case
 from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles
+from warp_trunk.run.best_plan import BestPlan, Search, best_plan
+from warp_trunk.run.best_plan_text import best_plan_text
 from warp_trunk.run.options import RunOptions
+from warp_trunk.run.patient import patient_of, with_mesh_given
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
 
@@ -56,6 +60,12 @@ class Plan:
     """Where T1 stands in the coronal plane: as before (the default), or over the sacrum."""
     sva_after: float | None = None
     """How far T1 stands in front of the sacrum after [mm]; kept when left out."""
+    aim: Literal["hump", "bsr"] | None = None
+    """Change the plan within --within so that the largest hump, or the largest back surface rotation, is smallest,
+    write that plan, and tell what is gained; takes up to nine relaxations."""
+    within: UseAppendAction[tuple[str, ...]] = ()
+    """What --aim may change of a curve of the plan, and between which shares:
+    T8,correction=0.5..0.8,derotation=0.2..0.6; once for each curve."""
     predict: bool = False
     """Simulate the planned case too, into results/ and the name of the planned folder, and print what becomes of
     the back."""
@@ -64,14 +74,23 @@ class Plan:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the planned case and prints what the plan asks for."""
+        if (self.aim is None) != (not self.within):
+            raise InputError(
+                "plan: --aim and --within belong together: what is to be smallest, and what may change for it; "
+                "give both, as --aim hump --within T8,correction=0.5..0.8"
+            )
         check_planned_folder(self.out, self.case)
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
-            surgery = plan_surgery(case, self._intention(case.landmarks_before))
+            intention = self._intention(case.landmarks_before)
+            found = None if self.aim is None else self._best(case, intention, progress)
+            surgery = plan_surgery(case, intention if found is None else found.plan)
             with progress.stage("write", f"writing {self.out}"):
                 planned = write_planned_case(self.out, case, surgery)
             print(surgery_text(surgery))
+            if found is not None:
+                print(f"\n{best_plan_text(found)}")
             print(f"\nPlanned case written to {self.out}")
             if not self.predict:
                 print(f"Simulate it: warp-trunk simulate {self.out}")
@@ -81,6 +100,14 @@ class Plan:
                 result = run_case(planned, out, self.options, progress)
         print(f"\n{back_text(result.before, result.after)}\n")
         return report_ending(result)
+
+    def _best(self, case: Case, intention: SurgicalPlan, progress: Progress) -> BestPlan:
+        """The best plan within the bounds."""
+        bounds = tuple(bound for text in self.within for bound in bounds_of_text(text))
+        search = Search(case, intention, self.aim or "hump", bounds)
+        search.check()
+        case, given = with_mesh_given(case, self.options, progress)
+        return best_plan(replace(search, case=case), patient_of(case, self.options, given, progress), progress)
 
     def _intention(self, before: Any) -> SurgicalPlan:
         """The plan of the file with the options of the command in place of what it says."""

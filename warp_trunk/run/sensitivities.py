@@ -66,6 +66,7 @@ def sensitivities(
     options: RunOptions | None = None,
     *,
     vertices: Sequence[int] = (),
+    all_humps: bool = False,
     linear: Linearization | None = None,
 ) -> tuple[Sensitivity, ...]:
     """What the back surface rotation of each level, the largest hump and the shoulders depend on.
@@ -80,6 +81,7 @@ def sensitivities(
         increment: the last increment that `simulate` yielded.
         options: those that `prepare` was given.
         vertices: vertices of the skin of which the place along the normal is asked for too.
+        all_humps: whether the hump of each level is asked for, and not the largest alone.
         linear: the trunk linearised at the increment, where there is one; made when left out.
 
     Raises:
@@ -87,7 +89,7 @@ def sensitivities(
     """
     options = options or RunOptions()
     skin = predicted_skin(case, prepared.trunk, increment.displacement)
-    numbers = dict(_numbers(skin, case.planned_landmarks, vertices))
+    numbers = dict(_numbers(skin, case.planned_landmarks, vertices, all_humps))
     linear = linear or Linearization(prepared.model, increment)
     weights = [_on_nodes(prepared, number.vertices) for number in numbers.values()]
     adjoints = linear.adjoints(np.array(weights).reshape(-1, *prepared.trunk.nodes.shape))
@@ -134,17 +136,19 @@ def constant_names(prepared: Prepared) -> dict[str, Constant]:
     }  # fmt: skip
 
 
-def _numbers(skin: Surface, landmarks: Landmarks, vertices: Sequence[int]) -> Iterator[tuple[str, Derivative]]:
+def _numbers(
+    skin: Surface, landmarks: Landmarks, vertices: Sequence[int], all_humps: bool
+) -> Iterator[tuple[str, Derivative]]:
     """The numbers of a skin by name, each with its derivative."""
     measured = measure(skin, landmarks)
     for level, tangent in measured.tangents.items():
         if tangent is not None:
             yield f"bsr {level}", rotation_derivative(skin, landmarks, level, tangent)
-    worst = measured.hump_level
-    if worst is not None and (tangent := measured.tangents[worst]) is not None:
-        hump = hump_derivative(skin, landmarks, worst, tangent)
-        if hump is not None:
-            yield f"hump {worst}", hump
+    for level, tangent in measured.tangents.items():
+        if tangent is not None and (all_humps or level == measured.hump_level):
+            hump = hump_derivative(skin, landmarks, level, tangent)
+            if hump is not None:
+                yield f"hump {level}", hump
     shoulders = shoulder_derivative(skin, landmarks)
     if shoulders is not None:
         yield "shoulder difference", shoulders

@@ -1,0 +1,278 @@
+"""The plan within a surgeon's bounds that flattens the back most, by derivatives of whole simulations."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from warp_trunk.bone_motion.plan import Plan, plan_surgery
+from warp_trunk.bone_motion.plan.bounds import Bound, check_bounds, shares_of, with_shares
+from warp_trunk.engine.linearization import Linearization
+from warp_trunk.engine.simulation import simulate
+from warp_trunk.errors import InputError
+from warp_trunk.measures import measure
+from warp_trunk.results import predicted_skin
+
+from .patient import Patient
+from .prepare import Prepared, prepare_plan
+from .progress import Progress
+from .sensitivities import Sensitivity, sensitivities
+from .sources import effect_of, sources_of
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+
+Aim = Literal["hump", "bsr"]
+MOST = 9
+"""Relaxations of a search, that of the plan as given included."""
+ENOUGH = 2e-3
+"""Part of the aim by which a step must be expected to lower it."""
+STEP = 1e-3
+"""Change of a share to either side for what it does to landmarks, a closed formula to 1e-5 of it."""
+
+
+class Trial:
+    """A plan that was simulated."""
+
+    shares: tuple[float, ...]
+    """What it has for each bound."""
+    values: dict[str, float]
+    """The numbers that the aim is the largest of, by level [mm or degrees]."""
+
+    def __init__(self, search: Search, patient: Patient, shares: tuple[float, ...]) -> None:
+        self.shares, self._search, self._patient = shares, search, patient
+        self.case = search.planned(shares)
+        self.prepared: Prepared = prepare_plan(patient, self.case)
+        options = patient.options
+        *_, self.end = simulate(
+            patient.model, self.prepared.bone_path, options.simulation, relaxer=patient.relaxer
+        )
+
+        skin = predicted_skin(self.case, self.prepared.trunk, self.end.displacement)
+        measured = measure(skin, self.case.planned_landmarks)
+        found = measured.hump_height if search.aim == "hump" else measured.bsr
+        self.values = {level: value for level, value in found.items() if value is not None}
+
+    @property
+    def level(self) -> str:
+        """Where the number of largest size is."""
+        return max(self.values, key=lambda level: abs(self.values[level]))
+
+    @property
+    def value(self) -> float:
+        """What is to be made small: the size of that number [mm or degrees]."""
+        return abs(self.values[self.level])
+
+    @cached_property
+    def numbers(self) -> dict[str, Sensitivity]:
+        """The number of each level with what it depends on."""
+        patient, aim, end = self._patient, self._search.aim, self.end
+        linear = Linearization(patient.model, end, relaxer=patient.relaxer)
+        found = sensitivities(
+            self.case, self.prepared, end, patient.options, all_humps=aim == "hump", linear=linear
+        )
+        return {one.name.partition(" ")[2]: one for one in found if one.name.startswith(f"{aim} ")}
+
+    def slopes(self) -> dict[str, np.ndarray]:
+        """The derivative of each number in each bounded share, shape (bounds,)."""
+        moves = self._search.landmark_moves(self.shares)
+        return {
+            level: np.array([np.vdot(one.landmarks_after, move) for move in moves])
+            for level, one in self.numbers.items()
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What is searched for."""
+
+    case: Case
+    """The patient; what is planned in it is not read."""
+    plan: Plan
+    """The plan as given."""
+    aim: Aim
+    """Largest hump [mm], or largest back surface rotation [degrees], of any level and to either side."""
+    bounds: tuple[Bound, ...]
+    """Within what the plan may be changed."""
+
+    def planned(self, shares: Sequence[float]) -> Case:
+        """The case after the plan with other shares."""
+        return plan_surgery(self.case, with_shares(self.plan, self.bounds, shares)).planned_case(self.case)
+
+    def landmark_moves(self, shares: Sequence[float]) -> list[np.ndarray]:
+        """How landmarks after surgery move with each share [mm], shape (landmarks, 3) each."""
+        moves = []
+        for place in range(len(self.bounds)):
+            ends = [list(shares), list(shares)]
+            ends[0][place] = min(shares[place] + STEP, 1.0)
+            ends[1][place] = max(shares[place] - STEP, 0.0)
+            there = [self.planned(end).planned_landmarks.points for end in ends]
+            moves.append((there[0] - there[1]) / (ends[0][place] - ends[1][place]))
+        return moves
+
+    def check(self) -> None:
+        """Raise InputError for bounds that do not fit the plan, or at whose ends no spine can be placed."""
+        check_bounds(self.plan, self.bounds)
+        for shares in product(*((bound.low, bound.high) for bound in self.bounds)):
+            try:
+                self.planned(shares)
+            except InputError as error:
+                at = ", ".join(
+                    f"{bound.target} {share:g} of {bound.apex}"
+                    for bound, share in zip(self.bounds, shares, strict=True)
+                )
+                raise InputError(f"--within: at {at}: {str(error).removeprefix('plan: ')}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class BestPlan:
+    """The best plan that was found, beside the one that was given."""
+
+    search: Search
+    """What was searched for."""
+    plan: Plan
+    """The best plan."""
+    given: Trial
+    """The plan as given, simulated."""
+    best: Trial
+    """The best one, simulated; the same where none within the bounds is better."""
+    trials: tuple[Trial, ...]
+    """All that were simulated, in order."""
+    gain: float
+    """By how much the aim is smaller [mm or degrees]."""
+    gain_sd: float
+    """The standard deviation of that, from the sources that the case states."""
+
+
+def best_plan(search: Search, patient: Patient, progress: Progress | None = None, most: int = MOST) -> BestPlan:
+    """Find the plan within the bounds whose largest hump or rotation is smallest.
+
+    The largest of many numbers is minimised by sequential quadratic programming (Kraft 1988, SciPy's SLSQP): least
+    t with t at least as large as every number to either side. Each plan that is tried costs one relaxation, and
+    its derivatives one linear solve for each level, all at once.
+
+    Args:
+        search: what is searched for.
+        patient: made ready of its case, with the options by which plans are simulated.
+        progress: what to tell it to; a log on standard error when left out.
+        most: relaxations.
+
+    Raises:
+        InputError: bounds that do not fit the plan, a plan that cannot be met, or a relaxation that does not
+            converge.
+    """
+    search.check()
+    progress = progress or Progress()
+    trials: list[Trial] = []
+    tell = _Teller(search, patient, progress)
+    trials.append(tell.tried(shares_of(search.plan, search.bounds), 1))
+    with suppress(_SpentError):
+        _minimise(search, trials, tell, most)
+    allowed = [trial for trial in trials if _is_within(search.bounds, trial.shares)]
+    given = trials[0]
+    best = min([given, *allowed], key=lambda trial: trial.value)
+    sd = 0.0 if best is given else gain_sd(search, patient, given, best)
+    plan = with_shares(search.plan, search.bounds, best.shares)
+    return BestPlan(search, plan, given, best, tuple(trials), given.value - best.value, sd)
+
+
+class _SpentError(Exception):
+    """As many relaxations were made as may be."""
+
+
+@dataclass(frozen=True)
+class _Teller:
+    """Simulates plans and tells of each."""
+
+    search: Search
+    patient: Patient
+    progress: Progress
+
+    def tried(self, shares: Sequence[float], number: int) -> Trial:
+        """A plan that is simulated now."""
+        with self.progress.stage("search", f"simulating plan {number}"):
+            trial = Trial(self.search, self.patient, tuple(map(float, shares)))
+        told = ", ".join(f"{share:.2f}" for share in trial.shares)
+        unit = "mm" if self.search.aim == "hump" else "degrees"
+        self.progress.message(f"plan {number}: {told}: {trial.value:.2f} {unit} at {trial.level}")
+        return trial
+
+
+def _is_within(bounds: Sequence[Bound], shares: Sequence[float]) -> bool:
+    return all(bound.low <= share <= bound.high for bound, share in zip(bounds, shares, strict=True))
+
+
+def _minimise(search: Search, trials: list[Trial], tell: _Teller, most: int) -> None:
+    """Adds to the trials until the largest number no longer falls; _SpentError where there are `most`."""
+    from scipy.optimize import minimize
+
+    low = np.array([bound.low for bound in search.bounds])
+    width = np.array([bound.high for bound in search.bounds]) - low
+    levels = list(trials[0].values)
+    size = max(trials[0].value, 1e-6)
+
+    def trial_at(z: np.ndarray) -> Trial:
+        shares = tuple(np.clip(low + width * z[:-1], low, low + width).tolist())
+        known = [trial for trial in trials if np.allclose(trial.shares, shares, rtol=0.0, atol=1e-9)]
+        if not known:
+            if len(trials) >= most:
+                raise _SpentError
+            trials.append(tell.tried(shares, len(trials) + 1))
+        return known[0] if known else trials[-1]
+
+    def slack(z: np.ndarray) -> np.ndarray:
+        there = trial_at(z).values
+        values = np.array([there.get(level, 0.0) for level in levels]) / size
+        return np.concatenate([z[-1] - values, z[-1] + values])
+
+    def slack_slopes(z: np.ndarray) -> np.ndarray:
+        slopes = trial_at(z).slopes()
+        still = np.zeros(len(width))
+        rows = np.array([slopes.get(level, still) for level in levels]) * width / size
+        return np.column_stack([np.concatenate([-rows, rows]), np.ones(2 * len(levels))])
+
+    start = np.clip((np.array(trials[0].shares) - low) / width, 0.0, 1.0)
+    first = trial_at(np.append(start, 1.0))
+    upward = np.append(np.zeros(len(width)), 1.0)
+    minimize(
+        lambda z: z[-1],
+        np.append(start, first.value / size),
+        jac=lambda _: upward,
+        bounds=[*((0.0, 1.0) for _ in width), (0.0, None)],
+        constraints={"type": "ineq", "fun": slack, "jac": slack_slopes},
+        method="SLSQP",
+        options={"ftol": ENOUGH},
+    )
+
+
+def gain_sd(search: Search, patient: Patient, given: Trial, best: Trial) -> float:
+    """Standard deviation of how much smaller the aim is of one plan than of the other.
+
+    What is wrong about the patient (landmarks, tissue, how ribs follow) is the same for both plans, so only what
+    it does to their difference counts. How surgery misses a plan is not the same; it adds up.
+    """
+    case, options = search.case, patient.options
+    moved = np.zeros_like(case.landmarks_before.points)
+    shared: dict[str, float] = defaultdict(float)
+    missed = 0.0
+    for trial, side in ((given, 1.0), (best, -1.0)):
+        one = trial.numbers[trial.level]
+        sign = side * math.copysign(1.0, one.value)
+        moved = moved + sign * (one.landmarks_before + one.landmarks_after)
+        for source in sources_of(trial.case, trial.prepared, options):
+            effect = sign * effect_of(source, one)
+            if source.of_surgery:
+                missed += effect**2
+            else:
+                shared[source.name] += effect
+    mesh = case.uncertainty.mesh_length if search.aim == "hump" else case.uncertainty.mesh_rotation
+    landmarks = case.uncertainty.landmark_sd * float(np.linalg.norm(moved))
+    return math.sqrt(missed + sum(effect**2 for effect in shared.values()) + landmarks**2 + mesh**2)
