@@ -39,6 +39,7 @@ def one_of(i: wp.int32, p: wp.int32, q: wp.int32, r: wp.int32) -> wp.bool:
 
 @wp.kernel(enable_backward=False)
 def crossing_faces(
+    first: wp.int32,
     mesh: wp.uint64,
     vertices: wp.array(dtype=wp.vec3d),
     faces: wp.array(dtype=wp.int32),
@@ -50,7 +51,7 @@ def crossing_faces(
     Two triangles that cross without a common corner have an edge of one in the other; two with one common
     corner have the opposite edge of one in the other. So testing edges against faces apart finds both.
     """
-    f = wp.tid()
+    f = first + wp.tid()
     crossed[f] = -1
     i = faces[3 * f]
     j = faces[3 * f + 1]

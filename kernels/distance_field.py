@@ -7,6 +7,7 @@ import warp as wp
 
 @wp.kernel(enable_backward=False)
 def signed_distance(
+    first: wp.int32,
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),
     reach: wp.float32,
@@ -18,7 +19,7 @@ def signed_distance(
 
     The winding number gives the right sign inside overlapping and self-intersecting parts too.
     """
-    i = wp.tid()
+    i = first + wp.tid()
     query = wp.mesh_query_point_sign_winding_number(mesh, points[i], reach)
     if query.result:
         nearest[i] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
@@ -32,10 +33,14 @@ def signed_distance(
 
 @wp.kernel(enable_backward=False)
 def plain_distance(
-    mesh: wp.uint64, points: wp.array(dtype=wp.vec3), reach: wp.float32, distance: wp.array(dtype=wp.float32)
+    first: wp.int32,
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    reach: wp.float32,
+    distance: wp.array(dtype=wp.float32),
 ):
     """Distance [mm] without a sign, which takes most of the time; NaN farther away than `reach`."""
-    i = wp.tid()
+    i = first + wp.tid()
     query = wp.mesh_query_point_no_sign(mesh, points[i], reach)
     distance[i] = wp.nan
     if query.result:

@@ -12,6 +12,7 @@ import warp as wp
 
 from warp_trunk.kernels.distance_field import plain_distance, signed_distance
 
+from .cores import launch_over_cores
 from .search_tree import search_tree
 from .surface import Surface
 
@@ -78,13 +79,8 @@ class SurfaceDistance:
             off = np.abs(points - self._tree.middle).max(initial=0.0)
             reach = 2.0 * (self._size + float(off)) + 1.0
         distance, face, nearest = (wp.empty(len(points), dtype=kind, device="cpu") for kind in _NEAREST)
-        wp.launch(
-            signed_distance,
-            dim=len(points),
-            inputs=[self._tree.mesh.id, self._tree.local(points), reach],
-            outputs=[distance, face, nearest],
-            device="cpu",
-        )
+        given = [self._tree.mesh.id, self._tree.local(points), reach]
+        launch_over_cores(signed_distance, len(points), given, [distance, face, nearest])
         return Nearest(distance.numpy(), face.numpy(), nearest.numpy() + self._tree.middle)
 
     def on_grid(self, grid: Grid, box: Box, wanted: np.ndarray, band: float) -> np.ndarray:
@@ -118,13 +114,8 @@ class SurfaceDistance:
     def _without_sign(self, points: np.ndarray, reach: float) -> np.ndarray:
         """Distance [mm] of points (n, 3), not negative inside; NaN where farther away than reach [mm]."""
         distance: Any = wp.empty(len(points), dtype=_NEAREST[0], device="cpu")
-        wp.launch(
-            plain_distance,
-            dim=len(points),
-            inputs=[self._tree.mesh.id, self._tree.local(points), reach],
-            outputs=[distance],
-            device="cpu",
-        )
+        given = [self._tree.mesh.id, self._tree.local(points), reach]
+        launch_over_cores(plain_distance, len(points), given, [distance])
         return distance.numpy()
 
     @cached_property

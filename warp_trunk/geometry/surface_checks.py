@@ -10,6 +10,7 @@ import warp as wp
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.crossing import crossing_faces
 
+from .cores import launch_over_cores
 from .normals import area_vectors
 from .search_tree import search_tree
 from .surface import Surface
@@ -42,13 +43,7 @@ def crossings(surface: Surface) -> np.ndarray:
     mesh, middle = search_tree(surface)
     exact = wp.array(surface.vertices - middle, dtype=wp.vec3d, device="cpu")
     crossed: Any = wp.empty(len(surface.faces), dtype=_INT, device="cpu")
-    wp.launch(
-        crossing_faces,
-        dim=len(surface.faces),
-        inputs=[mesh.id, exact, mesh.indices, _SLACK],
-        outputs=[crossed],
-        device="cpu",
-    )
+    launch_over_cores(crossing_faces, len(surface.faces), [mesh.id, exact, mesh.indices, _SLACK], [crossed])
     other = crossed.numpy()
     first = np.flatnonzero(other >= 0)
     return np.stack([first, other[first]], axis=1).astype(np.int32)

@@ -1,0 +1,33 @@
+"""A launch of many independent items on the CPU, over all its cores."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+_LEAST = 20_000
+"""Fewer items are run by the calling thread alone."""
+
+
+def launch_over_cores(kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
+    """Runs `kernel(first, *inputs, *outputs)`, which works on item `first + tid`, on `size` items.
+
+    Warp lets go of the interpreter while a kernel runs on the CPU, where it has one thread for a launch.
+    """
+
+    def one(part: tuple[int, int]) -> None:
+        wp.launch(kernel, dim=part[1] - part[0], inputs=[part[0], *inputs], outputs=outputs, device="cpu")
+
+    if size < _LEAST:
+        one((0, size))
+        return
+    one((0, 1))  # alone, so that the kernel is compiled once
+    cores = len(os.sched_getaffinity(0))
+    with ThreadPoolExecutor(cores) as pool:
+        list(pool.map(one, pairwise(np.linspace(1, size, cores + 1).astype(int).tolist())))
