@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from warp_trunk.bone_motion.plan.plan_file import curve_of_text
 from warp_trunk.bone_motion.plan.planned_folder import check_planned_folder, write_planned_case
 from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_text
 from warp_trunk.case import Case, read_case
+from warp_trunk.case.places import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles
 from warp_trunk.run.best_plan import BestPlan, Search, best_plan
@@ -28,7 +30,7 @@ from warp_trunk.run.run_case import run_case
 
 from .crossing_file import crossings_written
 from .ending import report_ending
-from .exit_status import OK
+from .exit_status import NOT_CONVERGED, OK
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +39,9 @@ class Plan:
 
     case: Positional[Path]
     """Case folder; it needs no landmarks_after."""
-    out: Path
-    """Case folder to write, with landmarks_after.csv, plan.toml and plan.json."""
+    out: Path | None = None
+    """Case folder to write, with landmarks_after.csv, plan.toml and plan.json. With --live the folder in which
+    every plan that is kept has a case folder; beside the case, its name and _plans, when left out."""
     plan: Path | None = None
     """plan.toml with the intention; an option given here takes the place of what it says."""
     uiv: str | None = None
@@ -69,11 +72,17 @@ class Plan:
     predict: bool = False
     """Simulate the planned case too, into results/ and the name of the planned folder, and print what becomes of
     the back."""
+    port: int = 8137
+    """With --live: where the page is, on this machine alone."""
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
     """How it is simulated."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Writes the planned case and prints what the plan asks for."""
+        """Writes the planned case and prints what the plan asks for, or opens the planning page."""
+        if self.options.live:
+            return self._open_page()
+        if self.out is None:
+            raise InputError("plan: --out is missing; give the case folder to write, or --live to plan on a page")
         if (self.aim is None) != (not self.within):
             raise InputError(
                 "plan: --aim and --within belong together: what is to be smallest, and what may change for it; "
@@ -108,6 +117,27 @@ class Plan:
         search.check()
         case, given = with_mesh_given(case, self.options, progress)
         return best_plan(replace(search, case=case), patient_of(case, self.options, given, progress), progress)
+
+    def _open_page(self) -> int:
+        from warp_trunk.live.opening import check_packages, plan_live
+
+        if self.predict or self.aim is not None or self.within:
+            other = "--predict" if self.predict else "--aim and --within"
+            raise InputError(f"--live: predicts while you plan; leave {other} out")
+        check_packages()
+        folder = self.out or self.case.resolve().with_name(f"{self.case.resolve().name}_plans")
+        refuse_case(folder)
+        with Progress() as progress:
+            with progress.stage("load", f"reading {self.case}"):
+                case = read_case(self.case)
+            asked = self.plan or self.uiv or self.liv or self.curve
+            plan = self._intention(case.landmarks_before) if asked else None
+            with crossings_written(folder):
+                failure = plan_live(case, folder, self.options, progress, plan=plan, port=self.port)
+        if failure is not None:
+            print(f"warp-trunk: the planning page ended by a fault of the program, {failure}", file=sys.stderr)
+            return NOT_CONVERGED
+        return OK
 
     def _intention(self, before: Any) -> SurgicalPlan:
         """The plan of the file with the options of the command in place of what it says."""

@@ -58,7 +58,8 @@ class RunOptions:
     record_colours: tuple[FurtherColour, ...] = ()
     """What else the colours of the recorded skin can show than its displacement; costs time at every increment."""
     live: bool = False
-    """Show the recording in the viewer as it grows."""
+    """Show it live: `plan` opens the planning page in the browser, all else the recording in the viewer as it
+    grows."""
     from_mesh: Path | None = None
     """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
     boundary takes the place of the skin, and `--layers mesh` takes the labels of its cell data `tissue`."""

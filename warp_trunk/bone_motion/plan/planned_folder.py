@@ -25,10 +25,16 @@ PLAN, RECORD = "plan.toml", "plan.json"
 """What a planned case holds beside the files of a case."""
 
 
-def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery) -> Case:
+def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: str | None = None) -> Case:
     """Write the case after a surgery, with the plan that makes it again and what it asks of each vertebra.
 
     `case.toml` is written last: a folder that has one is whole.
+
+    Args:
+        folder: where to.
+        case: the patient.
+        surgery: the surgery.
+        name: what the plan is called; the name of the folder when left out.
 
     Returns:
         What was written.
@@ -37,7 +43,7 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery) -> Cas
         InputError: as `check_planned_folder` and `write_case`.
     """
     check_planned_folder(folder)
-    planned = planned_case(case, surgery, folder.resolve().name)
+    planned = planned_case(case, surgery, name or folder.resolve().name)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / HEADER).unlink(missing_ok=True)
     write_plan(folder / PLAN, surgery.plan)

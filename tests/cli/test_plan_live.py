@@ -1,0 +1,95 @@
+"""warp-trunk plan --live: refused in one line, or open until it is told to end."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import warp_trunk.live.opening as opening
+from support.no_meshing import forbid_meshing
+from support.small_patient import curved_case, small_patient
+from warp_trunk.case import write_case
+from warp_trunk.cli import main
+from warp_trunk.live.loopback import LoopbackServer
+from warp_trunk.preparation.phantom import phantom_case
+from warp_trunk.recording.viewer import free_port
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.progress import Progress
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("live") / "anna"
+    write_case(folder, replace(phantom_case(), landmarks_after=None))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("options", "rule"),
+    [
+        (("--live", "--predict"), "--live: predicts while you plan; leave --predict out"),
+        (("--live", "--uiv", "L4", "--liv", "T4"), "'uiv' must lie above 'liv'"),
+        (("--uiv", "T4", "--liv", "L1"), "plan: --out is missing; give the case folder to write, or --live"),
+        (("--live", "--port", "0"), "--port: must be from 1024 to 65535, not 0"),
+        (("--live", "--plan", "nowhere.toml"), "nowhere.toml: there is no such file"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(
+    case: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    options: tuple[str, ...],
+    rule: str,
+) -> None:
+    forbid_meshing(monkeypatch)
+    assert main(["plan", str(case), *options]) == 2
+    assert rule in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_folder_in_the_case_is_refused(case: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", str(case), "--live", "--out", str(case / "plans")]) == 2
+    assert "lies in the case folder" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_taken_port_is_refused_before_any_work(
+    case: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forbid_meshing(monkeypatch)
+    server = LoopbackServer(free_port(), "another patient")
+    try:
+        assert main(["plan", str(case), "--live", "--port", str(server.get_port())]) == 2
+    finally:
+        server.stop()
+    assert "cannot be listened on (Address already in use)" in capsys.readouterr().err
+
+
+def test_the_extra_is_named_where_it_is_missing(
+    case: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opening, "find_spec", lambda name: None if name == "viser" else name)
+    assert main(["plan", str(case), "--live"]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "not installed (viser); pip install 'warp-trunk[live]'" in said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_and_names_what_was_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: int
+) -> None:
+    monkeypatch.setattr(opening, "patient_of", lambda *_: small_patient())
+    before = signal.getsignal(number)
+
+    class Opened(Progress):
+        def message(self, text: str) -> None:
+            super().message(text)
+            if text.startswith("Plan at"):
+                threading.Timer(0.2, signal.raise_signal, (number,)).start()
+
+    ended = opening.plan_live(curved_case(), tmp_path, RunOptions(device="cpu"), Opened(), port=free_port())
+    assert ended is None
+    assert signal.getsignal(number) is before
+    assert "Plan at http://127.0.0.1:" in capsys.readouterr().err

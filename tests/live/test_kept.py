@@ -1,0 +1,99 @@
+"""Plans that are kept are cases as `plan` writes them, whole or not there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.small_patient import APEX, curved_case
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery, read_plan
+from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.live.kept import KeptPlans
+from warp_trunk.live.session import View
+from warp_trunk.live.wish import first_wish, spine_before
+
+FILES = {"bones", "case.toml", "landmarks_after.csv", "landmarks_before.csv", "plan.json", "plan.toml", "skin.ply"}
+
+
+def view(number: int = 1) -> View:
+    case = curved_case()
+    plan = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
+    return View(
+        number=number,
+        wish=first_wish(spine_before(case.landmarks_before), plan),
+        surgery=plan_surgery(case, plan),
+        skin=case.skin.vertices,
+        relaxed=False,
+        error=None,
+        measures=None,
+        warnings=(),
+    )
+
+
+def test_a_kept_plan_is_the_planned_case(tmp_path: Path) -> None:
+    kept, shown = KeptPlans(tmp_path / "plans", curved_case()), view()
+    assert kept.free_name() == "plan_1"
+    folder = kept.keep("plan_1", shown)
+    assert folder == tmp_path / "plans" / "plan_1"
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert read_plan(folder / "plan.toml") == shown.surgery.plan
+    after = read_landmarks(folder / "landmarks_after.csv")
+    np.testing.assert_array_equal(after.points, shown.surgery.landmarks_after.points)
+    assert ", plan plan_1" in (folder / "case.toml").read_text()
+    assert (kept.free_name(), kept.names, kept.get("plan_1")) == ("plan_2", ("plan_1",), shown)
+    better = view()
+    kept.improve(view(2))
+    assert kept.get("plan_1") is shown  # another wish
+    kept.improve(better)
+    assert kept.get("plan_1") is better
+
+
+@pytest.mark.parametrize("name", ["", "..", "a/b", ".hidden", "a b", "x" * 61, "<b>"])
+def test_a_name_that_no_folder_should_have_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="cannot name a plan"):
+        KeptPlans(tmp_path, curved_case()).keep(name, view())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_there_is_not_overwritten_and_a_full_disk_is_told(tmp_path: Path) -> None:
+    kept = KeptPlans(tmp_path, curved_case())
+    kept.keep("mine", view())
+    with pytest.raises(InputError, match="'mine' is there already"):
+        kept.keep("mine", view())
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="nothing was kept"):
+        KeptPlans(tmp_path / "file", curved_case()).keep("mine", view())
+
+
+KEEPS = """
+from pathlib import Path
+import sys
+sys.path[:0] = [{tests!r}, {live!r}]
+from test_kept import curved_case, view
+from warp_trunk.live.kept import KeptPlans
+kept, shown = KeptPlans(Path({folder!r}), curved_case()), view()
+print("ready", flush=True)
+while True:
+    kept.keep(kept.free_name(), shown)
+"""
+
+
+def test_a_killed_page_leaves_no_half_plan(tmp_path: Path) -> None:
+    here = Path(__file__).parent
+    code = KEEPS.format(tests=str(here.parent), live=str(here), folder=str(tmp_path))
+    for pause in (0.03, 0.1, 0.17):
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as keeps:
+            assert keeps.stdout is not None
+            assert keeps.stdout.readline() == b"ready\n"
+            time.sleep(pause)
+            keeps.kill()
+    plans = [path for path in tmp_path.iterdir() if not path.name.startswith(".")]
+    assert plans
+    for plan in plans:
+        assert {path.name for path in plan.iterdir()} == FILES

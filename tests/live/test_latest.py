@@ -1,0 +1,45 @@
+"""A place for the latest value: nothing queues, and who waits is woken."""
+
+import threading
+
+from warp_trunk.live.latest import Latest
+
+
+def test_the_latest_is_taken_and_what_came_before_is_gone() -> None:
+    place: Latest[int] = Latest()
+    for value in range(1, 100):
+        place.put(value)
+    assert place.waits
+    assert place.take() == 99
+    assert not place.waits
+    assert not place.comes(0.0)
+
+
+def test_who_waits_is_woken_by_a_value_and_by_the_end() -> None:
+    place: Latest[str] = Latest()
+    taken: list[str | None] = []
+    ready = threading.Semaphore(0)
+
+    def taker() -> None:
+        while True:
+            taken.append(place.take())
+            ready.release()
+            if taken[-1] is None:
+                return
+
+    thread = threading.Thread(target=taker)
+    thread.start()
+    place.put("first")
+    assert ready.acquire(timeout=10.0)
+    place.close()
+    thread.join(10.0)
+    assert taken == ["first", None]
+    assert place.closed
+    assert place.comes(60.0)  # there is no waiting any more
+
+
+def test_what_was_not_taken_before_the_end_is_not_done() -> None:
+    place: Latest[str] = Latest()
+    place.put("late")
+    place.close()
+    assert place.take() is None

@@ -1,0 +1,69 @@
+"""The words and the table of the page: what they say, and that nothing from a file is markup."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from support.small_patient import APEX, curved_case
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
+from warp_trunk.live.numbers import NOTE, numbers_html, status_html
+from warp_trunk.live.session import Refusal, View
+from warp_trunk.live.wish import first_wish, spine_before
+from warp_trunk.measures import measure
+
+CASE = curved_case()
+PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
+BEFORE = measure(CASE.skin, CASE.landmarks_before)
+VIEW = View(
+    number=1,
+    wish=first_wish(spine_before(CASE.landmarks_before), PLAN),
+    surgery=plan_surgery(CASE, PLAN),
+    skin=CASE.skin.vertices,
+    relaxed=False,
+    error=2.34,
+    measures=None,
+    warnings=("a < b",),
+)
+
+
+@pytest.mark.parametrize(
+    ("view", "words"),
+    [
+        (None, "Making the patient ready"),
+        (VIEW, "Spline's image</b>, not relaxed yet: off by about 2.3 mm"),
+        (replace(VIEW, error=None), "off by an unknown way, often 5 to 20 mm"),
+        (replace(VIEW, relaxed=True, error=0.31), "Relaxed skin</b>, about 0.31 mm from its equilibrium"),
+        (replace(VIEW, relaxed=True, settled=True, error=0.0061), "within 0.0061 mm of its equilibrium"),
+    ],
+)
+def test_it_says_what_is_shown_and_how_sure_it_is(view: View | None, words: str) -> None:
+    assert words in status_html(view, None)
+    assert NOTE in status_html(view, None)
+
+
+def test_it_says_why_a_wish_is_not_possible() -> None:
+    said = status_html(VIEW, Refusal(VIEW.wish, "curve T7: <b> cannot be met; the nearest is 13"))
+    assert "Not possible.</b> Curve T7: &lt;b&gt; cannot be met; the nearest is 13. Shown is the last" in said
+
+
+def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
+    text = numbers_html(BEFORE, VIEW, BEFORE)
+    curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
+    row = text[text.index(f"Cobb {curve.before.upper}-{curve.before.lower}") :]
+    assert f">{curve.before.angle:.1f}</td>" in row[:300]
+    assert f">{curve.cobb_after:.1f}</td>" in row[:300]
+    assert "Back, of the skin relaxed last" in text  # the measures are those of another view
+    assert "Look:</b> a &lt; b" in text
+    assert text.count("<rect") == 2 * sum(angle is not None for angle in BEFORE.bsr.values())
+    measured = replace(VIEW, relaxed=True, measures=BEFORE)
+    assert "relaxed last" not in numbers_html(BEFORE, measured, BEFORE)
+
+
+def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
+    kept = replace(VIEW, measures=BEFORE)
+    text = numbers_html(BEFORE, kept, BEFORE, ("<mine>", kept))
+    assert "&lt;mine&gt;" in text
+    assert "<mine>" not in text
+    assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())

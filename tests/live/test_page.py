@@ -1,0 +1,187 @@
+"""The planning page in a real browser: drag, look, keep, end."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Locator, Playwright, WebSocket, expect, sync_playwright
+from playwright.sync_api import Page as Tab
+
+from support.chromium import CHROMIUM, QUIET, needs_chromium
+from support.small_patient import APEX, small_patient
+from warp_trunk.bone_motion.plan import read_plan
+from warp_trunk.live.page import Page
+from warp_trunk.live.session import View
+from warp_trunk.recording.viewer import free_port
+
+pytestmark = needs_chromium
+SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-webgl", "--ignore-gpu-blocklist")
+WAIT = 90_000.0
+"""Longest wait for the page [ms]."""
+RELAXED = "of its equilibrium"
+"""What stands there when the skin is relaxed to the end."""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    folder = tmp_path_factory.mktemp("live") / "plans"
+    with Page(small_patient(), folder, free_port()) as page:
+        yield page
+        assert page.failure is None
+
+
+@pytest.fixture(scope="module")
+def playwright() -> Iterator[Playwright]:
+    with sync_playwright() as playwright:
+        yield playwright
+
+
+def launch(playwright: Playwright) -> Browser:
+    quiet = [flag for flag in QUIET if flag != "--disable-gpu"]
+    return playwright.chromium.launch(executable_path=CHROMIUM, args=[*quiet, *SOFTWARE])
+
+
+@pytest.fixture(scope="module")
+def browser(playwright: Playwright) -> Iterator[Browser]:
+    browser = launch(playwright)
+    yield browser
+    browser.close()
+
+
+class Visit:
+    """A tab with the page, and what it said, asked for and was sent."""
+
+    def __init__(self, browser: Browser, page: Page) -> None:
+        self.complaints: list[str] = []
+        self.elsewhere: list[str] = []
+        self.sent: list[int] = []
+        self.tab: Tab = browser.new_page(
+            viewport={"width": 1000, "height": 600}
+        )  # small: it is drawn without a GPU
+        self.tab.set_default_timeout(WAIT)
+        self.tab.on("console", lambda said: self.complaints.extend([said.text] * (said.type == "error")))
+        self.tab.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.tab.on("request", lambda request: self._asked(request.url, page.server.address))
+        self.tab.on("websocket", self._connected)
+        self.tab.goto(page.server.address)
+        self.wait_for(RELAXED)
+
+    def _asked(self, url: str, home: str) -> None:
+        if not url.startswith((home, "data:", "blob:")):
+            self.elsewhere.append(url)
+
+    def _connected(self, connection: WebSocket) -> None:
+        connection.on("framereceived", lambda frame: self.sent.append(len(frame)))
+
+    def wait_for(self, text: str) -> None:
+        expect(self.tab.locator("body")).to_contain_text(text, timeout=WAIT)
+
+    def press(self, button: str) -> None:
+        """Presses a button; without the wait for two quiet frames, which take long without a GPU."""
+        self.tab.get_by_role("button", name=button, exact=True).dispatch_event("click")
+
+    def slider(self, number: int) -> Locator:
+        """A slider that can be moved: 0 is the correction of the fused curve, 1 its derotation."""
+        return self.tab.get_by_role("slider").nth(number)
+
+    def drag(self, pixels: int, number: int = 0) -> None:
+        """Drags a slider by its handle, in steps as a hand does."""
+        box = self.slider(number).bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+        self.tab.mouse.move(x, y)
+        self.tab.mouse.down()
+        for step in range(1, 7):
+            self.tab.mouse.move(x + pixels * step / 6.0, y)
+            self.tab.wait_for_timeout(30)
+        self.tab.mouse.up()
+
+    def seen(self) -> bytes:
+        """What is drawn."""
+        return self.tab.screenshot(timeout=WAIT)
+
+
+@pytest.fixture(scope="module")
+def visit(browser: Browser, page: Page) -> Visit:
+    """The tab of most tests."""
+    return Visit(browser, page)
+
+
+def until(true: Callable[[], bool], visit: Visit) -> None:
+    """Waits for what the server is to know."""
+    end = time.monotonic() + WAIT / 1000.0
+    while not true() and time.monotonic() < end:
+        visit.tab.wait_for_timeout(50)
+    assert true()
+
+
+def correction(page: Page) -> int:
+    assert page.view is not None
+    return page.view.wish.correction[APEX]
+
+
+def settled(page: Page) -> bool:
+    return page.view is not None and page.view.settled and page.view.measures is not None
+
+
+def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None:
+    assert correction(page) == 0
+    before, drawn = page.scene.skin.vertices.copy(), visit.seen()
+    visit.sent.clear()
+    visit.drag(60)
+    until(lambda: correction(page) > 20 and settled(page), visit)
+    visit.wait_for(RELAXED)
+    assert np.linalg.norm(page.scene.skin.vertices - before, axis=1).max() > 2.0
+    assert before.nbytes < sum(visit.sent)
+    assert page.view is not None
+    visit.wait_for(f"{page.view.surgery.curves[1].cobb_after:.1f}")  # the table
+    assert visit.seen() != drawn
+    assert (visit.complaints, visit.elsewhere) == ([], [])
+
+
+def test_a_kept_plan_is_written(visit: Visit, page: Page) -> None:
+    share = correction(page)
+    visit.press("Keep this plan")
+    visit.wait_for("Kept: ")
+    assert page.kept.names == ("plan_1",)
+    kept = read_plan(page.kept.folder / "plan_1" / "plan.toml")
+    assert [(curve.apex, curve.correction) for curve in kept.curves if curve.correction] == [(APEX, share / 100.0)]
+
+
+def test_looks(visit: Visit, page: Page) -> None:
+    for label, handle, attribute, wanted in (
+        ("Before surgery", page.scene.before, "visible", True),
+        ("Skin transparent", page.scene.skin, "opacity", None),
+        ("Lines of depth", page.scene.relief, "visible", False),
+    ):
+        first = getattr(handle, attribute)
+        assert first != wanted
+        for value in (wanted, first):
+            visit.tab.get_by_label(label).dispatch_event("click")
+            until(lambda h=handle, a=attribute, v=value: getattr(h, a) == v, visit)
+    behind = visit.seen()
+    visit.press("Right side")
+    visit.tab.wait_for_timeout(1000)
+    assert visit.seen() != behind
+
+
+def test_many_drags_leave_nothing_behind(visit: Visit, page: Page) -> None:
+    assert page.view is not None
+    first = page.view.number
+    for number in range(8):
+        visit.drag(25 if number % 2 else -25)
+    until(lambda: settled(page), visit)
+    assert page.view.number > first + 8
+    gc.collect()
+    assert sum(isinstance(thing, View) for thing in gc.get_objects()) <= 4  # that shown, the kept one, a thread's
+
+
+def test_the_button_ends_it(visit: Visit, page: Page) -> None:
+    visit.press("End")
+    assert page.stopped.wait(10.0)
+    assert [path.name for path in page.kept.folder.iterdir()] == ["plan_1"]
+    assert (visit.complaints, visit.elsewhere) == ([], [])

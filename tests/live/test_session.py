@@ -1,0 +1,134 @@
+"""From wishes to views: the latest wins, an impossible one is told, and the end is that of a simulation."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.small_patient import small_patient
+from warp_trunk.engine.simulation import simulate
+from warp_trunk.live.session import Refusal, Session, View
+from warp_trunk.live.wish import Wish, first_wish, spine_before
+from warp_trunk.measures import measure
+from warp_trunk.results import predicted_skin
+from warp_trunk.run.patient import Patient
+from warp_trunk.run.prepare import prepare_plan
+
+WAIT = 60.0
+
+
+class Heard:
+    """What a session told, in order."""
+
+    def __init__(self) -> None:
+        self.told: list[View | Refusal] = []
+        self.faults: list[str] = []
+        self._more = threading.Condition()
+
+    def __call__(self, told: View | Refusal) -> None:
+        with self._more:
+            self.told.append(told)
+            self._more.notify_all()
+
+    def until(self, wanted: Callable[[View | Refusal], bool]) -> View | Refusal:
+        """The first of those told that is wanted, waiting for it."""
+        with self._more:
+            assert self._more.wait_for(lambda: any(map(wanted, self.told)), WAIT), self.told[-1:]
+            return next(filter(wanted, self.told))
+
+    def settled(self, wish: Wish) -> View:
+        """The view of a wish, relaxed to the end and measured."""
+        view = self.until(
+            lambda told: (
+                isinstance(told, View) and told.wish == wish and told.settled and told.measures is not None
+            )
+        )
+        assert isinstance(view, View)
+        return view
+
+
+@pytest.fixture(scope="module")
+def patient() -> Patient:
+    return small_patient()
+
+
+@pytest.fixture(scope="module")
+def rest(patient: Patient) -> Wish:
+    return first_wish(spine_before(patient.case.landmarks_before))
+
+
+def corrected(rest: Wish, share: int) -> Wish:
+    apex = next(apex for apex in rest.correction if rest.fuses(apex))
+    return replace(rest, correction={**rest.correction, apex: share})
+
+
+def test_after_any_way_the_end_is_that_of_a_simulation(patient: Patient, rest: Wish) -> None:
+    heard = Heard()
+    with Session(patient, None, heard, heard.faults.append) as session:
+        for share in (60, 20, 45):
+            session.ask(corrected(rest, share))
+            view = heard.settled(corrected(rest, share))
+    alone = small_patient()
+    case = view.surgery.planned_case(alone.case)
+    *_, last = simulate(alone.model, prepare_plan(alone, case).bone_path, alone.options.simulation)
+    skin = predicted_skin(case, alone.trunk, last.displacement)
+    tolerance = alone.options.simulation.relax.tolerance
+    assert view.error is not None
+    assert view.error <= tolerance
+    assert np.linalg.norm(view.skin - skin.vertices, axis=1).max() <= 2.0 * tolerance
+    assert np.linalg.norm(skin.vertices - case.skin.vertices, axis=1).max() > 2.0  # it went somewhere
+    wanted = measure(skin, case.planned_landmarks, case.skin)
+    assert view.measures is not None
+    for level, angle in wanted.bsr.items():
+        assert view.measures.bsr[level] == pytest.approx(angle, abs=0.05)
+    assert heard.faults == []
+
+
+def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient, rest: Wish) -> None:
+    heard = Heard()
+    with Session(patient, None, heard, heard.faults.append) as session:
+        for share in range(1, 61):
+            session.ask(corrected(rest, share))
+            time.sleep(0.002)
+        end = heard.settled(corrected(rest, 60))
+    numbers = [told.number for told in heard.told if isinstance(told, View)]
+    assert numbers == sorted(numbers)  # never an older one after a newer one
+    assert end.number < 60  # planning took longer than the way of the slider: some were skipped
+    first = next(told for told in heard.told if isinstance(told, View) and told.number == end.number)
+    assert not first.relaxed
+    off = np.linalg.norm(first.skin - end.skin, axis=1).max()
+    assert first.error is None or off <= 3.0 * first.error + 0.1  # it says about how far off it is
+    relaxed = [told for told in heard.told if isinstance(told, View) and told.relaxed and not told.settled]
+    assert relaxed
+    assert all(told.error is not None and told.error <= 1.0 for told in relaxed)
+
+
+def test_an_impossible_wish_is_told_and_the_next_one_goes_on(patient: Patient, rest: Wish) -> None:
+    heard = Heard()
+    never = replace(corrected(rest, 100), uiv="L4", liv="T4")
+    with Session(patient, None, heard, heard.faults.append) as session:
+        session.ask(corrected(rest, 30))
+        heard.settled(corrected(rest, 30))
+        session.ask(never)
+        refusal = heard.until(lambda told: isinstance(told, Refusal))
+        assert isinstance(refusal, Refusal)
+        assert refusal.reason.startswith("'uiv' must lie above 'liv', but L4 is not above T4")
+        session.ask(corrected(rest, 31))
+        heard.settled(corrected(rest, 31))
+
+
+def test_a_fault_of_the_program_is_told(patient: Patient, monkeypatch: pytest.MonkeyPatch, rest: Wish) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("as if")
+
+    monkeypatch.setattr("warp_trunk.live.session.plan_surgery", broken)
+    faults: queue.Queue[str] = queue.Queue()
+    with Session(patient, None, Heard(), faults.put) as session:
+        session.ask(rest)
+        assert faults.get(timeout=WAIT) == "ZeroDivisionError: as if"

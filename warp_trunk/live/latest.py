@@ -1,0 +1,51 @@
+"""A place for one value that threads hand over: a newer one takes the place of the one that waits."""
+
+from __future__ import annotations
+
+import threading
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Latest(Generic[T]):
+    """Nothing queues in it: who takes gets the latest, and what came before is gone."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._value: T | None = None
+        self._closed = False
+
+    def put(self, value: T) -> None:
+        """Leaves a value, in place of one that was not taken."""
+        with self._changed:
+            self._value = value
+            self._changed.notify_all()
+
+    def take(self) -> T | None:
+        """Waits for a value and takes it; None when closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._value is not None or self._closed)
+            value, self._value = self._value, None
+            return None if self._closed else value
+
+    def comes(self, seconds: float) -> bool:
+        """Whether a value comes, or it is closed, within so long [s]; the value stays."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._value is not None or self._closed, seconds)
+
+    @property
+    def waits(self) -> bool:
+        """Whether there is something to do that is newer than what was taken: a value, or the end."""
+        return self._value is not None or self._closed
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing more is to be done."""
+        return self._closed
+
+    def close(self) -> None:
+        """Ends every wait, now and later."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()

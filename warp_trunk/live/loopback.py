@@ -1,0 +1,116 @@
+"""A server that only this machine reaches, and only its own page: viser as it is would answer anyone."""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import io
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import viser
+import websockets.asyncio.server
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from warp_trunk.errors import InputError
+from warp_trunk.recording.viewer import LOOPBACK
+
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; worker-src 'self' blob:; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "connect-src 'self' data: blob:; frame-ancestors 'none'"
+)
+"""The browser loads from this server alone, connects to nothing else, and shows the page in no other."""
+MOST_MESSAGE = 1_000_000
+"""No browser has more to say at once [bytes]."""
+
+
+class LoopbackServer(viser.ViserServer):
+    """viser's server on the loopback device, for its own page alone, that never tunnels to the outside.
+
+    A page of another site in the same browser reaches 127.0.0.1, too: what is not asked for by this page
+    (`Origin`), or under another name (`Host`, as after rebinding of a name), gets 403, files and websockets alike.
+    """
+
+    def __init__(self, port: int, title: str) -> None:
+        """Starts it.
+
+        Args:
+            port: where it listens.
+            title: what stands over the controls.
+
+        Raises:
+            InputError: the port is taken.
+        """
+        check_free(port)
+        with _guarded(port) as guards, contextlib.redirect_stdout(io.StringIO()):  # it prints a box
+            super().__init__(host=LOOPBACK, port=port, label=title, verbose=False)
+        if guards != [port] or self.get_port() != port:
+            self.stop()
+            raise InputError(f"--live: port {port} was taken by another program; give another --port")
+        self.gui.configure_theme(show_share_button=False, show_logo=False)
+
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Refuses: what a browser asks for does not open this page to the outside."""
+        return None
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        return f"http://{LOOPBACK}:{self.get_port()}"
+
+
+def check_free(port: int) -> None:
+    """InputError where somebody listens on a port, or none may."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError as error:
+            raise InputError(
+                f"--port: {port} cannot be listened on ({error.strerror}); close the program that has it, or give "
+                "another"
+            ) from None
+
+
+def refusal(request: Request, port: int) -> Response | None:
+    """What to answer a request that does not come from the page of a port; None where it does."""
+    names = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]
+    hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+    if all(host in names for host in hosts) and all(
+        origin in [f"http://{n}" for n in names] for origin in origins
+    ):
+        return None
+    body = b"This page is only for the machine that it runs on.\n"
+    headers = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body)), "Connection": "close"})
+    return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", headers, body)
+
+
+@contextmanager
+def _guarded(port: int) -> Iterator[list[int]]:
+    """While the block runs, servers are started with the guard; tells the port of each.
+
+    viser has no place to hand one in. Should a later viser start its server another way, the list stays empty, and
+    the page does not open.
+    """
+    server = websockets.asyncio.server
+    serve, started = server.serve, []
+
+    def guarded(handler: Any, host: str, at: int, *, process_request: Any, **options: Any) -> Any:
+        def answer(connection: Any, request: Request) -> Response | None:
+            response = refusal(request, at) or process_request(connection, request)
+            if response is not None:
+                response.headers["Content-Security-Policy"] = POLICY
+            return response
+
+        started.append(at)
+        return serve(handler, host, at, process_request=answer, **{**options, "max_size": MOST_MESSAGE})
+
+    server.serve = guarded  # type: ignore[assignment]  # put back below
+    try:
+        yield started
+    finally:
+        server.serve = serve

@@ -1,0 +1,170 @@
+"""The planning page: what is asked in browsers goes to the session, what the session knows to the browsers."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from warp_trunk.errors import InputError
+from warp_trunk.measures import measure
+
+from .controls import WishControls
+from .kept import KeptPlans
+from .loopback import LoopbackServer
+from .numbers import line_html, numbers_html, status_html
+from .scene import SIDES, Scene
+from .session import Refusal, Session, View
+from .wish import first_wish, spine_before
+
+if TYPE_CHECKING:
+    import viser
+
+    from warp_trunk.bone_motion.plan import Plan
+    from warp_trunk.run.patient import Patient
+
+NOTHING = "nothing"
+"""What to compare with, at first."""
+
+
+class Page:
+    """The page of one patient, open as long as the block that it is entered for."""
+
+    def __init__(self, patient: Patient, folder: Path, port: int, plan: Plan | None = None) -> None:
+        """Opens the port; nothing is planned yet.
+
+        Args:
+            patient: made ready; her model belongs to the page from now on.
+            folder: where kept plans go.
+            port: where the page is, on this machine alone.
+            plan: where the sliders stand first; at rest when left out.
+
+        Raises:
+            InputError: the port is taken.
+        """
+        case = patient.case
+        self.stopped = threading.Event()
+        """Set when the page is to end."""
+        self.failure: str | None = None
+        """What went wrong, where that is why."""
+        self.kept = KeptPlans(folder, case)
+        """The plans that were kept."""
+        self._before = measure(case.skin, case.landmarks_before)
+        self._view: View | None = None
+        self._refusal: Refusal | None = None
+        self._measures = self._before
+        self._drawing = threading.Lock()
+        self.server = LoopbackServer(port, case.name)
+        """The server; it is on `server.address`."""
+        self._session = Session(patient, plan, self._show, self._fail)
+        spine = spine_before(case.landmarks_before)
+        wish = first_wish(spine, plan)
+        self.scene = Scene(self.server, case)
+        """What is drawn."""
+        gui = self.server.gui
+        gui.main_panel.dock_left()
+        self._status = gui.add_html(status_html(None, None))
+        self.controls = WishControls(gui, spine, wish, self._session.ask)
+        """The sliders."""
+        self._add_keeping(gui)
+        self._add_looks(gui)
+        panel = gui.add_panel()
+        with panel.add_tab("Numbers"):
+            self._numbers = gui.add_html("")
+        panel.dock_right()
+        self._first = wish
+
+    def __enter__(self) -> Page:
+        self._session.__enter__()
+        self._session.ask(self._first)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._session.__exit__()
+        self.server.stop()
+
+    @property
+    def view(self) -> View | None:
+        """What is shown."""
+        return self._view
+
+    def _add_keeping(self, gui: viser.GuiApi) -> None:
+        with gui.add_folder("Keep and compare"):
+            self._name = gui.add_text("Name", self.kept.free_name())
+            gui.add_button("Keep this plan").on_click(lambda _: self._keep())
+            self._said = gui.add_html("")
+            self._other = gui.add_dropdown("Compare with", self._to_compare())
+            self._other.on_update(lambda _: self._compare())
+
+    def _add_looks(self, gui: viser.GuiApi) -> None:
+        with gui.add_folder("Look"):
+            side = gui.add_button_group("From", tuple(SIDES))
+            for label, shows, first in (
+                ("Before surgery", self.scene.show_before, False),
+                ("Skin transparent", self.scene.show_through, True),
+                ("Lines of depth", self.scene.show_relief, True),
+            ):
+                box = gui.add_checkbox(label, first)
+                box.on_update(lambda event, shows=shows: self._draw(shows, event.target.value))
+        gui.add_button("End", color="gray", hint="Ends the page for everyone; what was kept stays").on_click(
+            lambda _: self.stopped.set()
+        )
+
+        @side.on_click
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is not None and event.target.value in SIDES:
+                self.scene.look(event.client.camera, event.target.value)
+
+    def _draw(self, shows: Callable[[bool], None], value: bool) -> None:
+        with self._drawing:
+            shows(bool(value))
+
+    def _show(self, told: View | Refusal) -> None:
+        """Draws what the session tells; it tells one after another."""
+        with self._drawing:
+            if isinstance(told, Refusal):
+                self._refusal = told
+            else:
+                if self._view is None or told.number > self._view.number:
+                    self._refusal = None
+                self._view = told
+                self.scene.show(told)
+                if told.measures is not None:
+                    self._measures = told.measures
+                    self.kept.improve(told)
+            self._write()
+
+    def _write(self) -> None:
+        self._status.content = status_html(self._view, self._refusal)
+        if self._view is not None:
+            kept = self.kept.get(self._other.value)
+            named = None if kept is None else (self._other.value, kept)
+            self._numbers.content = numbers_html(self._before, self._view, self._measures, named)
+
+    def _keep(self) -> None:
+        view = self._view
+        if view is None:
+            return
+        name = self._name.value.strip()
+        try:
+            folder = self.kept.keep(name, view)
+        except InputError as error:
+            self._said.content = line_html(str(error))
+            return
+        self._said.content = line_html(f"Kept: {folder}")
+        self._name.value = self.kept.free_name()
+        self._other.options = self._to_compare()
+
+    def _to_compare(self) -> tuple[str, ...]:
+        return NOTHING, *self.kept.names
+
+    def _compare(self) -> None:
+        kept = self.kept.get(self._other.value)
+        with self._drawing:
+            self.scene.compare(None if kept is None else kept.skin)
+            self._write()
+
+    def _fail(self, failure: str) -> None:
+        self.failure = failure
+        self.stopped.set()

@@ -1,0 +1,117 @@
+"""The tissue relaxed from wherever it is, for one plan after another; whoever holds this owns the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.bone_motion.path_faults import colliding_bones
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.simulation import simulate
+from warp_trunk.engine.state import State
+from warp_trunk.run.paths import find_path
+from warp_trunk.run.warnings import ending_warnings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from warp_trunk.bone_motion.bone_path import BonePath
+    from warp_trunk.case import Case
+    from warp_trunk.engine.relaxation import Relaxation, RelaxStep
+    from warp_trunk.run.patient import Patient
+
+
+class Interrupted(Exception):  # noqa: N818 - no error
+    """There is something newer to relax."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """A skin at its equilibrium, as near as is known."""
+
+    skin: np.ndarray
+    """Its vertices [mm], shape (vertices, 3)."""
+    error: float
+    """Estimated largest distance of a node from its equilibrium [mm]."""
+    status: RelaxStatus
+    """Why the relaxation ended."""
+    warnings: tuple[str, ...]
+    """What to make of an end that is not whole, in sentences."""
+
+
+class LiveRelaxation:
+    """One patient's tissue, which follows her bones from plan to plan.
+
+    It starts from where it last was, moved by the difference of the two bone paths: a small change of a plan takes
+    a step or two. The equilibrium is that of a simulation from before surgery as far as there is only one; where
+    tetrahedra end inside out or no equilibrium is found, all increments from before surgery are taken.
+    """
+
+    def __init__(self, patient: Patient) -> None:
+        self._patient = patient
+        self._path: BonePath | None = None
+        self._place = np.zeros_like(patient.trunk.nodes)
+        self._lost = False
+        self._state.place(self._place)
+
+    def go(self, case: Case) -> None:
+        """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
+        patient = self._patient
+        self._path = find_path(case, patient.trunk, patient.options)
+        there = self._path.at(1.0)
+        model = patient.model
+        step = (there - self._place)[model.order].astype(wp.dtype_to_numpy(model.scalar))
+        self._state.displacement.assign(self._state.displacement.numpy() + step)
+        self._place = there
+
+    def relax(self, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
+        """Relaxes the tissue to a tolerance [mm], with `confirm` to one that is known.
+
+        Raises:
+            Interrupted: `newer` said so after a step; the tissue stays where that led.
+        """
+        patient, path = self._patient, self._path
+        if path is None:
+            raise RuntimeError("relax: go first")
+        watch = _watch(newer)
+        relaxation = None
+        if not self._lost:
+            relaxation = patient.relaxer.relax(tolerance, watch, confirm=confirm, near=confirm)
+            self._lost = _is_lost(relaxation)
+        if relaxation is None or self._lost:
+            self._lost = True  # until all increments from before surgery are taken
+            options = patient.options.simulation
+            *_, last = simulate(patient.model, path, options, watch, relaxer=patient.relaxer)
+            relaxation = last.relaxation
+            self._lost = _is_lost(relaxation)
+        held = colliding_bones(patient.trunk, path) if confirm or self._lost else []
+        return Relaxed(
+            patient.case.skin.vertices + self._state.host_displacement()[patient.trunk.skin_nodes],
+            relaxation.estimated_error,
+            relaxation.status,
+            (
+                *(f"{place}; tissue cannot follow there" for place in held[:1]),
+                *ending_warnings(relaxation, held, []),
+            ),
+        )
+
+    @property
+    def _state(self) -> State:
+        return self._patient.relaxer.state
+
+
+def _is_lost(relaxation: Relaxation) -> bool:
+    """Whether nothing good can be gone on from."""
+    arrived = relaxation.status in (RelaxStatus.CONVERGED, RelaxStatus.NEAR)
+    return bool(relaxation.inverted_tets) or not arrived
+
+
+def _watch(newer: Callable[[], bool]) -> Callable[[RelaxStep, State], None]:
+    def watch(step: RelaxStep, state: State) -> None:
+        if newer():
+            raise Interrupted
+
+    return watch

@@ -1,0 +1,120 @@
+"""What is drawn: skin, bones, lines of depth, and from where they are seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.bone_motion.plan.record import rank
+from warp_trunk.report.style import BEFORE, PLANS
+
+from .bones import BonePoses
+from .relief_lines import relief_lines
+
+if TYPE_CHECKING:
+    import viser
+
+    from warp_trunk.case import Case
+
+    from .session import View
+
+SKIN, BONE, FUSED, INK = (226, 190, 168), (236, 228, 206), (0, 114, 178), (70, 58, 52)
+"""Colours; blue is what is planned, as in the report."""
+SEEN_THROUGH = 0.5
+"""Opacity of a skin that is seen through."""
+SIDES = {"Behind": (0.0, 1.0), "Left side": (1.0, 0.0), "Front": (0.0, -1.0), "Right side": (-1.0, 0.0)}
+"""Directions from which the patient is seen, x and y."""
+_DISTANCE = 1.75
+"""How far away the eye is, in heights of the trunk."""
+_FIELD = 38.0
+"""Field of view [degrees]."""
+
+
+class Scene:
+    """The patient in the browser. Vertices and poses change, nothing else is sent again."""
+
+    def __init__(self, server: viser.ViserServer, case: Case) -> None:
+        self._server, self._case = server, case
+        self._poses = BonePoses(case)
+        scene, skin = server.scene, case.skin
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(cast_shadow=False)
+        self.skin = scene.add_mesh_simple("/skin", skin.vertices, skin.faces, color=SKIN, opacity=SEEN_THROUGH)
+        self.before = scene.add_mesh_simple(
+            "/before", skin.vertices, skin.faces, color=_rgb(BEFORE.colour), opacity=SEEN_THROUGH, visible=False
+        )
+        self.kept = scene.add_mesh_simple(
+            "/kept", skin.vertices, skin.faces, color=_rgb(PLANS[1].colour), opacity=SEEN_THROUGH, visible=False
+        )
+        self.relief = scene.add_line_segments(
+            "/relief", relief_lines(skin.vertices, skin.faces), INK, thickness=1.2, thickness_units="screen"
+        )
+        self._bones = {
+            name: scene.add_mesh_simple(f"/bones/{name}", bone.vertices, bone.faces, color=BONE)
+            for name, bone in case.bones.items()
+        }
+        low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+        self._middle, self._height = (low + high) / 2.0, float(high[2] - low[2])
+        camera = server.initial_camera
+        camera.near, camera.far, camera.fov = 10.0, 20.0 * self._height, np.radians(_FIELD)
+        camera.position, camera.look_at = self.eye("Behind"), self._middle
+
+    def show(self, view: View) -> None:
+        """Draws the skin and the bones of a view."""
+        self.skin.vertices = view.skin.astype(np.float32)
+        self._lines()
+        with self._server.atomic():
+            for name, motion in self._poses.at(view.surgery.landmarks_after).items():
+                x, y, z, w = motion.rotation.as_quat()
+                self._bones[name].wxyz = (w, x, y, z)
+                self._bones[name].position = tuple(motion.translation)
+        plan = view.surgery.plan
+        for level in self._case.landmarks_before.vertebrae():
+            if level in self._bones:
+                fused = rank(plan.uiv) <= rank(level) <= rank(plan.liv)
+                self._bones[level].color = FUSED if fused else BONE
+
+    def show_before(self, shown: bool) -> None:
+        """Shows the trunk before surgery in place of the plan."""
+        self.before.visible, self.skin.visible = shown, not shown
+        self._lines()
+
+    def show_relief(self, shown: bool) -> None:
+        """Draws lines of equal depth on the back, or none."""
+        self.relief.visible = shown
+        self._lines()
+
+    def show_through(self, shown: bool) -> None:
+        """Makes the skins transparent."""
+        for skin in (self.skin, self.before):
+            skin.opacity = SEEN_THROUGH if shown else None
+
+    def compare(self, vertices: np.ndarray | None) -> None:
+        """Draws another skin (vertices, 3) [mm] in its own colour around that of the plan; none for None."""
+        self.kept.visible = vertices is not None
+        if vertices is not None:
+            self.kept.vertices = vertices.astype(np.float32)
+
+    def eye(self, side: str) -> np.ndarray:
+        """Where the eye is to see the patient from one of `SIDES` [mm]."""
+        x, y = SIDES[side]
+        return self._middle + _DISTANCE * self._height * np.array([x, y, 0.08])
+
+    def look(self, camera: viser.CameraHandle, side: str) -> None:
+        """Turns one browser's eye to a side."""
+        with camera.client.atomic():
+            camera.position = self.eye(side)
+            camera.look_at = self._middle
+            camera.up_direction = (0.0, 0.0, 1.0)
+
+    def _lines(self) -> None:
+        """Draws the lines of what is shown, where lines are."""
+        if self.relief.visible:
+            shown = self.before if self.before.visible else self.skin
+            self.relief.points = relief_lines(shown.vertices, self._case.skin.faces)
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue

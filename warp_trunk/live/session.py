@@ -1,0 +1,214 @@
+"""From a wish to what is shown: one thread plans and shows the image, another owns the model and relaxes it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from warp_trunk.bone_motion.plan import plan_surgery
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import measure
+from warp_trunk.run.warnings import curve_warnings
+
+from .image import Images
+from .latest import Latest
+from .relaxation import Interrupted, LiveRelaxation, Relaxed
+
+if TYPE_CHECKING:
+    from warp_trunk.bone_motion.plan import Plan, PlannedSurgery
+    from warp_trunk.measures import TrunkMeasures
+    from warp_trunk.run.patient import Patient
+
+    from .wish import Wish
+
+FIRST = 1.0
+"""What a relaxation comes to while sliders may still move [mm]."""
+REST = 0.3
+"""Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
+_log = logging.getLogger("warp_trunk")
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What is shown of a plan: the best that is known of it so far."""
+
+    number: int
+    """Of its wish, from 1; views of one wish get better."""
+    wish: Wish
+    """Where the sliders stood."""
+    surgery: PlannedSurgery
+    """What the plan asks of each vertebra."""
+    skin: np.ndarray
+    """Vertices of the skin [mm], shape (vertices, 3)."""
+    relaxed: bool
+    """Whether the tissue has come to rest there; else it is the spline's image."""
+    error: float | None
+    """Estimated largest distance from the equilibrium [mm]; None where nothing is known of it."""
+    measures: TrunkMeasures | None
+    """Measures of a relaxed skin; None of an image, and while they are being taken."""
+    warnings: tuple[str, ...]
+    """What to look at, in sentences."""
+    settled: bool = False
+    """Whether it is relaxed to the end."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A wish that no spine can meet."""
+
+    wish: Wish
+    """Where the sliders stood."""
+    reason: str
+    """Why, and what is the nearest, in a sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    number: int
+    wish: Wish
+    surgery: PlannedSurgery
+
+
+class Session:
+    """One patient's live plan. `ask` from any thread; what comes of it is told to `show`, one after another."""
+
+    def __init__(
+        self,
+        patient: Patient,
+        base: Plan | None,
+        show: Callable[[View | Refusal], None],
+        tell_error: Callable[[str], None],
+    ) -> None:
+        """Nothing runs yet.
+
+        Args:
+            patient: made ready; the session owns her model from now on.
+            base: what a plan says beside the sliders.
+            show: told of every view and refusal; never of an older wish after a newer one.
+            tell_error: told where a thread ended by a fault of the program.
+        """
+        self._patient, self._base = patient, base
+        self._tell_show, self._tell_error = show, tell_error
+        self._wishes: Latest[Wish] = Latest()
+        self._jobs: Latest[_Job] = Latest()
+        self._images = Images(patient.case)
+        self._lock = threading.Lock()
+        self._newest = 0
+        self._current: _Job | None = None
+        self._threads = [
+            threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
+            for name, work in (("planning", self._plan), ("relaxing", self._relax))
+        ]
+
+    def __enter__(self) -> Session:
+        # planning solves small systems, for which threads of a linear algebra library only wait for each other
+        self._limits = threadpool_limits(1)
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._wishes.close()
+        self._jobs.close()
+        for thread in self._threads:
+            thread.join()
+        self._limits.restore_original_limits()
+
+    def ask(self, wish: Wish) -> None:
+        """Asks for a plan, in place of what was asked for before."""
+        self._wishes.put(wish)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except Exception as error:
+            _log.exception("the planning page ends")
+            self._tell_error(f"{type(error).__name__}: {error}")
+
+    def _plan(self) -> None:
+        while (wish := self._wishes.take()) is not None:
+            try:
+                surgery = plan_surgery(self._patient.case, wish.plan(self._base))
+            except InputError as error:
+                with self._lock:
+                    self._tell_show(Refusal(wish, str(error).removeprefix("plan: ")))
+                continue
+            with self._lock:
+                self._newest += 1
+                self._current = job = _Job(self._newest, wish, surgery)
+                self._show_current_image()
+            self._jobs.put(job)
+
+    def _show_current_image(self) -> None:
+        job = self._current
+        if job is None:
+            return
+        image = self._images.of(job.surgery.landmarks_after)
+        self._tell_show(
+            View(
+                number=job.number,
+                wish=job.wish,
+                surgery=job.surgery,
+                skin=image.skin,
+                relaxed=False,
+                error=image.error,
+                measures=None,
+                warnings=_warnings(job.surgery),
+            )
+        )
+
+    def _relax(self) -> None:
+        case = self._patient.case
+        tissue = LiveRelaxation(self._patient)
+        tolerance = self._patient.options.simulation.relax.tolerance
+
+        while (job := self._jobs.take()) is not None:
+            tissue.go(job.surgery.planned_case(case))
+            try:
+                # not given up for a newer wish: while a slider is dragged there always is one
+                near = tissue.relax(max(FIRST, tolerance), confirm=False, newer=lambda: self._jobs.closed)
+                self._learn(job, near, settled=False)
+                if not self._jobs.comes(REST):
+                    end = tissue.relax(tolerance, confirm=True, newer=lambda: self._jobs.waits)
+                    self._learn(job, end, settled=True)
+            except Interrupted:
+                continue
+
+    def _learn(self, job: _Job, relaxed: Relaxed, *, settled: bool) -> None:
+        """Shows a relaxed skin, then its measures; where sliders have moved on, what it makes of their image."""
+        surgery, before = job.surgery, self._patient.case.skin
+        with self._lock:
+            self._images.learn(surgery.landmarks_after, relaxed.skin)
+            if not self._is_current(job):
+                self._show_current_image()
+                return
+            view = View(
+                number=job.number,
+                wish=job.wish,
+                surgery=surgery,
+                skin=relaxed.skin,
+                relaxed=True,
+                error=relaxed.error,
+                measures=None,
+                warnings=(*_warnings(surgery), *relaxed.warnings),
+                settled=settled,
+            )
+            self._tell_show(view)
+        measures = measure(Surface(relaxed.skin, before.faces), surgery.landmarks_after, before)
+        with self._lock:
+            if self._is_current(job):
+                self._tell_show(replace(view, measures=measures))
+
+    def _is_current(self, job: _Job) -> bool:
+        return self._current is not None and self._current.number == job.number
+
+
+def _warnings(surgery: PlannedSurgery) -> tuple[str, ...]:
+    return (*surgery.warnings, *curve_warnings(surgery.landmarks_before, surgery.landmarks_after))
