@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from .wish import Wish
 
-FIRST = 1.0
-"""What a relaxation comes to while sliders may still move [mm]."""
+FIRST = {"cpu": 1.0, "cuda": 0.1}
+"""What a relaxation comes to while sliders may still move, by the kind of device [mm]."""
 REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
 _log = logging.getLogger("warp_trunk")
@@ -168,12 +168,13 @@ class Session:
         case = self._patient.case
         tissue = LiveRelaxation(self._patient)
         tolerance = self._patient.options.simulation.relax.tolerance
+        first = max(FIRST[self._patient.model.device.partition(":")[0]], tolerance)
 
         while (job := self._jobs.take()) is not None:
             tissue.go(job.surgery.planned_case(case))
             try:
                 # not given up for a newer wish: while a slider is dragged there always is one
-                near = tissue.relax(max(FIRST, tolerance), confirm=False, newer=lambda: self._jobs.closed)
+                near = tissue.relax(first, confirm=False, newer=lambda: self._jobs.closed)
                 self._learn(job, near, settled=False)
                 if not self._jobs.comes(REST):
                     end = tissue.relax(tolerance, confirm=True, newer=lambda: self._jobs.waits)
