@@ -54,6 +54,18 @@ def test_a_curved_problem_is_solved():
     assert found.counted[0] == pytest.approx(np.log(2.0), abs=1e-4)
 
 
+def test_where_nothing_is_known_a_shorter_step_is_taken():
+    """Residual sinh(x) - 1 from 0.1, whose first step leads beyond 0.95: a case that is worse there is not lost."""
+
+    def evaluate(x: np.ndarray):
+        known = np.minimum(x, 0.95)
+        worse = 3.0 if x[0] > 0.95 else 1.0
+        return {"a": (worse * (np.sinh(known) - 1.0), np.cosh(known)[:, None])}
+
+    found = find(evaluate, prior(weight=0.0, mean=(0.1,), sd=(1.0,)))
+    assert found.counted[0] == pytest.approx(np.arcsinh(1.0), abs=2e-3)
+
+
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """Errors that all places of a patient share: intervals from places alone would hold it in a third of cases."""
     truth, inside, draws = np.array([0.5, -0.3]), 0, 150

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from warp_trunk.run.progress import Progress
 
 
+WORSE = 3.0
+"""How much larger residuals are taken to be at constants with which a case finds no equilibrium."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FitCase:
     """A case of a calibration."""
@@ -190,13 +194,17 @@ class _Rounds:
         results = self.submitted([(case, case.job, counted) for case in self.cases])
         failed = {name: str(error) for name, error in results.items() if isinstance(error, Exception)}
         if failed and self._known:
-            name, reason = next(iter(failed.items()))
-            raise InputError(f"calibrate: {name} has no prediction any more: {reason}; leave the case out")
+            return {name: one if isinstance(one, CaseFit) else self._worse(name) for name, one in results.items()}
         self.left_out |= failed
         self.cases = [case for case in self.cases if case.name not in failed]
         if not self.cases:
             raise InputError(f"calibrate: no case could be simulated; the first: {next(iter(failed.values()))}")
         return {name: one for name, one in results.items() if isinstance(one, CaseFit)}
+
+    def _worse(self, name: str) -> CaseFit:
+        """A fit so much worse than the last one of a case that the search takes a shorter step from there."""
+        last = next(reversed(self._known.values()))[name]
+        return dataclasses.replace(last, residuals=WORSE * last.residuals)
 
     def submitted(self, jobs: Sequence[tuple[FitCase, FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
         """Jobs over the workers; what a job refuses is in its place."""
