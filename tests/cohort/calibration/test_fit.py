@@ -55,7 +55,7 @@ def test_a_curved_problem_is_solved():
 
 
 def test_where_nothing_is_known_a_shorter_step_is_taken():
-    """Residual sinh(x) - 1 from 0.1, whose first step leads beyond 0.95: a case that is worse there is not lost."""
+    """Residual sinh(x) - 1 from 0.1, whose first step leads beyond 0.95: what is worse there is not lost."""
 
     def evaluate(x: np.ndarray):
         known = np.minimum(x, 0.95)

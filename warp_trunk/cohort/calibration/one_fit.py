@@ -20,7 +20,7 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import Increment, simulate
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.skin_distance import skin_distance
 from warp_trunk.results import predicted_skin
@@ -170,7 +170,7 @@ def _distance(now: _Simulated, places: np.ndarray) -> tuple[np.ndarray, np.ndarr
     distance = nearest.distance.astype(np.float64)
     away = points - nearest.point
     length = np.linalg.norm(away, axis=1)
-    normal = vertex_normals(now.skin)[places]
+    normal = unit(area_vectors(now.actual.vertices, now.actual.faces[nearest.face]))
     far = length > 0.05  # float32 knows no direction of less
     direction = np.where(
         far[:, None], np.sign(distance)[:, None] * away / np.maximum(length, 1e-9)[:, None], normal
