@@ -77,9 +77,9 @@ def telling(pipe: int) -> None:
     """Has this process write to the pipe when its first increment begins."""
     simulate = run.simulate
 
-    def told(*arguments: Any) -> Any:
+    def told(*arguments: Any, **more: Any) -> Any:
         os.write(pipe, b"!")
-        return simulate(*arguments)
+        return simulate(*arguments, **more)
 
     run.simulate = told
 
@@ -114,10 +114,10 @@ def main(folder: Path, seed: int, moments: int) -> None:
 
     wp.config.log_level = wp.LOG_WARNING
     simulate("warm", record=False)
-    begins, begun = os.pipe()
 
     def start(name: str, kind: str, when: float) -> int:
-        """Begins a run; returns its process when its first increment begins."""
+        """Begins a run; returns its process when its first increment begins, or it has ended before."""
+        begins, begun = os.pipe()
 
         def work() -> None:
             telling(begun)
@@ -126,7 +126,9 @@ def main(folder: Path, seed: int, moments: int) -> None:
             simulate(name)
 
         child = forked(work)
+        os.close(begun)  # so that nothing is waited for once the child has ended
         os.read(begins, 1)
+        os.close(begins)
         return child
 
     child = start("whole", "not", 0.0)
