@@ -217,15 +217,20 @@ def test_two_browsers_show_one_plan_and_one_may_be_killed(
     assert page.failure is None
 
 
+def views_alive() -> int:
+    """How many views this process holds, those of other tests' pages included."""
+    gc.collect()
+    return sum(isinstance(thing, View) for thing in gc.get_objects())
+
+
 def test_many_drags_leave_nothing_behind(visit: Visit, page: Page) -> None:
     assert page.view is not None
-    first = page.view.number
+    first, alive = page.view.number, views_alive()
     for number in range(4):
         visit.drag(25 if number % 2 else -25)
     until(lambda: settled(page), visit)
     assert page.view.number > first + 4
-    gc.collect()
-    assert sum(isinstance(thing, View) for thing in gc.get_objects()) <= 4  # that shown, the kept one, a thread's
+    until(lambda: views_alive() <= alive + 2, visit)  # a thread may hold one for a while
 
 
 def test_the_button_ends_it(visit: Visit, page: Page) -> None:
