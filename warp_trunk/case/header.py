@@ -52,6 +52,13 @@ class CaseHeader:
     """What a study of several cases needs to know of it, from the table [study]."""
 
 
+_KINDS: dict[str, tuple[type, str]] = {
+    **dict.fromkeys(("name", "units", "axes", "posture"), (str, "text")),
+    "landmark_columns": (list, "a list of four column names"),
+}
+"""What each key of case.toml is, in Python and in words; all others are tables."""
+
+
 def read_header(path: Path) -> CaseHeader:
     """Read case.toml.
 
@@ -66,23 +73,11 @@ def read_header(path: Path) -> CaseHeader:
         raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
     table.pop("skin_after_is_placeholder", None)  # version 0.1 wrote it
     refuse_unknown(path, table, [field.name for field in dataclasses.fields(CaseHeader)], "")
-    values: dict[str, Any] = {"name": path.resolve().parent.name}
-    for key, kind, expected in (
-        ("name", str, "text"),
-        ("units", str, "text"),
-        ("axes", str, "text"),
-        ("posture", str, "text"),
-        ("landmark_columns", list, "a list of four column names"),
-        ("tissue", dict, "a table, [tissue]"),
-        ("layers", dict, "a table, [layers]"),
-        ("ribs", dict, "a table, [ribs]"),
-        ("uncertainty", dict, "a table, [uncertainty]"),
-        ("study", dict, "a table, [study]"),
-    ):
-        if key in table:
-            if not isinstance(table[key], kind):
-                raise InputError(f"{path}: '{key}' must be {expected}, not {shown(table[key])}; correct it")
-            values[key] = table[key]
+    for key, value in table.items():
+        kind, expected = _KINDS.get(key, (dict, f"a table, [{key}]"))
+        if not isinstance(value, kind):
+            raise InputError(f"{path}: '{key}' must be {expected}, not {shown(value)}; correct it")
+    values: dict[str, Any] = {"name": path.resolve().parent.name, **table}
     if values.get("units", "mm") not in MILLIMETRES:
         raise InputError(
             f"{path}: 'units' must be one of {', '.join(MILLIMETRES)}, not '{values['units']}'; "

@@ -147,9 +147,7 @@ def _run(
         if recording is not None:
             if found is not None:
                 recording.bands(found.bands)
-            skin = predicted_skin(case, prepared.trunk, last.displacement)
-            faults = skin_quality(case.skin, skin, case.landmarks_before).faults
-            recording.finish(markdown(case, last, before, after, [*warnings, *faults]))
+            recording.finish(markdown(case, last, before, after, [*warnings, *_faults(case, prepared, last)]))
     finally:
         if recording is not None:
             recording.close()
@@ -167,6 +165,12 @@ def _run(
     )
     checkpoint.remove()
     return RunResult(last.relaxation.status, before, after, summary, folder)
+
+
+def _faults(case: Case, prepared: Prepared, last: Increment) -> tuple[str, ...]:
+    """What is doubtful about the skin that was predicted."""
+    skin = predicted_skin(case, prepared.trunk, last.displacement)
+    return skin_quality(case.skin, skin, case.landmarks_before).faults
 
 
 class _Clock:

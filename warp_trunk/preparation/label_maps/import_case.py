@@ -106,15 +106,7 @@ def import_case(
         InputError: there is no body, no vertebra, or nothing that a surface comes of.
     """
     options = options or ImportOptions()
-    body = body or source.masks.get(SKIN)
-    if body is None and SKIN not in source.surfaces:
-        raise InputError(
-            "import: there is no body among the labels, and a trunk needs its skin; give --body FILE "
-            "(TotalSegmentator "
-            "-ta body makes one) or --ct FILE"
-        )
-    if body is not None:
-        check_cuts(body, cuts)
+    body = _checked_body(source, body, cuts)
     masks, told = source.masks, list(source.notes)
     if options.more_bones and CARTILAGES in masks:
         with stage("cartilages", "telling costal cartilages apart"):
@@ -150,6 +142,19 @@ def import_case(
     )
     notes = (*told, *_dropped(shapes, bones), *_doubts(bones, masks, body))
     return Imported(case, found, shapes, made, fat, notes)
+
+
+def _checked_body(source: Source, body: Mask | None, cuts: tuple[CutPlane, ...]) -> Mask | None:
+    """The body as it was given or found, with cuts that meet it; None where the skin comes as a surface."""
+    body = body or source.masks.get(SKIN)
+    if body is None and SKIN not in source.surfaces:
+        raise InputError(
+            "import: there is no body among the labels, and a trunk needs its skin; give --body FILE "
+            "(TotalSegmentator -ta body makes one) or --ct FILE"
+        )
+    if body is not None:
+        check_cuts(body, cuts)
+    return body
 
 
 def _is_wanted(name: str, more_bones: bool) -> bool:
