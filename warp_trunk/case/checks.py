@@ -248,8 +248,6 @@ def _check_orientation(before: Landmarks, source: CaseSource) -> None:
 
 def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> dict[str, float]:
     """How deep each bone comes nearest to the skin [mm], after every check of it."""
-    skin = SurfaceDistance(case.skin)
-    depths: dict[str, float] = {}
     for name, bone in case.bones.items():
         where = source.name(name)
         check_surface(bone, where)
@@ -259,12 +257,15 @@ def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> dict[
                 f"{where}: triangles must be counterclockwise seen from outside, they hold "
                 f"{volume / 1000:.3g} cm3; turn them round"
             )
-        out = skin.at(bone.vertices)
+    depths: dict[str, float] = {}
+    ends = np.cumsum([len(bone.vertices) for bone in case.bones.values()])
+    outside = SurfaceDistance(case.skin).at(np.concatenate([bone.vertices for bone in case.bones.values()]))
+    for (name, bone), out in zip(case.bones.items(), np.split(outside, ends[:-1]), strict=True):
         worst = int(np.argmax(out))
         if not out[worst] <= options.bone_outside_skin:
             at = ", ".join(f"{x:.1f}" for x in bone.vertices[worst])
             raise InputError(
-                f"{where}: reaches {out[worst]:.1f} mm outside {source.name('skin')} at ({at}), "
+                f"{source.name(name)}: reaches {out[worst]:.1f} mm outside {source.name('skin')} at ({at}), "
                 f"{options.bone_outside_skin:g} mm is allowed; bring both into one frame or correct the bone"
             )
         depths[name] = -float(out[worst])

@@ -28,8 +28,9 @@ def check_on_bones(case: Case, most: float, file_of: Callable[[str], str]) -> No
         InputError: the first bone with one that is further off.
     """
     before = case.landmarks_before
+    owners = [bone_of(name, case.bones) for name in before.names]
     for bone, surface in case.bones.items():
-        owned = [i for i, name in enumerate(before.names) if bone_of(name, case.bones) == bone]
+        owned = [i for i, owner in enumerate(owners) if owner == bone]
         if not owned:
             continue
         off = np.abs(SurfaceDistance(surface).at(before.points[owned]))

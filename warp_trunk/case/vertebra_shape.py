@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.rigid import fit_rigid, misfit
 
 from .landmarks import VERTEBRA_POINTS, Landmarks
 from .vertebra_order import exchanged, orders
@@ -47,13 +47,13 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         np.array([[marks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
         for marks in (before, after)
     )
-    misfit = np.array([_misfit(a, b) for a, b in zip(here, there, strict=True)])
-    warnings = _check_patient(here, there, misfit, where)
+    misfits = np.array([misfit(a, b) for a, b in zip(here, there, strict=True)])
+    warnings = _check_patient(here, there, misfits, where)
     for i, level in enumerate(levels):
-        usual = float(np.median(np.delete(misfit, i)))
+        usual = float(np.median(np.delete(misfits, i)))
         refused = float(np.clip(REFUSED * usual, *REFUSED_RANGE))
         warned = float(np.clip(WARNED * usual, *WARNED_RANGE))
-        if 6.0 * misfit[i] <= warned:  # a landmark is off by 3 to 4 times the misfit it causes
+        if 6.0 * misfits[i] <= warned:  # a landmark is off by 3 to 4 times the misfit it causes
             continue
         point, off = _worst(here[i], there[i])
         if off <= warned:
@@ -65,17 +65,17 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         if off <= refused:
             warnings.append(f"{text}; errors of landmarks seldom come to {warned:.1f} mm, so look at it again.")
             continue
-        order = next((o for o in orders() if _misfit(here[i], there[i][list(o)]) < 0.5 * warned), None)
+        order = next((o for o in orders() if misfit(here[i], there[i][list(o)]) < 0.5 * warned), None)
         cure = "mark it again, before and after" if order is None else exchanged(level, order)
         raise InputError(f"{text}, and errors of landmarks come to {refused:.1f} mm at most; {cure}")
     return warnings
 
 
-def _check_patient(here: np.ndarray, there: np.ndarray, misfit: np.ndarray, where: str) -> list[str]:
+def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, where: str) -> list[str]:
     """Check that all vertebrae together (levels, 6, 3) are of one size and shape before and after."""
     if len(here) < _ENOUGH:
         return []
-    usual = float(np.median(misfit))
+    usual = float(np.median(misfits))
     sizes = [np.linalg.norm(six - six.mean(axis=1, keepdims=True), axis=(1, 2)).sum() for six in (here, there)]
     growth = float(sizes[1] / sizes[0] - 1.0)
     if abs(growth) > SIZE_REFUSED or usual > MISFIT:
@@ -90,11 +90,6 @@ def _check_patient(here: np.ndarray, there: np.ndarray, misfit: np.ndarray, wher
             f"come to {100 * SIZE_WARNED:g} %, so look whether both files are of one patient."
         ]
     return []
-
-
-def _misfit(before: np.ndarray, after: np.ndarray) -> float:
-    """Root mean square distance of points (n, 3) from those before moved rigidly [mm]."""
-    return float(np.sqrt(np.mean(np.sum((fit_rigid(before, after).apply(before) - after) ** 2, axis=1))))
 
 
 def _worst(before: np.ndarray, after: np.ndarray) -> tuple[int, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,5 +37,8 @@ class SimulationArguments:
             from warp_trunk.case.tissue_file import read_tissue_file, with_constants
 
             case = with_constants(case, read_tissue_file(self.tissue_file))
+        options = {word.partition("=")[0].removeprefix("--").replace("-", "_") for word in arguments}
+        if options.isdisjoint(constant.name for constant in fields(Tissue)):
+            return case
         given = parse(type(self), arguments, replace(self, tissue=case.tissue))
         return replace(case, tissue=given.tissue)

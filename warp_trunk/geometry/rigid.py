@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,6 +46,18 @@ def fit_rigid(before: np.ndarray, after: np.ndarray) -> RigidTransform:
         a, b = U[:, :1].T, Vt[:1]
     rotation = Rotation.align_vectors(b, a)[0] if extents[0] > 0.0 else Rotation.identity()
     return RigidTransform.from_components(to_centre - rotation.apply(from_centre), rotation)
+
+
+def misfit(before: np.ndarray, after: np.ndarray) -> float:
+    """Root mean square distance of points (n, 3) from where `fit_rigid` puts those before [mm].
+
+    Of the singular values of the covariance alone, the least negative where a mirror image fits better (Kabsch).
+    """
+    a, b = before - before.mean(axis=0), after - after.mean(axis=0)
+    U, extents, Vt = np.linalg.svd(a.T @ b)
+    extents[2] *= np.sign(np.linalg.det(U @ Vt))
+    left = float(np.sum(a**2) + np.sum(b**2) - 2.0 * extents.sum())
+    return math.sqrt(max(left, 0.0) / len(before))
 
 
 def part_of(motion: RigidTransform, fraction: float) -> RigidTransform:

@@ -11,6 +11,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.kernels.crossing import crossing_faces
 
 from .cores import launch_over_cores
+from .linked_parts import linked_parts
 from .normals import area_vectors
 from .search_tree import search_tree
 from .surface import Surface
@@ -135,28 +136,19 @@ def enclosed_volume(surface: Surface) -> float:
 
 def components(surface: Surface) -> np.ndarray:
     """Number of the connected part each vertex belongs to, from 0, shape (vertices,), int32."""
-    from scipy.sparse import coo_array  # heavy
-    from scipy.sparse.csgraph import connected_components
-
-    first, second = surface.faces[:, :2].reshape(-1), surface.faces[:, 1:].reshape(-1)
-    count = len(surface.vertices)
-    links = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
-    return connected_components(links, directed=False)[1].astype(np.int32)
+    faces = surface.faces
+    return linked_parts(faces[:, :2].reshape(-1), faces[:, 1:].reshape(-1), len(surface.vertices))
 
 
 def _fans(faces: np.ndarray, count: int) -> np.ndarray:
     """How many separate fans of triangles meet at each vertex of a closed oriented surface."""
-    from scipy.sparse import coo_array  # heavy
-    from scipy.sparse.csgraph import connected_components
-
     # a corner of a triangle is linked to the corner at the same vertex across one of its edges
     corner = np.arange(faces.size).reshape(-1, 3)
     first, second = faces, np.roll(faces, -1, axis=1)
     out = np.argsort((first * count + second).reshape(-1))  # directed edge v -> w, at the corner of v
     into = np.argsort((second * count + first).reshape(-1))  # its reverse w -> v, whose v is the next corner
     here, there = corner.reshape(-1)[out], np.roll(corner, -1, axis=1).reshape(-1)[into]
-    links = coo_array((np.ones(faces.size, dtype=np.int8), (here, there)), shape=(faces.size, faces.size))
-    _, fan = connected_components(links, directed=False)
+    fan = linked_parts(here, there, faces.size)
     vertex_of_fan = np.zeros(fan.max() + 1, dtype=np.int64)
     vertex_of_fan[fan] = faces.reshape(-1)
     return np.bincount(vertex_of_fan, minlength=count)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_trunk.geometry.linked_parts import linked_parts
 from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
 
@@ -121,10 +122,6 @@ def _plane_through(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, 
 
 def patches(surface: Surface, chosen: np.ndarray) -> np.ndarray:
     """A number for each vertex, the same for two that are joined by edges between chosen ones (bool)."""
-    from scipy.sparse import coo_array  # heavy
-    from scipy.sparse.csgraph import connected_components
-
     first, second = surface.faces.reshape(-1), np.roll(surface.faces, -1, axis=1).reshape(-1)
     joined = chosen[first] & chosen[second]
-    links = coo_array((np.ones(joined.sum()), (first[joined], second[joined])), shape=(len(chosen),) * 2)
-    return connected_components(links, directed=False)[1]
+    return linked_parts(first[joined], second[joined], len(chosen))
