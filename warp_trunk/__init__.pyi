@@ -2,7 +2,7 @@
 
 from .bone_motion.articulation import bone_motions
 from .bone_motion.bone_path import BonePath, rigid_path, spline_path
-from .bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery, read_plan, write_plan
+from .bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner, plan_surgery, read_plan, write_plan
 from .case import Case, read_case, write_case
 from .case.landmarks import Landmarks, read_landmarks, write_landmarks
 from .case.layers import Layers
@@ -79,6 +79,7 @@ __all__ = [
     "Plan",
     "PlanResult",
     "PlannedSurgery",
+    "Planner",
     "Prepared",
     "Recording",
     "RelaxOptions",

@@ -127,7 +127,7 @@ def test_a_fault_of_the_program_is_told(patient: Patient, monkeypatch: pytest.Mo
     def broken(*_: object) -> None:
         raise ZeroDivisionError("as if")
 
-    monkeypatch.setattr("warp_trunk.live.session.plan_surgery", broken)
+    monkeypatch.setattr("warp_trunk.live.session.Planner.plan", broken)
     faults: queue.Queue[str] = queue.Queue()
     with Session(patient, None, Heard(), faults.put) as session:
         session.ask(rest)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from warp_trunk.bone_motion.plan import plan_surgery
+from warp_trunk.bone_motion.plan import Planner
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
@@ -98,7 +98,7 @@ class Session:
         self._tell_show, self._tell_error = show, tell_error
         self._wishes: Latest[Wish] = Latest()
         self._jobs: Latest[_Job] = Latest()
-        self._images = Images(patient.case)
+        self._images, self._planner = Images(patient.case), Planner(patient.case)
         self._lock = threading.Lock()
         self._newest = 0
         self._current: _Job | None = None
@@ -135,7 +135,7 @@ class Session:
     def _plan(self) -> None:
         while (wish := self._wishes.take()) is not None:
             try:
-                surgery = plan_surgery(self._patient.case, wish.plan(self._base))
+                surgery = self._planner.plan(wish.plan(self._base))
             except InputError as error:
                 with self._lock:
                     self._tell_show(Refusal(wish, str(error).removeprefix("plan: ")))

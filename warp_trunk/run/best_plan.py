@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from warp_trunk.bone_motion.plan import Plan, plan_surgery
+from warp_trunk.bone_motion.plan import Plan, Planner
 from warp_trunk.bone_motion.plan.bounds import Bound, check_bounds, shares_of, with_shares
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.simulation import simulate
@@ -105,7 +105,11 @@ class Search:
 
     def planned(self, shares: Sequence[float]) -> Case:
         """The case after the plan with other shares."""
-        return plan_surgery(self.case, with_shares(self.plan, self.bounds, shares)).planned_case(self.case)
+        return self._planner.plan(with_shares(self.plan, self.bounds, shares)).planned_case(self.case)
+
+    @cached_property
+    def _planner(self) -> Planner:
+        return Planner(self.case)
 
     def landmark_moves(self, shares: Sequence[float]) -> list[np.ndarray]:
         """How landmarks after surgery move with each share [mm], shape (landmarks, 3) each."""

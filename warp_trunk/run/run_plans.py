@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, plan_surgery
+from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner
 from warp_trunk.bone_motion.plan.planned_folder import planned_case
 from warp_trunk.case import check_case
 from warp_trunk.errors import InputError
@@ -64,7 +64,8 @@ def run_plans(
         raise InputError("run_plans: 'plans' is empty; give at least one")
     if options.live and len(plans) > 1:
         raise InputError("--live: shows one simulation as it grows; give a single --plan, or leave it out")
-    surgeries = {name: _surgery(case, name, plan) for name, plan in plans.items()}
+    planner = Planner(case)
+    surgeries = {name: _surgery(planner, name, plan) for name, plan in plans.items()}
     warnings = {name: check_case(planned_case(case, surgery, name)) for name, surgery in surgeries.items()}
     for name in plans:
         prepare_folder(Path(folder) / name)
@@ -97,8 +98,8 @@ def _run(
         yield PlanResult(name, surgery, result)
 
 
-def _surgery(case: Case, name: str, plan: Plan) -> PlannedSurgery:
+def _surgery(planner: Planner, name: str, plan: Plan) -> PlannedSurgery:
     try:
-        return plan_surgery(case, plan)
+        return planner.plan(plan)
     except InputError as error:
         raise InputError(f"plan {name}: {str(error).removeprefix('plan: ')}") from None

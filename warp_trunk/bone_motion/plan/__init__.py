@@ -1,14 +1,16 @@
 """The surgeon's plan, and the rigid motion of every vertebra that meets it with the least motion."""
 
 from .plan_file import plan_text, read_plan, write_plan
+from .planner import Planner, plan_surgery
 from .record import CurvePlan, Plan
-from .surgery import CurveMotion, PlannedSurgery, VertebraMotion, plan_surgery
+from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
 
 __all__ = [
     "CurveMotion",
     "CurvePlan",
     "Plan",
     "PlannedSurgery",
+    "Planner",
     "VertebraMotion",
     "plan_surgery",
     "plan_text",

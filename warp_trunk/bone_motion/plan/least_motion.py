@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.errors import InputError
 
+from .least_squares import least_squares
 from .posture import AXIAL, SAGITTAL, Placed
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ _FACING = 0.01
 """T1 turns by as little as if it was held by a segment bent by the square of this: the head looks forward."""
 _TARGET, _LIMIT = 1e3, 1e4
 """Weights against motion, of a degree or mm off a target, and of one past a limit."""
-_STEP = 1e-5
-"""Of the differences that derivatives are taken from."""
 _NEAR = 0.5
 """How exactly the nearest that can be met is found [degrees or mm]."""
 _MET = 0.05
@@ -40,47 +39,82 @@ _MET = 0.05
 class Limits:
     """What no spine could do, by segment from the top; the lowest is that to the pelvis."""
 
-    posture: Posture
+    still: Placed
+    """The vertebrae as they stand before surgery."""
+    turned: np.ndarray
+    """The rotation of each segment there [degrees], shape (n, 3)."""
     turn: np.ndarray
     """Most rotation of each segment after, `MOST_SEGMENT` or what it was before [degrees], shape (n,)."""
     gap: np.ndarray
     """Least height of each disc at its rim [mm], shape (n - 1,)."""
 
+    @property
+    def posture(self) -> Posture:
+        """What they are of."""
+        return self.still.posture
+
     def excess(self, placed: Placed) -> np.ndarray:
-        """How far each limit is passed, shape (..., 3 n - 1), 0 where it is not [degrees, mm]."""
-        turned = np.linalg.norm(segments(placed.change), axis=-1) - MOST_SEGMENT
-        over = np.linalg.norm(segments(_against_pelvis(self.posture) + placed.change), axis=-1) - self.turn
-        under = self.gap - rim_gaps(placed)
-        return np.maximum(np.concatenate([turned, over, under], axis=-1), 0.0)
+        """How far each limit is passed, shape (3 n - 1,), 0 where it is not [degrees, mm]."""
+        more = segments(placed.change)
+        over = _length(more) - MOST_SEGMENT, _length(self.turned + more) - self.turn
+        return np.maximum(np.concatenate([*over, self.gap - rim_gaps(placed)]), 0.0)
+
+    def slopes(self, placed: Placed, passed: np.ndarray) -> np.ndarray:
+        """How what is passed of `excess`, rows (k,), changes with all angles, shape (k, n, 3) [per degree]."""
+        n, slopes = len(placed.change), np.zeros((len(passed), *placed.change.shape))
+        more = segments(placed.change)
+        for place, row in enumerate(passed.tolist()):
+            kind, segment = divmod(row, n)
+            if kind == 2:
+                slopes[place, segment : segment + 2, :AXIAL] = -_rim_slope(placed, segment)
+                continue
+            turn = more[segment] + kind * self.turned[segment]
+            slopes[place, segment] = turn / np.linalg.norm(turn)
+            slopes[place, segment + 1 : segment + 2] = -slopes[place, segment]
+        return slopes
 
 
 def limits_of(posture: Posture) -> Limits:
     """The limits of a spine: what is past them before surgery may stay as it is."""
-    turn = np.linalg.norm(segments(_against_pelvis(posture)), axis=-1)
-    return Limits(
-        posture, np.maximum(turn, MOST_SEGMENT), np.minimum(rim_gaps(Placed(posture, posture.still)), 0.0)
-    )
+    still, turned = Placed(posture, posture.still), segments(_against_pelvis(posture))
+    return Limits(still, turned, np.maximum(_length(turned), MOST_SEGMENT), np.minimum(rim_gaps(still), 0.0))
 
 
 def segments(angles: np.ndarray) -> np.ndarray:
-    """Each vertebra's angles less those of the one below; the lowest's less 0, shape (..., n, 3)."""
-    return angles - np.concatenate([angles[..., 1:, :], np.zeros_like(angles[..., :1, :])], axis=-2)
+    """Each vertebra's angles less those of the one below; the lowest's less 0, shape (n, 3)."""
+    turned = angles.copy()
+    turned[:-1] -= angles[1:]
+    return turned
 
 
 def rim_gaps(placed: Placed) -> np.ndarray:
-    """Least height of each disc at its rim, shape (..., n - 1) [mm].
+    """Least height of each disc at its rim, shape (n - 1,) [mm].
 
     Endplates are taken as circles across the vertebra's axis, as wide as the pedicles are apart: with their
     normals p and q and the vector d between their centres, the nearer rim is min(p.d, q.d) - r |p x q| away.
     """
-    axes, discs = placed.axes, placed.discs[..., :-1, :]
-    radius = 0.5 * np.linalg.norm(placed.posture.across, axis=1)
-    upper, lower = axes[..., :-1, :], axes[..., 1:, :]
-    height = np.minimum(np.sum(upper * discs, axis=-1), np.sum(lower * discs, axis=-1))
-    return height - 0.5 * (radius[:-1] + radius[1:]) * np.linalg.norm(np.cross(upper, lower), axis=-1)
+    upper, lower, discs = placed.axes[:-1], placed.axes[1:], placed.discs[:-1]
+    height = np.einsum("eni,ni->en", np.stack([upper, lower]), discs).min(axis=0)
+    return height - 0.5 * placed.posture.radii * _length(upper - lower) * _length(upper + lower)
 
 
-def least_motion(spine: Measured, targets: Sequence[Target], free: np.ndarray) -> np.ndarray:
+def _rim_slope(placed: Placed, row: int) -> np.ndarray:
+    """How one of `rim_gaps` changes with tilt and lean of both its vertebrae, shape (2, 2) [mm per degree]."""
+    (upper, lower), disc = placed.axes[row : row + 2], placed.discs[row]
+    raised, lowered = placed.axis_slopes[row : row + 2]
+    end = int(lower @ disc < upper @ disc)
+    slope = np.tile(0.5 * placed.disc_slopes[row] @ (upper, lower)[end], (2, 1))
+    slope[end] += (raised, lowered)[end] @ disc
+    apart = np.cross(upper, lower)
+    apart *= placed.posture.radii[row] / max(float(np.linalg.norm(apart)), 1e-12)
+    return slope - [np.cross(raised, lower) @ apart, np.cross(upper, lowered) @ apart]
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
+
+
+def least_motion(spine: Measured, limits: Limits, targets: Sequence[Target], free: np.ndarray) -> np.ndarray:
     """The change of the vertebrae's angles, shape (n, 3) [degrees].
 
     A target with a part of the spine changes all bends of that part in proportion, by a factor that costs
@@ -90,23 +124,24 @@ def least_motion(spine: Measured, targets: Sequence[Target], free: np.ndarray) -
 
     Args:
         spine: the vertebrae and their measures.
+        limits: what none of them can do.
         targets: what must be met.
         free: which segments may turn, from the top, shape (n,), bool.
 
     Raises:
         InputError: targets that cannot be met together, with the nearest to the one that is missed most.
     """
-    placed = _solved(spine, targets, free)
+    placed = _solved(limits, targets, free)
     missed = _missed(targets, placed)
     if missed:
-        raise InputError(_refusal(spine, targets, free, missed))
+        raise InputError(_refusal(limits, targets, free, missed))
     return placed.change
 
 
-def _refusal(spine: Measured, targets: Sequence[Target], free: np.ndarray, missed: dict[str, float]) -> str:
+def _refusal(limits: Limits, targets: Sequence[Target], free: np.ndarray, missed: dict[str, float]) -> str:
     """Names the target that is to blame and the nearest to it, halving the way there until a degree is known."""
-    still = Placed(spine.posture, spine.posture.still)
-    asked = {t.name: (float(t.value(still)), t) for t in targets if abs(float(t.value(still)) - t.goal) > _MET}
+    asked = {t.name: (t.read(limits.still).value, t) for t in targets}
+    asked = {name: (before, t) for name, (before, t) in asked.items() if abs(before - t.goal) > _MET}
     worst = max(asked, key=lambda name: (missed.get(name, 0.0), abs(asked[name][0] - asked[name][1].goal)))
     before, target = asked[worst]
     near, far = 0.0, 1.0
@@ -114,7 +149,7 @@ def _refusal(spine: Measured, targets: Sequence[Target], free: np.ndarray, misse
         middle = 0.5 * (near + far)
         eased = replace(target, goal=before + middle * (target.goal - before))
         tried = [eased if t.name == worst else t for t in targets]
-        near, far = (near, middle) if _missed(tried, _solved(spine, tried, free)) else (middle, far)
+        near, far = (near, middle) if _missed(tried, _solved(limits, tried, free)) else (middle, far)
     nearest = before + near * (target.goal - before)
     return (
         f"plan: {target.name} {target.goal:.3g} {target.unit} cannot be met with what else is asked and kept; "
@@ -123,36 +158,33 @@ def _refusal(spine: Measured, targets: Sequence[Target], free: np.ndarray, misse
 
 
 def _missed(targets: Sequence[Target], placed: Placed) -> dict[str, float]:
-    off = {target.name: abs(float(target.value(placed)) - target.goal) for target in targets}
+    off = {target.name: abs(target.read(placed).value - target.goal) for target in targets}
     return {name: value for name, value in off.items() if not value <= _MET}
 
 
-def _solved(spine: Measured, targets: Sequence[Target], free: np.ndarray) -> Placed:
-    from scipy.optimize import least_squares  # heavy
-
-    posture, limits = spine.posture, limits_of(spine.posture)
+def _solved(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> Placed:
+    posture = limits.posture
     modes = _modes(posture, targets, free)
-    factors = len(modes) - 3 * int(free.sum())
+    moves = np.cumsum(modes[:, ::-1], axis=1)[:, ::-1].reshape(len(modes), -1)
+    weight = np.ones(len(modes))
+    weight[: len(modes) - 3 * int(free.sum())] = 0.0
+    facing = posture.still
+    facing[posture.top, AXIAL] = 1.0 / _FACING
 
     def placed(x: np.ndarray) -> Placed:
-        turns = np.tensordot(x, modes, axes=1)
-        return Placed(posture, np.flip(np.cumsum(np.flip(turns, axis=-2), axis=-2), axis=-2))
+        return Placed(posture, (x @ moves).reshape(facing.shape))
 
-    def residuals(x: np.ndarray) -> np.ndarray:
+    def rows(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         here = placed(x)
-        off = [_TARGET * (target.value(here) - target.goal) for target in targets]
-        facing = here.change[..., spine.top, AXIAL] / _FACING
-        rest = np.stack([*off, facing], axis=-1)
-        return np.concatenate([x[..., factors:], rest, _LIMIT * limits.excess(here)], axis=-1)
+        read = [target.read(here) for target in targets]
+        off = [_TARGET * (one.value - target.goal) for one, target in zip(read, targets, strict=True)]
+        excess = limits.excess(here)
+        passed = np.flatnonzero(excess)
+        values = [*off, here.change[posture.top, AXIAL] / _FACING, *_LIMIT * excess[passed]]
+        slopes = [*(_TARGET * one.slope for one in read), facing, *_LIMIT * limits.slopes(here, passed)]
+        return np.array(values), np.reshape(slopes, (len(slopes), -1)) @ moves.T
 
-    def jacobian(x: np.ndarray) -> np.ndarray:
-        steps = _STEP * np.eye(len(x))
-        ahead, behind = np.split(residuals(np.concatenate([x + steps, x - steps])), 2)
-        return ((ahead - behind) / (2.0 * _STEP)).T
-
-    options: dict[str, Any] = {"jac": jacobian, "method": "trf", "xtol": 1e-10, "ftol": 1e-10, "max_nfev": 60}
-    found = least_squares(residuals, np.zeros(len(modes)), **options)
-    return placed(found.x)
+    return placed(least_squares(rows, weight))
 
 
 def _modes(posture: Posture, targets: Sequence[Target], free: np.ndarray) -> np.ndarray:

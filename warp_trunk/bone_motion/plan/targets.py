@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.measures.cobb import CobbAngle, cobb_angles
-from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.trunk_shift import sacral_line, top_of_spine
+from warp_trunk.measures.trunk_shift import sacral_line
 
 from .posture import AXIAL, CORONAL, Placed
 from .record import rank
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.measures.cobb import CobbAngle
 
     from .posture import Posture
     from .record import CurvePlan, Plan
@@ -26,6 +26,20 @@ if TYPE_CHECKING:
 HALF = 0.5
 """Share of an unfused curve that corrects by itself where nothing is known of it: lumbar curves went from 43.9 to
 22.0 degrees after selective thoracic fusion (24 patients; Ishikawa et al., J Orthop Sci 2015, 20:31)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One number of a spine, and how it changes with the angles of the vertebrae."""
+
+    value: float
+    """Degrees or mm."""
+    slope: np.ndarray
+    """Its derivative in each angle [per degree], shape (n, 3)."""
+
+    def signed(self, sign: float) -> Reading:
+        """The number times 1 or -1."""
+        return Reading(sign * self.value, sign * self.slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +52,8 @@ class Target:
     """Its unit."""
     goal: float
     """What it must be."""
-    value: Callable[[Placed], np.ndarray]
-    """What it is when the vertebrae are placed so, one value for each change."""
+    read: Callable[[Placed], Reading]
+    """What it is when the vertebrae are placed so."""
     part: tuple[int, int, int] | None = None
     """Plane, and first and last vertebra of the part whose bends change in proportion to meet it."""
 
@@ -72,8 +86,6 @@ class Measured:
     """Unit vector of the pelvis' axis to the left, x and y, shape (2,)."""
     sacrum: np.ndarray
     """Where the sacral line is, x and y [mm], shape (2,)."""
-    top: int
-    """The row of the vertebra whose balance is kept: C7, T1, or the uppermost there is."""
 
     def row(self, level: str) -> int:
         """Where a level stands in the chain; InputError where it has no landmarks."""
@@ -82,52 +94,65 @@ class Measured:
             raise InputError(f"plan: '{level}' has no landmarks; name a level of {first} to {last}")
         return self.posture.levels.index(level)
 
-    def coronal(self, upper: str, lower: str, placed: Placed) -> np.ndarray:
+    @cached_property
+    def still(self) -> Placed:
+        """The vertebrae as they stand before surgery."""
+        return Placed(self.posture, self.posture.still)
+
+    def coronal(self, upper: str, lower: str, placed: Placed) -> Reading:
         """Tilt of one vertebra less that of another [degrees]."""
-        rows = [self.row(upper), self.row(lower)]
-        before, change = self.posture.angles[rows, CORONAL], placed.change[..., rows, CORONAL]
-        return before[0] - before[1] + change[..., 0] - change[..., 1]
+        slope, tilt = np.zeros_like(placed.change), self.posture.angles[:, CORONAL] + placed.change[:, CORONAL]
+        above, below = self.row(upper), self.row(lower)
+        slope[above, CORONAL], slope[below, CORONAL] = 1.0, -1.0
+        return Reading(float(tilt[above] - tilt[below]), slope)
 
-    def sagittal(self, upper: str, lower: str, placed: Placed) -> np.ndarray:
+    def sagittal(self, upper: str, lower: str, placed: Placed) -> Reading:
         """Lean of one vertebra less that of another as seen from the side [degrees], positive to the back."""
-        axes = placed.axes[..., [self.row(upper), self.row(lower)], :]
-        lean = np.degrees(np.arctan2(axes[..., 1], axes[..., 2]))
-        return lean[..., 0] - lean[..., 1]
+        slope, lean = np.zeros_like(placed.change), []
+        for sign, row in ((1.0, self.row(upper)), (-1.0, self.row(lower))):
+            _, y, z = placed.axes[row].tolist()
+            lean.append(math.degrees(math.atan2(y, z)))
+            slope[row, :AXIAL] = placed.axis_slopes[row, :, 1:] @ [z, -y]
+            slope[row] *= sign * math.degrees(1.0 / (y * y + z * z))
+        return Reading(lean[0] - lean[1], slope)
 
-    def rotation(self, level: str, placed: Placed) -> np.ndarray:
+    def rotation(self, level: str, placed: Placed) -> Reading:
         """Pedicles against the pelvis seen from above, positive when the right side is behind [degrees]."""
         row = self.row(level)
         line = placed.carried(row, self.posture.across[row])
-        x, y = self.pelvis
-        return -np.degrees(np.arctan2(x * line[..., 1] - y * line[..., 0], x * line[..., 0] + y * line[..., 1]))
+        (u, v, _), (x, y) = line.tolist(), self.pelvis.tolist()
+        slope = np.zeros_like(placed.change)
+        slope[row] = placed.turned(row, line)[:, :2] @ [v, -u]
+        slope[row] *= math.degrees(1.0 / (u * u + v * v))
+        return Reading(-math.degrees(math.atan2(x * v - y * u, x * u + y * v)), slope)
 
-    def plumb(self, column: int, placed: Placed) -> np.ndarray:
+    def plumb(self, column: int, placed: Placed) -> Reading:
         """How far T1 stands to the right (column 0) or in front (1) of the sacrum [mm]."""
-        centroid = placed.endplates[..., self.top, 1, :] + placed.carried(
-            self.top, self.posture.centroids[self.top]
-        )
-        x, y = self.pelvis
-        return -(centroid[..., :2] - self.sacrum) @ ([x, y], [-y, x])[column]
+        x, y = self.pelvis.tolist()
+        along = np.array([[-x, -y], [y, -x]][column])
+        return Reading(float((placed.top[:2] - self.sacrum) @ along), placed.top_slope[..., :2] @ along)
 
 
 def measured(posture: Posture, landmarks: Landmarks) -> Measured:
     """The measures of a posture; InputError without iliac spines."""
-    line, top = sacral_line(landmarks), top_of_spine(spine_of(landmarks))
-    return Measured(posture, line.across, line.point, 0 if top is None else posture.levels.index(top))
+    line = sacral_line(landmarks)
+    return Measured(posture, line.across, line.point)
 
 
-def curves_of_plan(landmarks: Landmarks, plan: Plan, flexibility: Mapping[str, float]) -> tuple[Curve, ...]:
+def curves_of_plan(
+    curves: tuple[CobbAngle, ...], levels: tuple[str, ...], plan: Plan, flexibility: Mapping[str, float]
+) -> tuple[Curve, ...]:
     """Every curve of the spine, each with what is planned for it.
 
     Args:
-        landmarks: before surgery.
+        curves: those before surgery.
+        levels: the vertebrae, top to bottom.
         plan: the plan.
         flexibility: of curves by their apex, where it is known.
 
     Raises:
         InputError: a planned curve that the spine does not have or does not fuse, or two for one curve.
     """
-    curves, levels = cobb_angles(landmarks), landmarks.vertebrae()
     wanted: dict[CobbAngle, CurvePlan] = {}
     for asked in plan.curves:
         curve = _curve_at(asked.apex, curves, levels)
@@ -164,13 +189,13 @@ def _curve_at(apex: str, curves: tuple[CobbAngle, ...], levels: tuple[str, ...])
 
 def targets_of(spine: Measured, plan: Plan, curves: tuple[Curve, ...]) -> list[Target]:
     """Every target of a plan, those of what is kept included; see docs/planning.md."""
-    still = Placed(spine.posture, spine.posture.still)
+    still = spine.still
     apices = [spine.row(curve.before.apex) for curve in curves]
     targets: list[Target] = []
     corrects = any(curve.corrects for curve in curves)
     for number, curve in enumerate(curves):
         if (curve.plan is not None and not curve.corrects) or not corrects:
-            targets.append(_kept(spine, curve, still))
+            targets.append(_kept(spine, curve))
         if curve.plan is not None:
             around = [0, *apices][number], [*apices[1:], len(spine.posture.levels) - 1][number]
             targets += _of_curve(spine, curve.plan, curve.before, around)
@@ -182,19 +207,18 @@ def targets_of(spine: Measured, plan: Plan, curves: tuple[Curve, ...]) -> list[T
     ):
         if wanted is not None or {upper, lower} <= set(spine.posture.levels):
             angle = partial(spine.sagittal, upper, lower)
-            targets.append(Target(name, "degrees", float(angle(still)) if wanted is None else wanted, angle))
+            targets.append(Target(name, "degrees", angle(still).value if wanted is None else wanted, angle))
     aside, forward = partial(spine.plumb, 0), partial(spine.plumb, 1)
-    beside = float(aside(still)) if plan.balance == "keep" else 0.0
-    before = float(forward(still)) if plan.sva_after is None else plan.sva_after
+    beside = aside(still).value if plan.balance == "keep" else 0.0
+    before = forward(still).value if plan.sva_after is None else plan.sva_after
     return [*targets, Target("coronal balance", "mm", beside, aside), Target("sva_after", "mm", before, forward)]
 
 
 def _of_curve(spine: Measured, asked: CurvePlan, curve: CobbAngle, around: tuple[int, int]) -> list[Target]:
     """Cobb angle and rotation of a curve, each positive before; `around` are the next apices."""
     posture, apex = spine.posture, spine.row(asked.apex)
-    still = Placed(posture, posture.still)
     tilt, turn = partial(spine.coronal, curve.upper, curve.lower), partial(spine.rotation, asked.apex)
-    bent, turned = float(tilt(still)), float(turn(still))
+    bent, turned = tilt(spine.still).value, turn(spine.still).value
     rotation, (first, last) = np.abs(posture.angles[:, AXIAL]), around
     neutral = first + int(np.argmin(rotation[first : apex + 1])), apex + int(np.argmin(rotation[apex : last + 1]))
     targets = []
@@ -210,13 +234,13 @@ def _of_curve(spine: Measured, asked: CurvePlan, curve: CobbAngle, around: tuple
     return targets
 
 
-def _signed(sign: float, value: Callable[[Placed], np.ndarray], placed: Placed) -> np.ndarray:
-    return sign * value(placed)
+def _signed(sign: float, read: Callable[[Placed], Reading], placed: Placed) -> Reading:
+    return read(placed).signed(sign)
 
 
-def _kept(spine: Measured, curve: Curve, still: Placed) -> Target:
+def _kept(spine: Measured, curve: Curve) -> Target:
     tilt = partial(spine.coronal, curve.before.upper, curve.before.lower)
-    return Target(f"curve {curve.before.apex} kept, an angle of", "degrees", float(tilt(still)), tilt)
+    return Target(f"curve {curve.before.apex} kept, an angle of", "degrees", tilt(spine.still).value, tilt)
 
 
 def _outside(spine: Measured, plan: Plan, curve: Curve) -> list[Target]:
@@ -230,6 +254,6 @@ def _outside(spine: Measured, plan: Plan, curve: Curve) -> list[Target]:
         if upper < lower:
             tilt = partial(spine.coronal, levels[upper], levels[lower])
             name = f"spontaneous correction of {levels[upper]} to {levels[lower]}, an angle of"
-            goal = (1.0 - curve.spontaneous) * float(tilt(Placed(spine.posture, spine.posture.still)))
+            goal = (1.0 - curve.spontaneous) * tilt(spine.still).value
             targets.append(Target(name, "degrees", goal, tilt, (CORONAL, upper, lower)))
     return targets

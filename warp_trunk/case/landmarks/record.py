@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,8 +48,8 @@ class Landmarks:
                 f"landmarks: points must have shape ({len(self.names)}, 3), one for each name, "
                 f"not {self.points.shape}"
             )
-        twice = sorted({name for name in self.names if self.names.count(name) > 1})
-        if twice:
+        if len(set(self.names)) < len(self.names):
+            twice = sorted({name for name in self.names if self.names.count(name) > 1})
             raise InputError(f"landmarks: '{twice[0]}' is named more than once; give each point its own name")
 
     def index(self, name: str) -> int:
@@ -70,8 +71,13 @@ class Landmarks:
 
     def vertebrae(self) -> tuple[str, ...]:
         """Names of the vertebrae that have a landmark, top to bottom."""
-        found = {match.groups() for match in map(_VERTEBRA.match, self.names) if match}
-        return tuple(r + n for r, n in sorted(found, key=lambda v: ("CTL".index(v[0]), int(v[1]))))
+        return _vertebrae_of(self.names)
+
+
+@lru_cache(maxsize=16)
+def _vertebrae_of(names: tuple[str, ...]) -> tuple[str, ...]:
+    found = {match.groups() for match in map(_VERTEBRA.match, names) if match}
+    return tuple(r + n for r, n in sorted(found, key=lambda v: ("CTL".index(v[0]), int(v[1]))))
 
 
 def bone_of(name: str, bones: Iterable[str]) -> str | None:

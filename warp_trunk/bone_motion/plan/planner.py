@@ -1,0 +1,179 @@
+"""From plans to planned surgeries; what plans for one patient share is found once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.measures.axial_rotation import axial_rotation
+from warp_trunk.measures.cobb import cobb_angles, curves_after
+from warp_trunk.measures.spine import asis_axis, spine_of
+
+from .flexibility import bending_films, beyond_reach, flexibility_of
+from .least_motion import least_motion, limits_of, segments
+from .posture import Placed, posture_of
+from .record import rank
+from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
+from .targets import curves_of_plan, measured, targets_of
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.measures.spine import Spine
+
+    from .record import Plan
+    from .targets import Curve
+
+_PELVIS = ("asis", "hip", "sacrum", "S1", "coccyx", "femur")
+"""Bones that stay, by how their landmarks begin."""
+_GROWS = 5.0
+"""A curve that grows by more than this is told of [degrees]."""
+
+
+def plan_surgery(case: Case, plan: Plan) -> PlannedSurgery:
+    """Move the vertebrae as a plan asks, with the least motion, and tell what that asks of each.
+
+    Reads the landmarks before surgery and the films of side bending, nothing else of the case, and takes some
+    milliseconds. The model is told in docs/planning.md. For many plans for one patient: `Planner`.
+
+    Args:
+        case: the patient; landmarks after surgery are not needed.
+        plan: what is intended.
+
+    Raises:
+        InputError: a level or a curve that the spine does not have, landmarks that are missing, or targets that
+            cannot be met; the text names the target and the nearest that can be.
+    """
+    return Planner(case).plan(plan)
+
+
+class Planner:
+    """One patient's spine before surgery, ready for plan after plan; each is as `plan_surgery` makes it."""
+
+    def __init__(self, case: Case) -> None:
+        """Reads the spine; InputError as `plan_surgery`, for what is wrong with the case."""
+        self._before = before = case.landmarks_before
+        posture = posture_of(before)
+        self._measured, self._films = measured(posture, before), bending_films(case)
+        self._limits = limits_of(posture)
+        self._curves = cobb_angles(before)
+        self._flexibility = flexibility_of(self._curves, self._films)
+        self._spine, self._across = spine_of(before), asis_axis(before)
+        self._rotation = axial_rotation(self._spine, self._across)
+
+    def plan(self, plan: Plan) -> PlannedSurgery:
+        """The surgery that a plan asks for.
+
+        Raises:
+            InputError: as `plan_surgery`, for what is wrong with the plan.
+        """
+        before, spine = self._before, self._measured
+        upper, lower = spine.row(plan.uiv), spine.row(plan.liv)
+        curves = curves_of_plan(self._curves, spine.posture.levels, plan, self._flexibility)
+        change = spine.posture.still
+        if plan.moves:
+            free = np.full(len(spine.posture.levels), plan.unfused == "follow")
+            free[upper:lower] = True
+            change = least_motion(spine, self._limits, targets_of(spine, plan, curves), free)
+        after = self._carried(change)
+        there = spine_of(after)
+        rotation = axial_rotation(there, self._across)
+        motions = self._curve_motions(curves, after, rotation)
+        return PlannedSurgery(
+            plan=plan,
+            landmarks_before=before,
+            landmarks_after=after,
+            vertebrae=self._vertebrae(there, rotation, change, range(upper, lower + 1)),
+            curves=motions,
+            warnings=(*_open_ends(motions, plan), *_warnings(motions, beyond_reach(before, after, self._films))),
+        )
+
+    def _carried(self, change: np.ndarray) -> Landmarks:
+        """Landmarks of vertebrae go with them, those of the pelvis stay, others by a spline through both."""
+        before = self._before
+        if not change.any():
+            return before
+        points, placed = before.points.copy(), Placed(self._measured.posture, change)
+        own, owner, local = self._own
+        points[own] = np.einsum("kij,kj->ki", placed.frames[owner], local) + placed.endplates[owner, 1]
+        held, response = self._others
+        points[~held] += response @ (points[held] - before.points[held])
+        return Landmarks(before.names, points)
+
+    @cached_property
+    def _own(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The landmarks of vertebrae, the row of the vertebra of each, and where each is in its frame."""
+        posture, before = self._measured.posture, self._before
+        rows = {level: row for row, level in enumerate(posture.levels)}
+        owners = np.array([rows.get(name.partition("_")[0], -1) for name in before.names])
+        own = np.flatnonzero(owners >= 0)
+        owner = owners[own]
+        arms = before.points[own] - self._measured.still.endplates[owner, 1]
+        return own, owner, np.einsum("kji,kj->ki", posture.frames[owner], arms)
+
+    @cached_property
+    def _others(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which landmarks are of spine and pelvis, and how the others move with these (`spline_response`)."""
+        before = self._before
+        held = np.array([name.startswith(_PELVIS) for name in before.names])
+        held[self._own[0]] = True
+        if held.all():
+            return held, np.empty((0, len(held)))
+        return held, spline_response(before.points[held], before.points[~held])
+
+    def _vertebrae(
+        self, there: Spine, rotation: dict[str, float | None], change: np.ndarray, fused: range
+    ) -> tuple[VertebraMotion, ...]:
+        seen = change * [1.0, 1.0, -1.0]  # a turn is told as axial rotation is measured
+        moved = np.stack([there.centroids - self._spine.centroids, seen, segments(seen)], axis=1).tolist()
+        return tuple(
+            VertebraMotion(
+                level=level,
+                fused=row in fused,
+                shift=tuple(shift),
+                turn=tuple(turn),
+                segment=tuple(segment),
+                rotation=(self._rotation[level] or 0.0, rotation[level] or 0.0),
+            )
+            for row, (level, (shift, turn, segment)) in enumerate(zip(there.levels, moved, strict=True))
+        )
+
+    def _curve_motions(
+        self, curves: tuple[Curve, ...], after: Landmarks, rotation: dict[str, float | None]
+    ) -> tuple[CurveMotion, ...]:
+        angles = curves_after([curve.before for curve in curves], after)
+        found = []
+        for curve, angle in zip(curves, angles, strict=True):
+            apex = curve.before.apex if curve.plan is None else curve.plan.apex
+            turned = (self._rotation[apex] or 0.0, rotation[apex] or 0.0)
+            found.append(
+                CurveMotion(curve.before, curve.plan is not None, angle or 0.0, turned, curve.flexibility)
+            )
+        return tuple(found)
+
+
+def _open_ends(curves: tuple[CurveMotion, ...], plan: Plan) -> tuple[str, ...]:
+    return tuple(
+        f"the curve {curve.before.upper} to {curve.before.lower} is fused from {plan.uiv} to {plan.liv} only; "
+        "its other segments are taken to follow as if they were fused"
+        for curve in curves
+        if curve.planned
+        and plan.unfused == "follow"
+        and not rank(plan.uiv) <= rank(curve.before.upper) < rank(curve.before.lower) <= rank(plan.liv)
+    )
+
+
+def _warnings(curves: tuple[CurveMotion, ...], beyond: dict[str, float]) -> tuple[str, ...]:
+    said = [
+        f"the curve {curve.before.upper} to {curve.before.lower} grows from {curve.before.angle:.1f} to "
+        f"{abs(curve.cobb_after):.1f} degrees; plan it, or fuse other levels"
+        for curve in curves
+        if abs(curve.cobb_after) > curve.before.angle + _GROWS
+    ]
+    if beyond:
+        named = ", ".join(f"{name} by {over:.1f}" for name, over in beyond.items())
+        said.append(f"bends further than the films of side bending showed [degrees]: {named}")
+    return tuple(said)
