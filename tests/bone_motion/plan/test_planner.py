@@ -49,10 +49,13 @@ def test_least_motion_is_that_of_scipy(plan: Plan, monkeypatch: pytest.MonkeyPat
         def padded(values: np.ndarray) -> np.ndarray:
             return np.concatenate([values, np.zeros((60 - len(values), *values.shape[1:]))])
 
-        options: dict[str, Any] = {"jac": lambda x: np.concatenate([own, padded(rows(x)[1])])}
-        start, exact = np.zeros(len(weight)), {"xtol": 1e-15, "ftol": 1e-15}
+        options: dict[str, Any] = {
+            "jac": lambda x: np.concatenate([own, padded(rows(x)[1])]),
+            "xtol": 1e-15,
+            "ftol": 1e-15,
+        }
         return optimize.least_squares(
-            lambda x: np.concatenate([own @ x, padded(rows(x)[0])]), start, **options, **exact
+            lambda x: np.concatenate([own @ x, padded(rows(x)[0])]), np.zeros(len(weight)), **options
         ).x
 
     mine = plan_surgery(CASE, plan).landmarks_after.points
