@@ -3,16 +3,16 @@
     uv run --group fem python scripts/compare_finite_elements.py phantom --tets 86500 --solvers
     uv run --group fem python scripts/compare_finite_elements.py CASE --tets 130000
 
-Prints how far the two ends are apart, every way in which each was timed, and the ratio of the fastest of each;
---solvers also times one linear solve by every solver installed. `phantom` stands for the built-in phantom.
-Without --group fem only SciPy's solvers are there, which are slow.
+Prints how far the two ends are apart; --solvers also times one linear solve by every solver installed. `phantom`
+stands for the built-in phantom. Without --group fem only SciPy's solvers are there, which are slow. How long both
+take is measured by compare_peers.py.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -23,11 +23,11 @@ from benchmarking.prepare import load_case, mesh_case
 from benchmarking.problem import Problem
 from benchmarking.process import be_quiet
 from benchmarking.record import hardware
-from finite_elements.compare import ACCURACY, Comparison, Run
+from finite_elements.compare import Comparison
 from finite_elements.linear import Factorise, available
 
-FINE = 1e-6
-"""Tolerance at which warp_trunk's solution is compared in float64 [mm]."""
+TOLERANCES = {"float64": 1e-6, "float32": 0.01}
+"""At which warp_trunk's solution is compared [mm]."""
 
 
 def main(
@@ -63,43 +63,16 @@ def main(
         "versions": {name: version(name) for name in ("scikit-fem", "numpy", "scipy", "warp-lang")},
         "distance_mm": {},
     }
-    for precision, tolerance in (("float64", FINE), ("float32", ACCURACY)):
-        distances = comparison.distances(comparison.simulated(comparison.model(precision), tolerance, 10)[0])
+    for precision, tolerance in TOLERANCES.items():
+        distances = comparison.distances(comparison.simulated(precision, tolerance))
         record["distance_mm"][precision] = {"max": float(distances.max()), "mean": float(distances.mean())}
         print(
             f"warp_trunk in {precision}: nodes {distances.max():.2g} mm apart at most, {distances.mean():.2g} mean"
         )
-    if given.rounds:
-        record |= _timed(comparison, given.rounds)
     if given.solvers:
         record["linear"] = _linear(comparison, solvers)
     if given.json:
         _keep_record(given.json, record)
-
-
-def _timed(comparison: Comparison, rounds: int) -> dict[str, Any]:
-    """Times every way of both and prints the ratio of the fastest that are accurate enough."""
-    runs = comparison.timed(rounds)
-    print(f"\n| to {ACCURACY:g} mm | seconds | set-up [s] | error [mm] | of which |\n|---|---|---|---|---|")
-    for run in runs:
-        parts = ", ".join(f"{part.replace('_', ' ')} {value:.3g}" for part, value in run.work.items())
-        seconds = f"{run.seconds:.2f} | {run.setup_seconds:.2f}"
-        print(f"| {run.package}, {run.way} | {seconds} | {run.error_mm:.1g} | {parts} |")
-
-    def fastest(package: str, seconds: Callable[[Run], float]) -> float:
-        return min(seconds(run) for run in runs if run.package == package and run.error_mm <= ACCURACY)
-
-    ratios = {}
-    for what, seconds in (
-        ("ratio", lambda run: run.seconds),
-        ("ratio_after_setup", lambda run: run.seconds - run.setup_seconds),
-    ):
-        ratios[what] = fastest("scikit-fem", seconds) / fastest("warp_trunk", seconds)
-    print(
-        f"\nwarp_trunk is {ratios['ratio']:.1f} times as fast with its set-up counted, "
-        f"{ratios['ratio_after_setup']:.1f} times once it is set up for the trunk"
-    )
-    return {**ratios, "runs": [asdict(run) for run in runs]}
 
 
 def _linear(comparison: Comparison, solvers: dict[str, Factorise]) -> list[dict[str, Any]]:
@@ -150,9 +123,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, help="where to keep scikit-fem's solution, an npz")
     parser.add_argument("--json", type=Path, help="where to keep the record; others in the file stay")
     parser.add_argument("--solvers", action="store_true", help="time every linear solver")
-    parser.add_argument(
-        "--rounds", type=int, default=3, help="of timing, whose least time counts; 0 compares only"
-    )
     return parser
 
 

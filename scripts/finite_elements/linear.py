@@ -13,6 +13,8 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
+from .motions import rigid_motions
+
 Solve = Callable[[np.ndarray], np.ndarray]
 """From a right-hand side to the solution, both of shape (3 nodes,)."""
 Factorise = Callable[[scipy.sparse.csr_array, np.ndarray], Solve]
@@ -37,18 +39,23 @@ class Pardiso:
         self._ordered = scipy.sparse.csr_array((0, 0))
 
     def __call__(self, matrix: scipy.sparse.csr_array, places: np.ndarray) -> Solve:
-        upper = scipy.sparse.csr_array(scipy.sparse.triu(matrix, format="csr"))
-        known = all(
-            np.array_equal(getattr(upper, name), getattr(self._ordered, name)) for name in ("indptr", "indices")
-        )
         try:
-            if not known:
-                self._run(ORDER, upper)
-                self._ordered = upper
+            upper = self.order(matrix)
             self._run(FACTORISE, upper)
         except self._package.pardiso_wrapper.PyPardisoError as error:
             raise ArithmeticError("not positive definite") from error
         return lambda b: self._run(SOLVE, upper, b)
+
+    def order(self, matrix: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+        """Finds the order of elimination where it is not known yet; gives the upper triangle."""
+        upper = scipy.sparse.csr_array(scipy.sparse.triu(matrix, format="csr"))
+        known = all(
+            np.array_equal(getattr(upper, name), getattr(self._ordered, name)) for name in ("indptr", "indices")
+        )
+        if not known:
+            self._run(ORDER, upper)
+            self._ordered = upper
+        return upper
 
     def _run(self, phase: int, upper: scipy.sparse.csr_array, b: np.ndarray | None = None) -> np.ndarray:
         self._solver.set_phase(phase)
@@ -101,13 +108,6 @@ def jacobi(matrix: scipy.sparse.csr_array, places: np.ndarray) -> Solve:
         return scipy.sparse.linalg.cg(matrix, b, rtol=RESIDUAL, M=inverse)[0]
 
     return solve
-
-
-def rigid_motions(places: np.ndarray) -> np.ndarray:
-    """Three shifts and three rotations of the nodes, by node, then component, shape (3 nodes, 6)."""
-    shifts = np.tile(np.eye(3), (len(places), 1, 1))
-    turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None])
-    return np.concatenate([shifts, turns], axis=1).transpose(0, 2, 1).reshape(-1, 6)
 
 
 def available() -> dict[str, Factorise]:

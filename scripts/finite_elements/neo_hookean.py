@@ -1,9 +1,6 @@
-"""The stable neo-Hookean energy of Smith, de Goes and Kim (2018), from their paper and in NumPy alone.
+"""Three strain energies that go by the name of neo-Hookean, from the papers and manuals alone.
 
-Psi(F) = mu/2 (I_C - 3) + lambda/2 (J - alpha)^2 - mu/2 log(I_C + 1), with I_C = F : F and J = det F (eq. 14),
-up to a constant. With mu, lambda and alpha as below it is free of stress at F = I and follows Hooke's law there.
-
-A deformation gradient F has shape (3, 3, ...): F_ij = dx_i / dX_j at every point of the trailing axes.
+All follow Hooke's law at rest with the same modulus, and differ by the square of the strain.
 """
 
 from __future__ import annotations
@@ -12,72 +9,98 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_PERMUTATION = np.cross(np.eye(3)[:, None], np.eye(3)[None]).astype(float)  # e_ijk
-_CROSSES = np.einsum("ikm,jln->ijklmn", _PERMUTATION, _PERMUTATION)  # d cof_ij / dF_kl = e_ikm e_jln F_mn
+from .invariants import Law, Slopes
 
 
 @dataclass(frozen=True)
-class NeoHookean:
-    """Energy per volume at rest, stress and tangent of one material, in the units of its modulus."""
+class NeoHookean(Law):
+    """The stable neo-Hookean energy of Smith, de Goes and Kim (2018), eq. 14, up to a constant:
 
-    youngs_modulus: float
-    """Young's modulus at rest."""
-    poisson_ratio: float
-    """Poisson's ratio at rest, between -1 and 1/2."""
+    Psi = mu/2 (I_C - 3) + lambda/2 (J - alpha)^2 - mu/2 log(I_C + 1).
+
+    With mu, lambda and alpha as below it is free of stress at F = I and follows Hooke's law there.
+    """
 
     @property
     def mu(self) -> float:
         """4/3 of the shear modulus: the logarithm takes a quarter of it away at rest."""
-        return 4.0 / 3.0 * self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
+        return 4.0 / 3.0 * self.shear_modulus
 
     @property
     def lam(self) -> float:
         """lambda: Lamé's first constant plus 5/6 of the shear modulus, which is 5/8 mu."""
-        nu = self.poisson_ratio
-        return self.youngs_modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) + 5.0 / 8.0 * self.mu
+        return self.first_lame + 5.0 / 8.0 * self.mu
 
     @property
     def alpha(self) -> float:
         """The determinant at which the volume term rests, so that F = I is free of stress."""
         return 1.0 + 0.75 * self.mu / self.lam
 
-    def energy(self, F: np.ndarray) -> np.ndarray:
-        """Psi at each point, zero at rest, shape (...)."""
-        squares = (F**2).sum(axis=(0, 1))
-        bulk = (determinant(F) - self.alpha) ** 2 - (1.0 - self.alpha) ** 2
+    def of_invariants(self, squares: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        bulk = (volume - self.alpha) ** 2 - (1.0 - self.alpha) ** 2
         return 0.5 * self.mu * (squares - 3.0 - np.log((squares + 1.0) / 4.0)) + 0.5 * self.lam * bulk
 
-    def stress(self, F: np.ndarray) -> np.ndarray:
-        """First Piola-Kirchhoff stress P_ij = dPsi / dF_ij, shape (3, 3, ...)."""
-        squares = (F**2).sum(axis=(0, 1))
-        return self.mu * (1.0 - 1.0 / (squares + 1.0)) * F + self.lam * (determinant(F) - self.alpha) * cofactor(F)
-
-    def tangent(self, F: np.ndarray, positive: bool = False) -> np.ndarray:
-        """A_ijkl = dP_ij / dF_kl, shape (3, 3, 3, 3, ...); where `positive`, without its negative eigenvalues."""
-        squares = (F**2).sum(axis=(0, 1))
-        cof = cofactor(F)
-        A = (2.0 * self.mu / (squares + 1.0) ** 2) * (F[:, :, None, None] * F[None, None])
-        A += self.lam * (cof[:, :, None, None] * cof[None, None])
-        shear = self.mu * (1.0 - 1.0 / (squares + 1.0))
-        for i in range(3):
-            for j in range(3):
-                A[i, j, i, j] += shear
-        A += self.lam * (determinant(F) - self.alpha) * np.tensordot(_CROSSES, F, axes=2)
-        return _positive(A) if positive else A
+    def slopes(self, squares: np.ndarray, volume: np.ndarray) -> Slopes:
+        return Slopes(
+            by_squares=0.5 * self.mu * (1.0 - 1.0 / (squares + 1.0)),
+            by_volume=self.lam * (volume - self.alpha),
+            by_squares_twice=0.5 * self.mu / (squares + 1.0) ** 2,
+            by_both=0.0,
+            by_volume_twice=self.lam,
+        )
 
 
-def cofactor(F: np.ndarray) -> np.ndarray:
-    """dJ/dF: the cross products of the rows of F, shape (3, 3, ...)."""
-    return np.stack([np.cross(F[(i + 1) % 3], F[(i + 2) % 3], axis=0) for i in range(3)])
+@dataclass(frozen=True)
+class WithoutLogarithm(Law):
+    """The same paper's eq. 13, which Newton's tetrahedra have:
+
+    Psi = mu/2 (I_C - 3) + lambda/2 (J - alpha)^2,
+
+    with mu the shear modulus, lambda Lamé's first constant plus mu, and alpha = 1 + mu / lambda.
+    """
+
+    def of_invariants(self, squares: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        mu, lam = self.shear_modulus, self.first_lame + self.shear_modulus
+        bulk = (volume - 1.0 - mu / lam) ** 2 - (mu / lam) ** 2
+        return 0.5 * mu * (squares - 3.0) + 0.5 * lam * bulk
+
+    def slopes(self, squares: np.ndarray, volume: np.ndarray) -> Slopes:
+        mu, lam = self.shear_modulus, self.first_lame + self.shear_modulus
+        return Slopes(0.5 * mu, lam * (volume - 1.0) - mu, 0.0, 0.0, lam)
 
 
-def determinant(F: np.ndarray) -> np.ndarray:
-    """J, shape (...)."""
-    return (F[0] * np.cross(F[1], F[2], axis=0)).sum(axis=0)
+@dataclass(frozen=True)
+class Isochoric(Law):
+    """*HYPERELASTIC, NEO HOOKE of Abaqus and CalculiX:
+
+    Psi = C10 (J^(-2/3) I_C - 3) + (J - 1)^2 / D1,
+
+    with C10 half the shear modulus and D1 two over the bulk modulus.
+    """
+
+    @property
+    def c10(self) -> float:
+        """What multiplies the change of shape."""
+        return 0.5 * self.shear_modulus
+
+    @property
+    def d1(self) -> float:
+        """What divides the change of volume."""
+        return 2.0 / (self.first_lame + 2.0 / 3.0 * self.shear_modulus)
+
+    def of_invariants(self, squares: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        return self.c10 * (_power(volume, -2) * squares - 3.0) + (volume - 1.0) ** 2 / self.d1
+
+    def slopes(self, squares: np.ndarray, volume: np.ndarray) -> Slopes:
+        return Slopes(
+            by_squares=self.c10 * _power(volume, -2),
+            by_volume=-2.0 / 3.0 * self.c10 * _power(volume, -5) * squares + 2.0 * (volume - 1.0) / self.d1,
+            by_squares_twice=0.0,
+            by_both=-2.0 / 3.0 * self.c10 * _power(volume, -5),
+            by_volume_twice=10.0 / 9.0 * self.c10 * _power(volume, -8) * squares + 2.0 / self.d1,
+        )
 
 
-def _positive(A: np.ndarray) -> np.ndarray:
-    """The nearest positive semidefinite tangent at each point."""
-    values, vectors = np.linalg.eigh(np.moveaxis(A.reshape(9, 9, -1), -1, 0))
-    made = (vectors * np.maximum(values, 0.0)[:, None]) @ vectors.transpose(0, 2, 1)
-    return np.moveaxis(made, 0, -1).reshape(A.shape)
+def _power(volume: np.ndarray, thirds: int) -> np.ndarray:
+    """J to a number of thirds; infinite where a tetrahedron is flat or inverted, where there is no such energy."""
+    return np.where(volume > 0.0, np.maximum(volume, 1e-30) ** (thirds / 3.0), np.inf)

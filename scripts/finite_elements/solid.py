@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse
 from skfem import Basis, BilinearForm, ElementTetP1, LinearForm, MeshTet
 
-from .neo_hookean import NeoHookean
+from .invariants import Law
 
 
 class Solid:
@@ -20,7 +20,7 @@ class Solid:
     """A change of the energy that its sum does not resolve."""
 
     def __init__(
-        self, nodes: np.ndarray, tets: np.ndarray, material: NeoHookean, loads: np.ndarray | None = None
+        self, nodes: np.ndarray, tets: np.ndarray, material: Law, loads: np.ndarray | None = None
     ) -> None:
         """A solid at rest.
 
@@ -32,7 +32,7 @@ class Solid:
         """
         self.material = material
         self.basis = Basis(tet_mesh(nodes, tets), ElementTetP1(), intorder=0)
-        self.rounding = 1e-14 * (material.mu + material.lam) * float(self.basis.dx.sum())
+        self.rounding = 1e-14 * (material.shear_modulus + material.first_lame) * float(self.basis.dx.sum())
         self.loads = np.zeros_like(nodes) if loads is None else loads
 
     def energy(self, displacement: np.ndarray) -> float:
