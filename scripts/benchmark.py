@@ -2,6 +2,7 @@
 
     python scripts/benchmark.py prepare CASE --tets 225000 --out problem.npz      mesh and truth, in one file
     python scripts/benchmark.py run problem.npz --out benchmark.json              error against time
+    python scripts/benchmark.py join old.json new.json --out benchmark.json       one file; later curves replace
     python scripts/benchmark.py plot benchmark.json --out benchmark.png           the curves (needs matplotlib)
     python scripts/benchmark.py table benchmark.json                              Markdown
     python scripts/benchmark.py scenes problem.npz                                what each part of a scene costs
@@ -84,6 +85,11 @@ def run(given: argparse.Namespace) -> None:
     print_tables(records)
 
 
+def join(given: argparse.Namespace) -> None:
+    """Writes the records of all files into one; a later curve replaces an earlier one of the same setting."""
+    write_records(given.out, tables.latest([read_records([path]) for path in given.records]))
+
+
 def choose_settings(given: argparse.Namespace, energy: EnergyName) -> list[Setting]:
     """Every combination asked for that exists; SciPy only in float64, on the most threads."""
     settings = []
@@ -162,6 +168,12 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--precisions", nargs="+", choices=precisions, default=precisions)
     one.add_argument("--limit", type=float, default=20.0, help="longest run of a method [s] (default %(default)g)")
     one.add_argument("--no-compile", dest="compile", action="store_false", help="do not measure compilation")
+
+    one = add(
+        "join", join, "one file of several; a curve of a later file replaces the same one of an earlier file"
+    )
+    one.add_argument("records", nargs="+", help="files made by run, the oldest first")
+    one.add_argument("--out", required=True, help="the file, which may be one of them")
 
     one = add("plot", lambda given: plot(given.out, read_records(given.records), given.title), "draw the curves")
     one.add_argument("records", nargs="+", help="files made by run")

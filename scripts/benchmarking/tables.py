@@ -44,6 +44,14 @@ def curves(records: Iterable[Record]) -> dict[Setting, list[Record]]:
     return found
 
 
+def latest(files: Iterable[Iterable[Record]]) -> list[Record]:
+    """The records of all files; a curve that a later file has again stands in the place of the earlier one."""
+    found: dict[Setting, list[Record]] = {}
+    for records in files:
+        found.update(curves(records))
+    return [record for points in found.values() for record in points]
+
+
 def place(setting: Setting) -> str:
     """Where a curve ran, in words."""
     if setting.device != "cpu":

@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
+import benchmark
 import numpy as np
 import pytest
 from benchmarking.curves import curve, points
@@ -165,6 +166,24 @@ def test_tables_tell_what_the_records_say() -> None:
     assert len(long_table(records).splitlines()) == 2 + len(records)
     with pytest.raises(InputError, match="'hardware'"):
         curves([fast, replace(fast, hardware="another machine")])
+
+
+def test_later_curves_take_the_place_of_earlier_ones(tmp_path: Path) -> None:
+    setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
+    one, *_ = curve(problem(), setting, 1e9, repeats=1)
+    old = [replace(one, tolerance_mm=tolerance, tets=7) for tolerance in (1.0, 0.1)]
+    other = replace(one, threads=2, tets=7)
+    write_records(tmp_path / "old.json", [*old, other])
+    write_records(tmp_path / "new.json", [one])
+    arguments = [
+        "join",
+        str(tmp_path / "old.json"),
+        str(tmp_path / "new.json"),
+        "--out",
+        str(tmp_path / "old.json"),
+    ]
+    assert benchmark.main(arguments) == 0
+    assert read_records([tmp_path / "old.json"]) == [one, other]
 
 
 def test_exponent_of_a_power() -> None:
