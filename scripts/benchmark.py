@@ -4,7 +4,7 @@
     python scripts/benchmark.py run problem.npz --out benchmark.json              error against time
     python scripts/benchmark.py join old.json new.json --out benchmark.json       one file; later curves replace
     python scripts/benchmark.py plot benchmark.json --out benchmark.png           the curves (needs matplotlib)
-    python scripts/benchmark.py table benchmark.json                              Markdown
+    python scripts/benchmark.py table benchmark.json                              Markdown, or --page PAGE
     python scripts/benchmark.py scenes problem.npz                                what each part of a scene costs
     python scripts/benchmark.py scale CASE --tets 150000 225000 500000            growth with the mesh
 
@@ -28,6 +28,7 @@ from benchmarking.prepare import load_case, mesh_case
 from benchmarking.problem import read_problem, solve_truth, write_problem
 from benchmarking.process import be_quiet, empty_kernel_cache, fresh
 from benchmarking.record import Record, Setting, read_records, write_records
+from marked import write_into
 
 from warp_trunk import InputError
 from warp_trunk.engine.model import EnergyName
@@ -88,6 +89,15 @@ def run(given: argparse.Namespace) -> None:
 def join(given: argparse.Namespace) -> None:
     """Writes the records of all files into one; a later curve replaces an earlier one of the same setting."""
     write_records(given.out, tables.latest([read_records([path]) for path in given.records]))
+
+
+def table(given: argparse.Namespace) -> None:
+    """Prints the tables, or writes the short one into a page."""
+    records = read_records(given.records)
+    if given.page is None:
+        print_tables(records)
+    else:
+        write_into(given.page, "benchmark", tables.short_table(records))
 
 
 def choose_settings(given: argparse.Namespace, energy: EnergyName) -> list[Setting]:
@@ -180,8 +190,9 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--out", default="benchmark.png", help="the picture (default %(default)s)")
     one.add_argument("--title", default="", help="above the plot")
 
-    one = add("table", lambda given: print_tables(read_records(given.records)), "print the tables of run again")
+    one = add("table", table, "print the tables of run again, or put the short one into a page")
     one.add_argument("records", nargs="+", help="files made by run")
+    one.add_argument("--page", type=Path, help="page with the two marks between which the short table stands")
 
     def add_place(one: argparse.ArgumentParser) -> None:
         one.add_argument("--device", default="cpu", help="cpu or cuda:0 (default %(default)s)")

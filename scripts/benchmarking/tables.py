@@ -7,10 +7,13 @@ from dataclasses import fields, replace
 
 from warp_trunk import InputError
 
+from .outside import OUTSIDE
 from .record import Record, Setting
 
 LEVELS = (1.0, 0.1, 0.01)
 """Errors that a curve is asked for the time of [mm]."""
+ENERGIES = {"itmsm": "papers'", "neo-hookean": "neo-Hookean"}
+METHODS = {OUTSIDE: "SciPy L-BFGS-B"}
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -70,29 +73,23 @@ def seconds_to(points: Iterable[Record], error: float) -> float | None:
 
 
 def short_table(records: Iterable[Record]) -> str:
-    """For every curve: seconds to each of LEVELS, and its last point."""
+    """For every curve: seconds to each of LEVELS; its last point, where it did not come to the last of them."""
     rows = []
     for setting, points in curves(records).items():
         reached = [seconds_to(points, level) for level in LEVELS]
         end = points[-1]
         rows.append(
             [
-                method(setting),
-                place(setting),
+                METHODS.get(setting.method, setting.method),
+                ENERGIES[setting.energy],
+                place(setting) if setting.device == "cpu" else end.hardware,
                 setting.precision,
-                *("never" if seconds is None else number(seconds) for seconds in reached),
-                number(end.seconds),
-                number(end.max_error_mm),
-                number(end.mean_skin_error_mm),
-                number(end.bsr_error_deg),
-                str(end.linear_iterations),
-                str(end.evaluations),
-                f"{end.peak_memory_mb:.0f}",
+                *("" if seconds is None else number(seconds) for seconds in reached),
+                f"{number(end.max_error_mm)} mm after {number(end.seconds)} s" if reached[-1] is None else "",
             ]
         )
-    header = ["method", "where", "precision", *(f"{level:g} mm [s]" for level in LEVELS)]
-    ends = ["end [s]", "max [mm]", "skin mean [mm]", "BSR [degrees]", "linear iterations", "evaluations", "MB"]
-    return markdown([*header, *ends], rows)
+    header = ["method", "energy", "where", "precision", *(f"to {level:g} mm [s]" for level in LEVELS)]
+    return markdown([*header, "left at the end"], rows)
 
 
 def long_table(records: Iterable[Record]) -> str:

@@ -20,6 +20,7 @@ from benchmarking.record import Record, Setting, read_records, write_records
 from benchmarking.scaling import exponent, increments_table, measure_size, size_table, slopes
 from benchmarking.scenes import scenes_table
 from benchmarking.tables import comparison, curves, long_table, seconds_to, short_table
+from marked import replaced
 
 from support.small_trunk import small_case
 from support.there import there
@@ -162,10 +163,17 @@ def test_tables_tell_what_the_records_say() -> None:
     assert "1 mm in 200 s, 100 times as long" in text
     assert "one thread: 3.6 s, 1.80 times as long" in text
     assert "largest of 5 points: 0.75" in text
-    assert "| gradient | 2 threads | float32 | 200 | never | never |" in short_table(records)
+    assert "| gradient | papers' | 2 threads | float32 | 200 |  |  | 0.9 mm after 200 s |" in short_table(records)
+    assert "| newton | papers' | 1 thread | float32 | 3.6 | 3.6 | 3.6 |  |" in short_table(records)
     assert len(long_table(records).splitlines()) == 2 + len(records)
     with pytest.raises(InputError, match="'hardware'"):
         curves([fast, replace(fast, hardware="another machine")])
+
+
+def test_the_page_shows_what_was_measured() -> None:
+    docs = SCRIPTS.parent / "docs"
+    page = (docs / "performance.md").read_text()
+    assert replaced(page, "benchmark", short_table(read_records([docs / "benchmark.json"]))) == page
 
 
 def test_later_curves_take_the_place_of_earlier_ones(tmp_path: Path) -> None:
