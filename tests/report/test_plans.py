@@ -58,11 +58,13 @@ def test_numbers_are_those_of_every_plan(three):
 
 def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
     folders = [write_small_result(tmp_path / name, name=f"<b>{name}</b>") for name in ("first", "second")]
+    (folders[1] / "plan.toml").write_text('uiv = "T4"  # <i>\n')
     assert main(["report", *map(str, folders)]) == 0
     page = tmp_path / "plans.html"
     assert str(page) in capsys.readouterr().out
     text = page.read_text()
     assert "&lt;b&gt;first&lt;/b&gt;" in text
+    assert text.count("# &lt;i&gt;") == 1  # by which plan it was made
     assert "<script" not in text
     assert "http" not in re.sub(r"base64,[^\"]*", "", text).replace("http-equiv", "")
     assert text.count("<img") == 5

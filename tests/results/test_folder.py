@@ -17,7 +17,7 @@ from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.results import Summary, predicted_skin, prepare_folder, read_summary, write_result
+from warp_trunk.results import Summary, predicted_skin, prepare_folder, read_result, read_summary, write_result
 from warp_trunk.results.summary import StepSummary
 
 WHOLE = {
@@ -109,7 +109,10 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
 def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_path):
     (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
     (tmp_path / "actual_skin.ply").write_bytes(b"of another patient")
+    write_result(tmp_path, *simulated, plan='uiv = "T4"\n')
+    assert read_result(tmp_path).plan == 'uiv = "T4"\n'
     write_result(tmp_path, *simulated)
+    assert read_result(tmp_path).plan is None
     assert {path.name for path in tmp_path.iterdir()} == WHOLE
     (tmp_path / "recording.partial.rrd").write_bytes(b"new")
     write_result(tmp_path, *simulated, recording=tmp_path / "recording.partial.rrd")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.no_meshing import forbid_meshing
-from warp_trunk.bone_motion.plan import CurvePlan, Plan
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
@@ -52,7 +52,13 @@ def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.
         for part in (*summary["increments"], *(step for i in summary["increments"] for step in i["history"])):
             del part["seconds"]
     assert one == other
-    assert len(read_plans([folder / "results/anna/less", shared])) == 2  # they can be compared
+    results = [folder / "results/anna/less", shared]
+    for result, file in zip(results, ("less.toml", "more/plan.toml"), strict=True):
+        assert read_plan(result / "plan.toml") == read_plan(folder / file)  # by which it was made
+    assert not Path("alone", "plan.toml").exists()
+    assert {str(r): result.plan is not None for r, result in read_plans(results).items()} == dict.fromkeys(
+        map(str, results), True
+    )
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ def page(
     comparison: SkinComparison | None,
     summary: Summary,
     drawings: Mapping[str, bytes],
+    plan: str | None = None,
 ) -> str:
     """The text of the page; all that comes from files is escaped.
 
@@ -39,12 +40,14 @@ def page(
         comparison: of the predicted skin with the actual one, where that is known.
         summary: the summary of the result.
         drawings: by name the pictures that the page shows, as SVG.
+        plan: the text of the plan that made the case, where one did.
     """
     status = summary.ending
     return rendered(
         "page.html",
         drawings,
         case=summary.case,
+        plan=plan,
         warnings=summary.warnings,
         virtual=summary.virtual,
         converged=status is RelaxStatus.CONVERGED,

@@ -79,7 +79,7 @@ def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: 
         virtual=any(result.summary.virtual for result in results.values()),
         titles=", ".join(pose.look.title for pose in poses),
         plans=[
-            (title, result.summary.case, folder.name or folder.resolve().name)
+            (title, result.summary.case, folder.name or folder.resolve().name, result.plan)
             for title, (folder, result) in zip(titles, results.items(), strict=True)
         ],
         unfinished=[

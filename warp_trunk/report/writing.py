@@ -72,7 +72,7 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
             "convergence": convergence_plot(read.summary),
         }
         drawings = _drawn(figures, folder)
-    _write(out / PAGE, page(poses, comparison, read.summary, drawings).encode())
+    _write(out / PAGE, page(poses, comparison, read.summary, drawings, read.plan).encode())
     return out / PAGE
 
 

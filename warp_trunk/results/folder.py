@@ -34,6 +34,8 @@ RECORDING = "recording.rrd"
 SKIN_BEFORE, PREDICTED_SKIN, ACTUAL_SKIN = "skin_before.ply", "predicted_skin.ply", "actual_skin.ply"
 LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
 TRUNK = "trunk.vtu"
+PLAN = "plan.toml"
+"""The plan by which a result was made, where a plan made it; `--plan` takes the folder for it."""
 LEAST_SPACE = 200e6
 """A result folder needs this much free space [bytes]; the largest results seen take a third of it."""
 
@@ -81,12 +83,14 @@ def write_result(
     warnings: Sequence[str] = (),
     recording: Path | None = None,
     found: FoundBands | None = None,
+    plan: str | None = None,
 ) -> Summary:
     """Write the result of a simulation, with all of the case that its report needs.
 
     That is `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where the
     case has an actual skin after surgery, `landmarks_before.csv`,
-    `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the recording, and `skin_sd.csv` where there are bands.
+    `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the recording, `skin_sd.csv` where there are bands, and
+    `plan.toml` where a plan made the case.
 
     Every file is written under another name and moved when all are complete, summary.json last; a folder that
     has one is whole. A recording or an actual skin of an earlier simulation in the same folder is removed.
@@ -102,6 +106,7 @@ def write_result(
         warnings: what makes the result doubtful; faults of the predicted skin are added.
         recording: a finished recording, which is moved into the folder.
         found: how sure the numbers and the skin are, where that is known.
+        plan: the text of the plan that made the case, where one did.
 
     Returns:
         The summary as written.
@@ -132,6 +137,9 @@ def write_result(
     if found is not None:
         write_skin_sd(partial(folder / SKIN_SD), found.skin_sd)
         names.append(SKIN_SD)
+    if plan is not None:
+        partial(folder / PLAN).write_text(plan, encoding="utf-8")
+        names.append(PLAN)
     written = write_summary(partial(folder / SUMMARY), summary)
     _complete(folder, [*names, SUMMARY], recording)
     return written
@@ -168,6 +176,7 @@ def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> Non
         RECORDING,
         ACTUAL_SKIN,
         SKIN_SD,
+        PLAN,
     ):  # without a summary nothing here is whole
         (folder / name).unlink(missing_ok=True)
     if recording is not None:

@@ -10,14 +10,17 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.file_access import read_text
 from warp_trunk.io.surface_files import read_surface
 
 from .bands import SKIN_SD, read_skin_sd
 from .checkpoint import unfinished
-from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PREDICTED_SKIN, SKIN_BEFORE
+from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PLAN, PREDICTED_SKIN, SKIN_BEFORE
 from .summary import SUMMARY, Summary, parse_summary
 
 AGAIN = "simulate the case again"
+_MOST_PLAN = 1_000_000
+"""No plan is longer than this [bytes]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,8 @@ class Result:
     skin_sd: np.ndarray | None = None
     """Standard deviation of the place of each vertex of the predicted skin along its normal [mm], shape
     (vertices,); None without bands."""
+    plan: str | None = None
+    """The text of the plan by which it was made; None where no plan made the case."""
 
 
 def read_result(folder: str | Path) -> Result:
@@ -70,6 +75,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_after=reached,
         summary=summary,
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
+        plan=read_text(folder / PLAN, "the plan of a result", _MOST_PLAN) if (folder / PLAN).is_file() else None,
     )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
+from warp_trunk.bone_motion.plan import plan_text
 from warp_trunk.case import check_case
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import Increment, simulate
@@ -36,6 +37,7 @@ from .progress import Progress
 from .warnings import curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
+    from warp_trunk.bone_motion.plan import Plan
     from warp_trunk.case import Case
     from warp_trunk.results import Summary
     from warp_trunk.results.bands import FoundBands
@@ -65,6 +67,7 @@ def run_case(
     *,
     warnings: Sequence[str] | None = None,
     patient: Patient | None = None,
+    plan: Plan | None = None,
 ) -> RunResult:
     """Mesh, simulate, measure and write a case, with a recording that grows by each increment.
 
@@ -75,6 +78,7 @@ def run_case(
         progress: what to tell it to; a log on standard error when left out.
         warnings: what the check of the case found (`read_checked_case`); it is checked here when left out.
         patient: the patient of the case, made ready with these options for another plan; made here when left out.
+        plan: what made the case, where a plan did; it is written with the result.
 
     Raises:
         InputError: a folder that lies in a case, cannot be written or is in use, an interrupted simulation that is
@@ -100,7 +104,7 @@ def run_case(
     for warning in warnings:
         progress.message(f"warning: {warning}")
     with locked(folder):
-        return _run(case, folder, options, progress, warnings=warnings, patient=patient)
+        return _run(case, folder, options, progress, warnings=warnings, patient=patient, plan=plan)
 
 
 def _run(
@@ -111,6 +115,7 @@ def _run(
     *,
     warnings: list[str],
     patient: Patient | None,
+    plan: Plan | None,
 ) -> RunResult:
     clock = _Clock(progress, patient)
     if patient is None:
@@ -162,6 +167,7 @@ def _run(
         warnings=warnings,
         found=found,
         recording=None if recording is None or recording.failed else recording.path,
+        plan=None if plan is None else plan_text(plan),
     )
     checkpoint.remove()
     return RunResult(last.relaxation.status, before, after, summary, folder)

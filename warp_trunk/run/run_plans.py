@@ -94,6 +94,7 @@ def _run(
             progress,
             warnings=warnings[name],
             patient=patient,
+            plan=surgery.plan,
         )
         yield PlanResult(name, surgery, result)
 
