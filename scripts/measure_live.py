@@ -1,11 +1,12 @@
 """How fast the planning page follows: a slider dragged without a browser, as a client of its own would.
 
-    python scripts/measure_live.py CASE [--wishes 30] [--device cpu] [--minutes 0]
+    python scripts/measure_live.py CASE [--wishes 30] [--device cpu] [--minutes 0] [--page]
 
 Prints the time from a wish to its image and to its skin relaxed to 1 mm and to the end, also as a ratio to one
 evaluation of the energy in the same run, for machines are never alike, and the updates a second where each waits
-for its relaxed skin. With --minutes the slider is dragged on, 20 wishes a second as a browser sends them, and the
-memory is printed.
+for its relaxed skin. With --page it is measured at the other end of the page's own websocket, from the slider's
+message to the vertices that answer it. With --minutes the slider is dragged on, 20 wishes a second as a browser
+sends them, and the memory is printed.
 """
 
 from __future__ import annotations
@@ -14,14 +15,18 @@ import argparse
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import psutil
 import warp as wp
 
 from warp_trunk import RelaxOptions, RunOptions, SimulationOptions, read_case
-from warp_trunk.live.session import Refusal, Session, View
+from warp_trunk.live.page import Page
+from warp_trunk.live.session import Measured, Refusal, Session, View
 from warp_trunk.live.wish import Wish, first_wish, spine_before
+from warp_trunk.recording.viewer import free_port
 from warp_trunk.run.patient import Patient, patient_of
 
 EVERY = 0.05
@@ -43,9 +48,9 @@ class Clock:
             self._asked, self._wish = time.perf_counter(), wish
         session.ask(wish)
 
-    def __call__(self, told: View | Refusal) -> None:
+    def __call__(self, told: View | Refusal | Measured) -> None:
         with self._there:
-            if isinstance(told, Refusal) or told.wish != self._wish:
+            if not isinstance(told, View) or told.wish != self._wish:
                 return
             kind = "settled" if told.settled else "near" if told.relaxed else "image"
             if np.isnan(getattr(self, kind)):
@@ -84,6 +89,7 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     parser.add_argument("--tolerance", type=float, default=0.01, help="of the last relaxation [mm]")
     parser.add_argument("--minutes", type=float, default=0.0)
+    parser.add_argument("--page", action="store_true")
     given = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
     simulation = SimulationOptions(relax=RelaxOptions(tolerance=given.tolerance))
@@ -92,6 +98,9 @@ def main() -> None:
     print(f"{len(patient.trunk.tets)} tetrahedra, {patient.model.device}; one evaluation {unit * 1e3:.2f} ms")
     rest = first_wish(spine_before(patient.case.landmarks_before))
     drag = wishes(rest, given.wishes)
+    if given.page:
+        over_the_wire(patient, drag, unit)
+        return
     clock, faults = Clock(), []
     with Session(patient, None, clock, faults.append) as session:
         clock.ask(session, drag[0])
@@ -104,14 +113,38 @@ def main() -> None:
                 image.append(clock.image)
             rate = len(there) / (time.perf_counter() - start)
             for name, taken in (("image", image), (kind, there)):
-                middle, worst = np.median(taken), np.max(taken)
-                print(
-                    f"{name}: {middle * 1e3:.0f} ms, at most {worst * 1e3:.0f} ms; {middle / unit:.1f} evaluations"
-                )
+                tell(name, taken, drag[1:], unit)
             print(f"{rate:.1f} updates a second")
         memory(session, drag, given.minutes)
     if faults:
         raise SystemExit(faults[0])
+
+
+def tell(name: str, taken: list[float], drag: list[Wish], unit: float) -> None:
+    """Prints the median of times [s], and the longest with the wish that it was for."""
+    middle, worst = float(np.median(taken)), int(np.argmax(taken))
+    print(
+        f"{name}: {middle * 1e3:.0f} ms, {middle / unit:.1f} evaluations; at most {taken[worst] * 1e3:.0f} ms, "
+        f"for wish {worst + 1} of {len(taken)}, {max(drag[worst].correction.values())} %"
+    )
+
+
+def over_the_wire(patient: Patient, drag: list[Wish], unit: float) -> None:
+    """Drags the slider of a page by its websocket."""
+    from live_client import Client  # here: it needs the extra `live`
+
+    shares = [max(wish.correction.values()) for wish in drag]
+    with TemporaryDirectory() as folder, Page(patient, Path(folder), free_port()) as page:
+        with Client(page.server.address) as client:
+            client.move(shares[0])
+            start = time.perf_counter()
+            taken = [client.move(share) for share in shares[1:]]
+            rate = len(taken) / (time.perf_counter() - start)
+        tell("image, over the websocket", [image for image, _ in taken], drag[1:], unit)
+        tell("near, over the websocket", [near for _, near in taken], drag[1:], unit)
+        print(f"{rate:.1f} updates a second")
+        if page.failure:
+            raise SystemExit(page.failure)
 
 
 def memory(session: Session, drag: list[Wish], minutes: float) -> None:

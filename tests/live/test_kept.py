@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,29 +69,21 @@ def test_what_is_there_is_not_overwritten_and_a_full_disk_is_told(tmp_path: Path
         KeptPlans(tmp_path / "file", curved_case()).keep("mine", view())
 
 
-KEEPS = """
-from pathlib import Path
-import sys
-sys.path[:0] = [{tests!r}, {live!r}]
-from test_kept import curved_case, view
-from warp_trunk.live.kept import KeptPlans
-kept, shown = KeptPlans(Path({folder!r}), curved_case()), view()
-print("ready", flush=True)
-while True:
-    kept.keep(kept.free_name(), shown)
-"""
-
-
-def test_a_killed_page_leaves_no_half_plan(tmp_path: Path) -> None:
-    here = Path(__file__).parent
-    code = KEEPS.format(tests=str(here.parent), live=str(here), folder=str(tmp_path))
-    for pause in (0.03, 0.1, 0.17):
-        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as keeps:
-            assert keeps.stdout is not None
-            assert keeps.stdout.readline() == b"ready\n"
-            time.sleep(pause)
-            keeps.kill()
-    plans = [path for path in tmp_path.iterdir() if not path.name.startswith(".")]
-    assert plans
-    for plan in plans:
-        assert {path.name for path in plan.iterdir()} == FILES
+def test_plans_of_before_are_found_and_no_others(tmp_path: Path) -> None:
+    first = KeptPlans(tmp_path / "none", curved_case())
+    assert (first.names, first.plan("mine")) == ((), None)
+    KeptPlans(tmp_path, curved_case()).keep("mine", view())
+    moved = replace(curved_case().landmarks_before, points=curved_case().landmarks_before.points + 1.0)
+    KeptPlans(tmp_path, replace(curved_case(), landmarks_before=moved)).keep("hers", view())
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "plan.toml").write_text("no plan")
+    (tmp_path / "mine" / "case.toml").rename(tmp_path / "case.toml")
+    assert KeptPlans(tmp_path, curved_case()).names == ()  # without it a folder is not whole
+    (tmp_path / "case.toml").rename(tmp_path / "mine" / "case.toml")
+    again = KeptPlans(tmp_path, curved_case())
+    assert (again.names, again.new_names, again.get("mine")) == (("mine",), (), None)
+    assert again.plan("mine") == view().surgery.plan
+    shown = view()
+    again.found("mine", shown)
+    again.keep("next", shown)
+    assert (again.get("mine"), again.names, again.new_names) == (shown, ("mine", "next"), ("next",))

@@ -13,7 +13,7 @@ import pytest
 
 from support.small_patient import small_patient
 from warp_trunk.engine.simulation import simulate
-from warp_trunk.live.session import Refusal, Session, View
+from warp_trunk.live.session import Measured, Refusal, Session, View
 from warp_trunk.live.wish import Wish, first_wish, spine_before
 from warp_trunk.measures import measure
 from warp_trunk.results import predicted_skin
@@ -27,16 +27,16 @@ class Heard:
     """What a session told, in order."""
 
     def __init__(self) -> None:
-        self.told: list[View | Refusal] = []
+        self.told: list[View | Refusal | Measured] = []
         self.faults: list[str] = []
         self._more = threading.Condition()
 
-    def __call__(self, told: View | Refusal) -> None:
+    def __call__(self, told: View | Refusal | Measured) -> None:
         with self._more:
             self.told.append(told)
             self._more.notify_all()
 
-    def until(self, wanted: Callable[[View | Refusal], bool]) -> View | Refusal:
+    def until(self, wanted: Callable[[View | Refusal | Measured], bool]) -> View | Refusal | Measured:
         """The first of those told that is wanted, waiting for it."""
         with self._more:
             assert self._more.wait_for(lambda: any(map(wanted, self.told)), WAIT), self.told[-1:]
@@ -95,7 +95,7 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient
     with Session(patient, None, heard, heard.faults.append) as session:
         for share in range(1, 61):
             session.ask(corrected(rest, share))
-            time.sleep(0.002)
+            time.sleep(0.0005)
         end = heard.settled(corrected(rest, 60))
     numbers = [told.number for told in heard.told if isinstance(told, View)]
     assert numbers == sorted(numbers)  # never an older one after a newer one
@@ -107,6 +107,20 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient
     relaxed = [told for told in heard.told if isinstance(told, View) and told.relaxed and not told.settled]
     assert relaxed
     assert all(told.error is not None and told.error <= 1.0 for told in relaxed)
+
+
+def test_numbers_follow_a_drag_that_does_not_rest(patient: Patient, rest: Wish) -> None:
+    """A relaxed skin is measured also where the sliders have moved on since."""
+    heard = Heard()
+    with Session(patient, None, heard, heard.faults.append) as session:
+        until = time.monotonic() + WAIT
+        share = 0
+        while not any(isinstance(told, Measured) for told in list(heard.told)) and time.monotonic() < until:
+            session.ask(corrected(rest, share := share % 60 + 1))
+            time.sleep(0.005)
+    measured = next(told for told in heard.told if isinstance(told, Measured))
+    assert measured.measures.skin_change_max is not None
+    assert heard.faults == []
 
 
 def test_an_impossible_wish_is_told_and_the_next_one_goes_on(patient: Patient, rest: Wish) -> None:
@@ -132,3 +146,23 @@ def test_a_fault_of_the_program_is_told(patient: Patient, monkeypatch: pytest.Mo
     with Session(patient, None, Heard(), faults.put) as session:
         session.ask(rest)
         assert faults.get(timeout=WAIT) == "ZeroDivisionError: as if"
+
+
+def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: Patient, rest: Wish) -> None:
+    heard, beside = Heard(), []
+    wish = corrected(rest, 50)
+    with Session(patient, None, heard, heard.faults.append) as session:
+        session.ask(corrected(rest, 10))
+        heard.settled(corrected(rest, 10))
+        session.look_at(wish.plan(), wish, beside.append)
+        assert [view.relaxed for view in beside] == [False]
+        until = time.monotonic() + WAIT
+        while len(beside) < 2 and time.monotonic() < until:
+            time.sleep(0.01)
+        session.ask(wish)
+        alone = heard.settled(wish)
+    assert beside[1].settled
+    assert beside[1].measures is not None
+    tolerance = patient.options.simulation.relax.tolerance
+    assert np.linalg.norm(beside[1].skin - alone.skin, axis=1).max() <= 2.0 * tolerance
+    assert heard.faults == []

@@ -1,4 +1,4 @@
-"""What is shown at once: the skin as the spline of the landmarks carries it on from where it was last relaxed."""
+"""What is shown at once: the skin as the spline of the landmarks carries it, with what relaxation likely adds."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.spline_response import spline_response
+
+from .forecast import Forecast
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -30,37 +32,35 @@ class Image:
 class Images:
     """The image for any plan of one patient.
 
-    The displacement by the spline is a product with a matrix made once (`spline_response`). On top of it goes what
-    relaxation added at the plan that was relaxed last, so that a small step of a slider makes a small error: what
-    relaxation adds changes with the way of the landmarks, nearly in proportion. That proportion is also the
-    estimate of the error, the largest one seen of late.
+    The displacement by the spline is a product with a matrix made once (`spline_response`). On top of it goes
+    what relaxation adds, foretold from the plans that were relaxed before (`Forecast`). The estimate of the error
+    is the way of the landmarks from the nearest of those, times the largest error for each mm of it seen of late,
+    and the error of the skin relaxed last.
     """
 
     def __init__(self, case: Case) -> None:
         self._before = case.landmarks_before.points
         self._skin = case.skin.vertices
         self._response = spline_response(self._before, self._skin)
-        self._relaxed_at = self._before
-        self._added = np.zeros_like(self._skin)
+        self._added = Forecast(self._before, np.zeros_like(self._skin))
         self._ratios: list[float] = []
+        self._error = 0.0
 
     def of(self, landmarks: Landmarks) -> Image:
         """The image for landmarks after surgery."""
-        error = max(self._ratios) * self._way(landmarks) if self._ratios else None
-        return Image(self._skin + self._carried(landmarks) + self._added, error)
+        error = None
+        if self._ratios:
+            error = self._error + max(self._ratios) * self._added.way(landmarks.points)
+        return Image(self._carried(landmarks) + self._added.at(landmarks.points), error)
 
-    def learn(self, landmarks: Landmarks, skin: np.ndarray) -> None:
-        """Goes on from a skin that was relaxed for landmarks, vertices (vertices, 3) [mm]."""
-        way = self._way(landmarks)
+    def learn(self, landmarks: Landmarks, skin: np.ndarray, error: float = 0.0) -> None:
+        """Goes on from a skin (vertices, 3) that was relaxed for landmarks to an estimated error [mm]."""
+        self._error = error if np.isfinite(error) else self._error
+        carried, way = self._carried(landmarks), self._added.way(landmarks.points)
         if way > 0.0:
-            off = np.linalg.norm(self.of(landmarks).skin - skin, axis=1).max()
+            off = np.linalg.norm(carried + self._added.at(landmarks.points) - skin, axis=1).max()
             self._ratios = [*self._ratios[1 - _REMEMBERED :], float(off) / way]
-        self._added = skin - self._skin - self._carried(landmarks)
-        self._relaxed_at = landmarks.points
+        self._added.learn(landmarks.points, skin - carried)
 
     def _carried(self, landmarks: Landmarks) -> np.ndarray:
-        return self._response @ (landmarks.points - self._before)
-
-    def _way(self, landmarks: Landmarks) -> float:
-        """Longest way of a landmark since the last relaxation [mm]."""
-        return float(np.linalg.norm(landmarks.points - self._relaxed_at, axis=1).max(initial=0.0))
+        return self._skin + self._response @ (landmarks.points - self._before)

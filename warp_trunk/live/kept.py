@@ -1,4 +1,4 @@
-"""Plans that were kept: cases on disk, and views to compare with."""
+"""Plans that were kept, now or before: cases on disk, and views to compare with."""
 
 from __future__ import annotations
 
@@ -8,10 +8,16 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_trunk.bone_motion.plan.planned_folder import write_planned_case
+import numpy as np
+
+from warp_trunk.bone_motion.plan import read_plan
+from warp_trunk.bone_motion.plan.planned_folder import PLAN, write_planned_case
+from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.case.places import HEADER
 from warp_trunk.errors import InputError
 
 if TYPE_CHECKING:
+    from warp_trunk.bone_motion.plan import Plan
     from warp_trunk.case import Case
 
     from .session import View
@@ -21,22 +27,37 @@ MOST_NAME = 60
 
 
 class KeptPlans:
-    """What was kept since the page was opened, by name; each is a case as `warp-trunk plan` writes it."""
+    """Plans of this patient in a folder, by name; each is a case as `warp-trunk plan` writes it."""
 
     def __init__(self, folder: Path, case: Case) -> None:
+        """Finds those that were kept before; what of the folder is no plan of this patient is passed over."""
         self.folder = folder
         self._case = case
         self._views: dict[str, View] = {}
+        self._plans = _plans_in(folder, case)
         self._writing = threading.Lock()
 
     @property
     def names(self) -> tuple[str, ...]:
-        """In the order in which they were kept."""
-        return tuple(self._views)
+        """Those of before, then in the order in which they were kept."""
+        return tuple({**self._plans, **self._views})
+
+    @property
+    def new_names(self) -> tuple[str, ...]:
+        """Those that were kept since the page was opened."""
+        return tuple(name for name in self._views if name not in self._plans)
 
     def get(self, name: str) -> View | None:
-        """A plan as it was shown, at its best; None where there is none of that name."""
+        """A plan as it was shown, at its best; None where it was not shown yet, or there is none of that name."""
         return self._views.get(name)
+
+    def plan(self, name: str) -> Plan | None:
+        """A plan that was kept before the page was opened."""
+        return self._plans.get(name)
+
+    def found(self, name: str, view: View) -> None:
+        """Takes a view of a plan that was kept before."""
+        self._views[name] = view
 
     def free_name(self) -> str:
         """A name that none has yet."""
@@ -77,3 +98,21 @@ class KeptPlans:
         for name, kept in self._views.items():
             if kept.number == view.number:
                 self._views[name] = view
+
+
+def _plans_in(folder: Path, case: Case) -> dict[str, Plan]:
+    """The plans of a patient that lie in a folder, by name: planned cases with her landmarks before surgery."""
+    found = {}
+    for path in sorted(folder.glob(f"[!.]*/{PLAN}")):
+        try:
+            before = read_landmarks(path.parent / "landmarks_before.csv")
+            hers = before.names == case.landmarks_before.names
+            if (
+                hers
+                and np.array_equal(before.points, case.landmarks_before.points)
+                and (path.parent / HEADER).exists()
+            ):
+                found[path.parent.name] = read_plan(path)
+        except InputError:
+            continue
+    return found

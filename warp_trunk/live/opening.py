@@ -83,7 +83,7 @@ def plan_live(
         progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
         while not (asked.is_set() or page.stopped.wait(0.2)):
             pass
-    for name in page.kept.names:
+    for name in page.kept.new_names:
         progress.message(f"Kept: {folder / name}")
     return page.failure
 

@@ -15,7 +15,7 @@ from .kept import KeptPlans
 from .loopback import LoopbackServer
 from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
-from .session import Refusal, Session, View
+from .session import Measured, Refusal, Session, View
 from .wish import first_wish, spine_before
 
 if TYPE_CHECKING:
@@ -43,13 +43,13 @@ class Page:
         Raises:
             InputError: the port is taken.
         """
-        case = patient.case
+        self._case = case = patient.case
         self.stopped = threading.Event()
         """Set when the page is to end."""
         self.failure: str | None = None
         """What went wrong, where that is why."""
         self.kept = KeptPlans(folder, case)
-        """The plans that were kept."""
+        """The plans that were kept, now and before."""
         self._before = measure(case.skin, case.landmarks_before)
         self._view: View | None = None
         self._refusal: Refusal | None = None
@@ -120,16 +120,20 @@ class Page:
         with self._drawing:
             shows(bool(value))
 
-    def _show(self, told: View | Refusal) -> None:
+    def _show(self, told: View | Refusal | Measured) -> None:
         """Draws what the session tells; it tells one after another."""
         with self._drawing:
-            if isinstance(told, Refusal):
+            if isinstance(told, Measured):
+                self._measures = told.measures
+            elif isinstance(told, Refusal):
                 self._refusal = told
             else:
                 if self._view is None or told.number > self._view.number:
                     self._refusal = None
+                redrawn = self._view is None or told.skin is not self._view.skin
                 self._view = told
-                self.scene.show(told)
+                if redrawn:  # measures come later than the skin that they are of
+                    self.scene.show(told)
                 if told.measures is not None:
                     self._measures = told.measures
                     self.kept.improve(told)
@@ -160,6 +164,23 @@ class Page:
         return NOTHING, *self.kept.names
 
     def _compare(self) -> None:
+        name = self._other.value
+        plan = self.kept.plan(name)
+        if plan is not None and self.kept.get(name) is None:
+            wish = first_wish(spine_before(self._case.landmarks_before), plan)
+            try:
+                self._session.look_at(plan, wish, lambda view: self._found(name, view))
+            except InputError as error:
+                self._said.content = line_html(f"{name}: {error}")
+        self._draw_other()
+
+    def _found(self, name: str, view: View) -> None:
+        """Takes a view of a plan that was kept before the page was opened."""
+        self.kept.found(name, view)
+        if self._other.value == name:
+            self._draw_other()
+
+    def _draw_other(self) -> None:
         kept = self.kept.get(self._other.value)
         with self._drawing:
             self.scene.compare(None if kept is None else kept.skin)

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import warp as wp
 
 from warp_trunk.bone_motion.path_faults import colliding_bones
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
+from warp_trunk.geometry.spline_response import spline_response
 from warp_trunk.run.paths import find_path
 from warp_trunk.run.warnings import ending_warnings
+
+from .forecast import Forecast
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,27 +47,30 @@ class Relaxed:
 class LiveRelaxation:
     """One patient's tissue, which follows her bones from plan to plan.
 
-    It starts from where it last was, moved by the difference of the two bone paths: a small change of a plan takes
-    a step or two. The equilibrium is that of a simulation from before surgery as far as there is only one; where
-    tetrahedra end inside out or no equilibrium is found, all increments from before surgery are taken.
+    It starts from where the bones carry it and what relaxation is foretold to add (`Forecast`): a small change of
+    a plan takes a step. The equilibrium is that of a simulation from before surgery as far as there is only one;
+    where tetrahedra end inside out or no equilibrium is found, all increments from before surgery are taken.
     """
 
     def __init__(self, patient: Patient) -> None:
         self._patient = patient
-        self._path: BonePath | None = None
-        self._place = np.zeros_like(patient.trunk.nodes)
-        self._lost = False
-        self._state.place(self._place)
+        self._before = patient.case.landmarks_before.points
+        self._response = None
+        if patient.options.bones != "follow":
+            self._response = spline_response(self._before, patient.trunk.nodes)
+        still = np.zeros_like(patient.trunk.nodes)
+        self._added = Forecast(self._before, still)
+        self._case, self._carried, self._lost = patient.case, still, False
+        self._state.place(still)
 
     def go(self, case: Case) -> None:
         """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
-        patient = self._patient
-        self._path = find_path(case, patient.trunk, patient.options)
-        there = self._path.at(1.0)
-        model = patient.model
-        step = (there - self._place)[model.order].astype(wp.dtype_to_numpy(model.scalar))
-        self._state.displacement.assign(self._state.displacement.numpy() + step)
-        self._place = there
+        self._case, landmarks = case, case.planned_landmarks.points
+        if self._response is None:
+            self._carried = self._path().at(1.0)
+        else:
+            self._carried = self._response @ (landmarks - self._before)
+        self._state.place(self._carried + self._added.at(landmarks))
 
     def relax(self, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
         """Relaxes the tissue to a tolerance [mm], with `confirm` to one that is known.
@@ -73,10 +78,7 @@ class LiveRelaxation:
         Raises:
             Interrupted: `newer` said so after a step; the tissue stays where that led.
         """
-        patient, path = self._patient, self._path
-        if path is None:
-            raise RuntimeError("relax: go first")
-        watch = _watch(newer)
+        patient, watch = self._patient, _watch(newer)
         relaxation = None
         if not self._lost:
             relaxation = patient.relaxer.relax(tolerance, watch, confirm=confirm, near=confirm)
@@ -84,12 +86,17 @@ class LiveRelaxation:
         if relaxation is None or self._lost:
             self._lost = True  # until all increments from before surgery are taken
             options = patient.options.simulation
-            *_, last = simulate(patient.model, path, options, watch, relaxer=patient.relaxer)
+            *_, last = simulate(patient.model, self._path(), options, watch, relaxer=patient.relaxer)
             relaxation = last.relaxation
             self._lost = _is_lost(relaxation)
-        held = colliding_bones(patient.trunk, path) if confirm or self._lost else []
+        displacement = self._state.host_displacement()
+        if not self._lost:
+            added = displacement - self._carried
+            added[patient.trunk.prescribed] = 0.0
+            self._added.learn(self._case.planned_landmarks.points, added)
+        held = colliding_bones(patient.trunk, self._path()) if confirm or self._lost else []
         return Relaxed(
-            patient.case.skin.vertices + self._state.host_displacement()[patient.trunk.skin_nodes],
+            patient.case.skin.vertices + displacement[patient.trunk.skin_nodes],
             relaxation.estimated_error,
             relaxation.status,
             (
@@ -97,6 +104,9 @@ class LiveRelaxation:
                 *ending_warnings(relaxation, held, []),
             ),
         )
+
+    def _path(self) -> BonePath:
+        return find_path(self._case, self._patient.trunk, self._patient.options)
 
     @property
     def _state(self) -> State:

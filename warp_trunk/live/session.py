@@ -1,9 +1,10 @@
-"""From a wish to what is shown: one thread plans and shows the image, another owns the model and relaxes it."""
+"""From a wish to what is shown: one thread plans and shows the image, one owns the model, one measures."""
 
 from __future__ import annotations
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -70,10 +71,24 @@ class Refusal:
 
 
 @dataclass(frozen=True, eq=False)
+class Measured:
+    """Measures of a skin that was relaxed on the way to something newer."""
+
+    measures: TrunkMeasures
+    """What was measured."""
+
+
+@dataclass(frozen=True, eq=False)
 class _Job:
     number: int
     wish: Wish
     surgery: PlannedSurgery
+
+
+@dataclass(frozen=True, eq=False)
+class _Aside:
+    job: _Job
+    tell: Callable[[View], None]
 
 
 class Session:
@@ -83,7 +98,7 @@ class Session:
         self,
         patient: Patient,
         base: Plan | None,
-        show: Callable[[View | Refusal], None],
+        show: Callable[[View | Refusal | Measured], None],
         tell_error: Callable[[str], None],
     ) -> None:
         """Nothing runs yet.
@@ -98,13 +113,20 @@ class Session:
         self._tell_show, self._tell_error = show, tell_error
         self._wishes: Latest[Wish] = Latest()
         self._jobs: Latest[_Job] = Latest()
+        self._relaxed: Latest[View] = Latest()
+        self._asides: deque[_Aside] = deque()
         self._images, self._planner = Images(patient.case), Planner(patient.case)
         self._lock = threading.Lock()
         self._newest = 0
         self._current: _Job | None = None
+        self._shown: View | None = None
         self._threads = [
             threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
-            for name, work in (("planning", self._plan), ("relaxing", self._relax))
+            for name, work in (
+                ("planning", self._plan),
+                ("relaxing", self._relax),
+                ("measuring", self._measure),
+            )
         ]
 
     def __enter__(self) -> Session:
@@ -117,6 +139,7 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self._wishes.close()
         self._jobs.close()
+        self._relaxed.close()
         for thread in self._threads:
             thread.join()
         self._limits.restore_original_limits()
@@ -124,6 +147,25 @@ class Session:
     def ask(self, wish: Wish) -> None:
         """Asks for a plan, in place of what was asked for before."""
         self._wishes.put(wish)
+
+    def look_at(self, plan: Plan, wish: Wish, tell: Callable[[View], None]) -> None:
+        """Shows another plan beside that of the sliders: its image at once, its relaxed skin when they rest.
+
+        Args:
+            plan: what is asked.
+            wish: where the sliders would stand.
+            tell: told of its views.
+
+        Raises:
+            InputError: no spine can meet it.
+        """
+        job = _Job(0, wish, self._planner.plan(plan))
+        with self._lock:
+            image = self._images.of(job.surgery.landmarks_after)
+        tell(_view(job, image.skin, image.error, _warnings(job.surgery)))
+        self._asides.append(_Aside(job, tell))
+        if self._current is not None:
+            self._jobs.put(self._current)  # wakes who relaxes
 
     def _guarded(self, work: Callable[[], None]) -> None:
         try:
@@ -151,18 +193,12 @@ class Session:
         if job is None:
             return
         image = self._images.of(job.surgery.landmarks_after)
-        self._tell_show(
-            View(
-                number=job.number,
-                wish=job.wish,
-                surgery=job.surgery,
-                skin=image.skin,
-                relaxed=False,
-                error=image.error,
-                measures=None,
-                warnings=_warnings(job.surgery),
-            )
-        )
+        view = _view(job, image.skin, image.error, _warnings(job.surgery))
+        self._show(view)
+
+    def _show(self, view: View) -> None:
+        self._shown = view
+        self._tell_show(view)
 
     def _relax(self) -> None:
         case = self._patient.case
@@ -179,36 +215,60 @@ class Session:
                 if not self._jobs.comes(REST):
                     end = tissue.relax(tolerance, confirm=True, newer=lambda: self._jobs.waits)
                     self._learn(job, end, settled=True)
+                    while self._asides and not self._jobs.waits:
+                        self._relax_aside(tissue, self._asides[0])
+                        self._asides.popleft()
             except Interrupted:
                 continue
 
+    def _relax_aside(self, tissue: LiveRelaxation, aside: _Aside) -> None:
+        job, before = aside.job, self._patient.case.skin
+        tissue.go(job.surgery.planned_case(self._patient.case))
+        end = tissue.relax(
+            self._patient.options.simulation.relax.tolerance, confirm=True, newer=lambda: self._jobs.waits
+        )
+        view = _view(
+            job, end.skin, end.error, (*_warnings(job.surgery), *end.warnings), relaxed=True, settled=True
+        )
+        measures = measure(Surface(end.skin, before.faces), job.surgery.landmarks_after, before)
+        aside.tell(replace(view, measures=measures))
+
     def _learn(self, job: _Job, relaxed: Relaxed, *, settled: bool) -> None:
-        """Shows a relaxed skin, then its measures; where sliders have moved on, what it makes of their image."""
-        surgery, before = job.surgery, self._patient.case.skin
+        """Shows a relaxed skin, or where sliders have moved on what it makes of their image; it is measured."""
+        warnings = (*_warnings(job.surgery), *relaxed.warnings)
+        view = _view(job, relaxed.skin, relaxed.error, warnings, relaxed=True, settled=settled)
         with self._lock:
-            self._images.learn(surgery.landmarks_after, relaxed.skin)
-            if not self._is_current(job):
-                self._show_current_image()
-                return
-            view = View(
-                number=job.number,
-                wish=job.wish,
-                surgery=surgery,
-                skin=relaxed.skin,
-                relaxed=True,
-                error=relaxed.error,
-                measures=None,
-                warnings=(*_warnings(surgery), *relaxed.warnings),
-                settled=settled,
-            )
-            self._tell_show(view)
-        measures = measure(Surface(relaxed.skin, before.faces), surgery.landmarks_after, before)
-        with self._lock:
+            self._images.learn(job.surgery.landmarks_after, relaxed.skin, relaxed.error)
             if self._is_current(job):
-                self._tell_show(replace(view, measures=measures))
+                self._show(view)
+            else:
+                self._show_current_image()
+        self._relaxed.put(view)
+
+    def _measure(self) -> None:
+        before = self._patient.case.skin
+        while (view := self._relaxed.take()) is not None:
+            measures = measure(Surface(view.skin, before.faces), view.surgery.landmarks_after, before)
+            with self._lock:
+                if self._shown is view:
+                    self._show(replace(view, measures=measures))
+                else:
+                    self._tell_show(Measured(measures))
 
     def _is_current(self, job: _Job) -> bool:
         return self._current is not None and self._current.number == job.number
+
+
+def _view(
+    job: _Job,
+    skin: np.ndarray,
+    error: float | None,
+    warnings: tuple[str, ...],
+    *,
+    relaxed: bool = False,
+    settled: bool = False,
+) -> View:
+    return View(job.number, job.wish, job.surgery, skin, relaxed, error, None, warnings, settled)
 
 
 def _warnings(surgery: PlannedSurgery) -> tuple[str, ...]:
