@@ -158,7 +158,7 @@ def _parser() -> argparse.ArgumentParser:
         "--rounds", type=int, default=ROUNDS, help="of which the least time counts (default %(default)s)"
     )
     one.add_argument(
-        "--limit", type=float, default=20.0, help="no further round after this [s] (default %(default)g)"
+        "--limit", type=float, default=30.0, help="no further round after this [s] (default %(default)g)"
     )
     one.add_argument(
         "--timeout", type=float, default=120.0, help="of one peer on one problem [s] (default %(default)g)"

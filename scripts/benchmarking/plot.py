@@ -70,7 +70,7 @@ def plot(path: str | Path, records: Sequence[Record], title: str = "") -> None:
     figure.legend(handles=_legend(by_setting), loc="outside right upper", frameon=False, fontsize=9)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=160)
+    figure.savefig(path, dpi=160, facecolor="white")  # also on a dark page
     plt.close(figure)
 
 

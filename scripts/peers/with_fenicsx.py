@@ -37,6 +37,7 @@ GAMG = {
 }
 WAYS: dict[str, dict[str, Any]] = {
     "GAMG, CG to 1e-2": GAMG,
+    "GAMG, CG to 1e-3": {**GAMG, "ksp_rtol": 1e-3},
     "hypre BoomerAMG, CG to 1e-2": {
         **MULTIGRID,
         "pc_type": "hypre",
