@@ -13,6 +13,7 @@ from warp_trunk.errors import InputError
 
 from .energies.by_name import ENERGIES, EnergyName
 from .energies.energy import TetEnergy
+from .memo import Arrays, Memo, arrays_of
 from .model_checks import check_mesh, check_tissues
 from .ordering import bisect
 from .parallel import Launch, Parallel
@@ -58,6 +59,8 @@ class Model:
     scan: np.ndarray | None = None
     """Displacement from rest of the trunk before surgery, in model order [mm], shape (nodes, 3), 0 on bone; None
     where the trunk before surgery is at rest."""
+    memo: Memo | None = None
+    """What is remembered of this trunk at rest; None where nothing is."""
 
     @property
     def precision(self) -> str:
@@ -144,6 +147,7 @@ def build_model(
     device: str | Parallel = "auto",
     precision: str = "float32",
     threads: int = 0,
+    memo: Memo | None = None,
 ) -> Model:
     """Measures the trunk at rest and uploads it.
 
@@ -157,6 +161,7 @@ def build_model(
         device: 'auto', 'cpu' or 'cuda:N'; or where several models run, with its threads.
         precision: 'float32' or 'float64', of the device arrays; the host measures in float64.
         threads: CPU threads; 0 is all cores.
+        memo: what is remembered of this mesh with these arguments; what had to be found is added.
 
     Raises:
         InputError: an argument out of its range, no tetrahedron, a tetrahedron without volume at rest or of a
@@ -168,19 +173,22 @@ def build_model(
     check_choice("weights", weights, get_args(WeightsName))
     if not np.isfinite(gravity):
         raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
-    check_mesh(trunk)
+    check_mesh(trunk, memo)
     check_tissues(trunk, tissues)
     parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
     scalar = PRECISIONS[precision]
 
-    order, free_nodes = number_nodes(trunk)
+    order = arrays_of(
+        memo, "numbering", lambda: {"order": number_nodes(trunk)}, lambda known: _is_numbering(known, trunk)
+    )["order"].astype(np.int64)
+    free_nodes = int(np.count_nonzero(~trunk.prescribed))
     number = np.empty(len(order), dtype=np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
     corners = number[trunk.tets]
     tet_order = np.argsort(corners.min(axis=1), kind="stable")
     corners = corners[tet_order]
     label = trunk.tissue[tet_order] if trunk.tissue is not None and len(tissues) > 1 else None
-    rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel.device)
+    rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel.device, memo)
     return Model(
         parallel=parallel,
         scalar=scalar,
@@ -193,14 +201,24 @@ def build_model(
         tets=rest.upload(corners, wp.vec4i),
         elements=ENERGIES[energy](rest, gravity, weights),
         label=label,
+        memo=memo,
     )
 
 
-def number_nodes(trunk: TrunkMesh) -> tuple[np.ndarray, int]:
-    """The mesh node of each model node, shape (nodes,), near ones together, and how many of them are free."""
+def number_nodes(trunk: TrunkMesh) -> np.ndarray:
+    """The mesh node of each model node, shape (nodes,), int32: the free ones first, near ones together."""
     free, prescribed = np.flatnonzero(~trunk.prescribed), np.flatnonzero(trunk.prescribed)
     near = bisect(trunk.nodes[free], max(1, len(free) // 8))[0]
-    return np.concatenate([free[near], prescribed]), len(free)
+    return np.concatenate([free[near], prescribed]).astype(np.int32)
+
+
+def _is_numbering(known: Arrays, trunk: TrunkMesh) -> bool:
+    order, prescribed = known["order"], trunk.prescribed
+    return (
+        np.array_equal(np.sort(order), np.arange(len(prescribed)))
+        and order.dtype == np.int32
+        and np.array_equal(prescribed[order], np.sort(prescribed))
+    )
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
+from .memo import Memo, arrays_of
 from .tissue import Tissue
 from .trunk_mesh import TrunkMesh, tet_volumes
 
@@ -36,7 +37,7 @@ def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
         )
 
 
-def check_mesh(trunk: TrunkMesh) -> None:
+def check_mesh(trunk: TrunkMesh, memo: Memo | None = None) -> None:
     """InputError where the trunk cannot be a rest state, before anything is uploaded."""
     if len(trunk.tets) == 0:
         raise InputError("trunk: the mesh has no tetrahedron; give a mesh with soft tissue")
@@ -50,7 +51,10 @@ def check_mesh(trunk: TrunkMesh) -> None:
             f"trunk: tetrahedron {worst} has volume {volume[worst]:.3g} mm^3 at rest; "
             "every one needs a positive volume (check the order of its corners)"
         )
-    loose = unheld_nodes(trunk)
+    held = arrays_of(
+        memo, "held", lambda: {"loose": np.array(unheld_nodes(trunk))}, lambda known: known["loose"] == 0
+    )
+    loose = int(held["loose"])
     if loose:
         raise InputError(
             f"trunk: {loose} free nodes belong to tissue that no bone holds, so it could move rigidly; "

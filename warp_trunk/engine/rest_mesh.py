@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from .memo import Memo
 from .tissue import Tissue
 
 
@@ -30,6 +31,8 @@ class RestMesh:
     """Precision of the device arrays, wp.float32 or wp.float64."""
     device: str
     """'cpu' or 'cuda:N'."""
+    memo: Memo | None = None
+    """What is remembered of this trunk."""
 
     @property
     def is_cuda(self) -> bool:
@@ -39,7 +42,7 @@ class RestMesh:
     @cached_property
     def positions(self) -> np.ndarray:
         """Corners of every tetrahedron [mm], shape (tets, 4, 3)."""
-        return self.nodes[self.corners]
+        return np.take(self.nodes, self.corners, axis=0)
 
     @cached_property
     def edges(self) -> np.ndarray:

@@ -91,7 +91,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if arrived:
-            found = replace(model, rest=rest, scan=scan - rest, elements=at_rest(model, mesh))
+            found = replace(model, rest=rest, scan=scan - rest, elements=at_rest(model, mesh), memo=None)
             return RestState(found, sag, newton.distance, rounds, spent)
         if math.isinf(newton.distance):
             raise InputError(

@@ -99,7 +99,7 @@ def check_tissue(tissue: np.ndarray, tets: int, name: str) -> None:
 
 def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Signed volumes [mm^3] of tetrahedra, 1/6 P_ji . (P_ki x P_li), shape (tets,)."""
-    corners = nodes[tets]
+    corners = np.take(nodes, tets, axis=0)
     ji, ki, li = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
     return np.einsum("ti,ti->t", ji, np.cross(ki, li)) / 6.0
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.relaxation import Relaxer
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -20,6 +21,7 @@ from warp_trunk.io.exchange import read_volume
 from warp_trunk.meshing import make_trunk
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import check_labels, layered
+from warp_trunk.meshing.set_up_cache import SetUpCache
 
 from .options import RunOptions
 from .progress import stage_of
@@ -50,11 +52,16 @@ class Patient:
     """The mesh on its device, at rest."""
     given: TrunkMesh | None = None
     """The mesh that was given instead of being made here."""
+    set_up: SetUpCache | None = None
+    """Where what was found of the model is kept for the next process; None where nothing is kept."""
 
     @cached_property
     def relaxer(self) -> Relaxer:
         """What every relaxation uses, made when it is first asked for."""
-        return Relaxer(self.model, self.options.simulation.relax)
+        relaxer = Relaxer(self.model, self.options.simulation.relax)
+        if self.set_up is not None:
+            self.set_up.store()
+        return relaxer
 
     def check(self, case: Case) -> None:
         """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""
@@ -102,20 +109,33 @@ def patient_of(
         trunk = free_joints(trunk)
     trunk, tissues = _tissues(case, trunk, options, progress)
     with stage_of(progress, "compile", "preparing the model"):
+        parallel = Parallel(options.device, options.threads)
+        set_up = _set_up(trunk, tissues, options, parallel)
         model = build_model(
             trunk,
             tissues,
             energy=options.energy,
             weights=options.weights,
             gravity=options.gravity,
-            device=options.device,
+            device=parallel,
             precision=options.precision,
-            threads=options.threads,
+            memo=None if set_up is None else set_up.memo,
         )
     if options.gravity != 0.0 and options.rest == "sag-free":
         with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
             model = sag_free(model).model
-    return Patient(case, options, trunk, model, given)
+    return Patient(case, options, trunk, model, given, set_up)
+
+
+def _set_up(
+    trunk: TrunkMesh, tissues: Tissue | tuple[Tissue, ...], options: RunOptions, parallel: Parallel
+) -> SetUpCache | None:
+    """The file of what is found of a mesh at rest; none where no mesh is kept or rest is to be found."""
+    if not options.mesh.cache or (options.gravity != 0.0 and options.rest == "sag-free"):
+        return None
+    device = "cuda" if parallel.is_cuda else f"cpu {parallel.ranges}"
+    settings = (tissues, options.energy, options.weights, options.gravity, options.precision, device)
+    return SetUpCache(trunk, repr(settings))
 
 
 def with_mesh_given(

@@ -12,7 +12,8 @@ import warp as wp
 
 from warp_trunk.kernels.itmsm import AREA, DISTANCE, GRAVITY, VOLUME, itmsm_kernels
 
-from ..features import EDGES, FACES, face_areas, shared_by
+from ..features import EDGES, FACES, edge_lengths, face_areas, shared_by
+from ..memo import Arrays, arrays_of
 from ..rest_mesh import RestMesh
 from .energy import of_each
 
@@ -77,13 +78,10 @@ class Itmsm:
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Eq. 4.8 to 4.10 of [2]; see `TetEnergy`."""
 
-        def lengths(p: np.ndarray) -> np.ndarray:
-            return np.linalg.norm(p[:, EDGES[:, 1]] - p[:, EDGES[:, 0]], axis=2)
-
         def change(measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
             return (measure(moved) / measure(rest) - 1.0) ** 2
 
-        energy = (self.edge_weight.numpy()[tets] * change(lengths)).sum(axis=1)
+        energy = (self.edge_weight.numpy()[tets] * change(edge_lengths)).sum(axis=1)
         if "area" in self.terms:
             energy += (self.face_weight.numpy()[tets] * change(face_areas)).sum(axis=1)
         if "volume" in self.terms:
@@ -142,13 +140,29 @@ class Shares:
 
 def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
     """The shares by count, as the papers have it, or by the volume that each feature stands for."""
-    edge, face = (1.0 / shared_by(rest.corners[:, part]) for part in (EDGES, FACES))
+    occurs = arrays_of(rest.memo, "features", lambda: _occurrences(rest), lambda known: _are_counts(known, rest))
+    edge, face = (1.0 / occurs[name] for name in ("edge", "face"))
     edges = float(edge.sum())
     if not by_volume:
         return Shares(edge, face, np.ones(1), edges)
     part = rest.volume / rest.volume.sum()
     edge, face = (np.outer(part, np.full(share.shape[1], share.sum() / share.shape[1])) for share in (edge, face))
     return Shares(edge, face, part * len(part), edges)
+
+
+def _occurrences(rest: RestMesh) -> dict[str, np.ndarray]:
+    """In how many tetrahedra the edges and the faces of each occur."""
+    counts = {"edge": shared_by(rest.corners[:, EDGES]), "face": shared_by(rest.corners[:, FACES])}
+    return {name: count.astype(np.uint16) for name, count in counts.items()}
+
+
+def _are_counts(known: Arrays, rest: RestMesh) -> bool:
+    return all(
+        known[name].shape == (len(rest.corners), len(part))
+        and known[name].dtype == np.uint16
+        and known[name].all()
+        for name, part in (("edge", EDGES), ("face", FACES))
+    )
 
 
 def weights(rest: RestMesh, gravity: float, shares: Shares) -> tuple[dict[str, np.ndarray], float]:
@@ -171,7 +185,7 @@ def measures(rest: RestMesh, area: bool) -> dict[str, np.ndarray]:
     p = rest.positions
     return {
         "rest_edge": rest.edges,
-        "rest_length": np.linalg.norm(p[:, EDGES[:, 1]] - p[:, EDGES[:, 0]], axis=2),
+        "rest_length": edge_lengths(p),
         "rest_area": face_areas(p) if area else np.empty((0, 4)),
         "rest_volume": rest.volume,
     }

@@ -23,7 +23,7 @@ def record_dense_product(model: Model, inverse: np.ndarray, residual: wp.array, 
 
     Args:
         model: where it runs.
-        inverse: symmetric, shape (3 n, 3 n), float64, on the host.
+        inverse: symmetric, shape (3 n, 3 n), on the host.
         residual: shape (n,), vec3.
         solution: shape (n + STRIP,), vec3: the last strip is written whole.
     """
@@ -38,7 +38,7 @@ def record_dense_product(model: Model, inverse: np.ndarray, residual: wp.array, 
             [view(solution, model.scalar, size)],
         )
     strips = -(-size // STRIP)
-    padded = np.zeros((strips * STRIP, size))
+    padded = np.zeros((strips * STRIP, size), dtype=inverse.dtype)
     padded[:size] = inverse
     by_strip = padded.reshape(strips, STRIP, size).transpose(0, 2, 1)
     vector: Any = wp.types.vector(STRIP, model.scalar)

@@ -30,9 +30,8 @@ class CoarseGrid:
         """The grid over points (points, 3) that nowhere lie below the origin [mm]."""
         cell, weight = weights(points, origin, spacing)
         size = cell.max(axis=0) + 2
-        support = np.zeros(size)
-        vertex = cell[:, None] + CORNERS
-        np.add.at(support, tuple(vertex.reshape(-1, 3).T), (weight**2).ravel())
+        vertex = np.ravel_multi_index(tuple(np.moveaxis(cell[:, None] + CORNERS, 2, 0)), size)
+        support = np.bincount(vertex.ravel(), (weight**2).ravel(), minlength=size.prod()).reshape(size)
         kept = support >= min(LEAST_SUPPORT, support.max())
         number = np.where(kept, np.cumsum(kept.ravel()).reshape(size) - 1, -1)
         return cls(origin, spacing, number, origin + spacing * np.argwhere(kept))
@@ -44,8 +43,10 @@ class CoarseGrid:
         weight = np.where(vertex >= 0, weight, 0.0)
         vertex = np.maximum(vertex, 0)
         entry = np.flatnonzero(weight.ravel() > 0.0)
-        entry = entry[np.argsort(vertex.ravel()[entry], kind="stable")]
-        count = np.bincount(vertex.ravel()[entry], minlength=len(self.positions))
+        number = vertex.ravel()[entry]
+        short = number.astype(np.uint16) if len(self.positions) <= 1 << 16 else number  # sorted much faster
+        entry = entry[np.argsort(short, kind="stable")]
+        count = np.bincount(number, minlength=len(self.positions))
         return Interpolation(
             vertex=vertex.astype(np.int32),
             weight=weight,

@@ -19,6 +19,7 @@ from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.multilevel import LANES, STRIP, multilevel_kernels, vec8i
 from warp_trunk.kernels.sparse import sparse_kernels
 
+from ..memo import Arrays, arrays_of
 from ..model import Model
 from ..parallel import Launch
 from .block_matrix import BlockMatrix
@@ -47,26 +48,30 @@ class Multilevel:
         self._inverse_diagonal = matrix.inverse_diagonal
         self._unread = Dots.unread(model)
         points = model.rest[model.free]
-        spacings = choose_spacings(points)
+        spacings = _spacings(model, points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
         self._levels: list[_Level] = []
         finer = points
         for spacing in spacings:
             grid = CoarseGrid.around(points, origin, spacing)
             size = len(grid.positions)
-            whole = _Transfer(model, grid.interpolate(points))
+            transfer = _Transfer(model, grid.interpolate(finer))
             last = spacing == spacings[-1]
+            diagonal = None
+            if not last:
+                whole = transfer if finer is points else _Transfer(model, grid.interpolate(points))
+                diagonal = grid_diagonal(matrix, whole, size)
             level = _Level(
                 points=len(finer),
-                transfer=_Transfer(model, grid.interpolate(finer)),
+                transfer=transfer,
                 residual=model.zeros(model.vec3, size),
                 correction=model.zeros(model.vec3, size + STRIP),  # room for a whole last strip
-                inverse_diagonal=None if last else grid_diagonal(matrix, whole, size),
+                inverse_diagonal=diagonal,
             )
             self._levels.append(level)
             finer = grid.positions
             if last:
-                self._inverse = invert(grid_matrix(matrix, whole, size))
+                self._inverse = _inverse(matrix, grid, points)
                 self._solve_dense = record_dense_product(model, self._inverse, level.residual, level.correction)
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
@@ -133,6 +138,38 @@ class Multilevel:
                 launch()
 
         return apply
+
+
+def _spacings(model: Model, points: np.ndarray) -> list[float]:
+    """`choose_spacings`, if not remembered."""
+
+    def fits(known: Arrays) -> bool:
+        spacings, extent = known["spacings"], np.ptp(points, axis=0).max(initial=1e-6)
+        return bool(
+            spacings.ndim == 1
+            and len(spacings)
+            and 1e-3 * extent < spacings[0]
+            and spacings[-1] <= extent
+            and (spacings[1:] == 2.0 * spacings[:-1]).all()
+        )
+
+    found = arrays_of(model.memo, "grids", lambda: {"spacings": np.array(choose_spacings(points))}, fits)
+    return found["spacings"].tolist()
+
+
+def _inverse(matrix: BlockMatrix, grid: CoarseGrid, points: np.ndarray) -> np.ndarray:
+    """The inverse of a grid's `grid_matrix` in the model's precision, if not remembered."""
+    model, size, precision = matrix.model, len(grid.positions), np.dtype(matrix.model.precision)
+
+    def find() -> Arrays:
+        whole = _Transfer(model, grid.interpolate(points))
+        return {"inverse": invert(grid_matrix(matrix, whole, size)).astype(precision)}
+
+    def fits(known: Arrays) -> bool:
+        inverse = known["inverse"]
+        return inverse.shape == (3 * size,) * 2 and inverse.dtype == precision and bool(np.isfinite(inverse).all())
+
+    return arrays_of(model.memo, "coarsest", find, fits)["inverse"]
 
 
 class _Transfer:

@@ -9,6 +9,7 @@ import warp as wp
 
 from warp_trunk.kernels.elements import vec16i
 
+from ..memo import Arrays, arrays_of
 from ..model import Model
 
 
@@ -35,6 +36,26 @@ class Sparsity:
 
 def find_sparsity(model: Model) -> Sparsity:
     """The pattern of the matrix: node pairs that share a tetrahedron, both free."""
+    found = arrays_of(model.memo, "pattern", lambda: _pattern(model), lambda known: _is_pattern(known, model))
+    row_start, columns = found["row_start"], found["columns"]
+    size = model.free_nodes
+    row_of_corner = np.minimum(model.corners, size - 1)
+    block_of = row_start[row_of_corner][:, :, None] + found["place"].astype(np.int32).reshape(-1, 4, 4) - 1
+    block_of[found["place"].reshape(-1, 4, 4) == 0] = -1
+    own = np.flatnonzero(columns == np.repeat(np.arange(size), np.diff(row_start)))
+    bounds = np.searchsorted(row_start, np.linspace(0, len(columns), model.parallel.ranges + 1)).clip(0, size)
+    bounds[0], bounds[-1] = 0, size
+    return Sparsity(
+        row_start=model.array(row_start, wp.int32),
+        columns=model.array(columns, wp.int32),
+        diagonal=model.array(own.astype(np.int32), wp.int32),
+        block_of=model.array(block_of.reshape(-1, 16), vec16i),
+        row_bounds=bounds,
+    )
+
+
+def _pattern(model: Model) -> dict[str, np.ndarray]:
+    """Compressed rows, and the place of each corner pair in its row, from 1; 0 with a prescribed corner."""
     rows = np.repeat(model.corners, 4, axis=1).astype(np.int64)
     columns = np.tile(model.corners, (1, 4)).astype(np.int64)
     both_free = model.is_free(rows) & model.is_free(columns)
@@ -42,16 +63,32 @@ def find_sparsity(model: Model) -> Sparsity:
     own = np.arange(size, dtype=np.int64) * (size + 1)
     key = np.concatenate([(rows * size + columns)[both_free], own])
     unique, inverse = np.unique(key, return_inverse=True)
-    block_of = np.full(rows.shape, -1, dtype=np.int32)
-    block_of[both_free] = inverse[: len(inverse) - size]
     row_start = np.searchsorted(unique, np.arange(size + 1, dtype=np.int64) * size).astype(np.int32)
-    share = np.linspace(0, len(unique), model.parallel.ranges + 1)
-    bounds = np.searchsorted(row_start, share).clip(0, size)
-    bounds[0], bounds[-1] = 0, size
-    return Sparsity(
-        row_start=model.array(row_start, wp.int32),
-        columns=model.array((unique % max(size, 1)).astype(np.int32), wp.int32),
-        diagonal=model.array(np.searchsorted(unique, own).astype(np.int32), wp.int32),
-        block_of=model.array(block_of, vec16i),
-        row_bounds=bounds,
+    place = np.zeros(rows.shape, dtype=np.uint16)
+    place[both_free] = inverse[: len(inverse) - size] - row_start[rows[both_free]] + 1
+    return {"row_start": row_start, "columns": (unique % max(size, 1)).astype(np.int32), "place": place}
+
+
+def _is_pattern(known: Arrays, model: Model) -> bool:
+    row_start, columns, place = known["row_start"], known["columns"], known["place"]
+    size, tets = model.free_nodes, len(model.corners)
+    if (
+        row_start.shape != (size + 1,)
+        or place.shape != (tets, 16)
+        or (row_start.dtype, columns.dtype)
+        != (
+            np.int32,
+            np.int32,
+        )
+    ):
+        return False
+    length = np.append(np.diff(row_start), 0)[np.minimum(model.corners, size)]
+    return bool(
+        row_start[0] == 0
+        and (np.diff(row_start) > 0).all()
+        and columns.shape == (row_start[-1],)
+        and columns.min() >= 0
+        and columns.max() < size
+        and (place.reshape(-1, 4, 4) <= length[:, :, None]).all()
+        and np.count_nonzero(columns == np.repeat(np.arange(size), np.diff(row_start))) == size
     )
