@@ -34,12 +34,7 @@ class MovingNormals:
     """Vertex normals of a mesh whose vertices move, in float32: what does not change is made once."""
 
     def __init__(self, faces: np.ndarray, vertices: int) -> None:
-        from scipy.sparse import csr_array  # heavy
-
-        self._corners = faces.T.copy()
-        triangle = np.repeat(np.arange(len(faces)), 3)
-        ones = np.ones(faces.size, np.float32)
-        self._sum = csr_array((ones, (faces.ravel(), triangle)), shape=(vertices, len(faces)))
+        self._corners, self._count = faces.T.copy(), vertices
 
     def __call__(self, vertices: np.ndarray) -> np.ndarray:
         """Normals of vertices (n, 3) float32, the same shape and type."""
@@ -49,6 +44,8 @@ class MovingNormals:
         area[:, 0] = uy * vz - uz * vy
         area[:, 1] = uz * vx - ux * vz
         area[:, 2] = ux * vy - uy * vx
-        normals = self._sum @ area
+        normals = np.empty((self._count, 3), dtype=np.float32)
+        for k, part in enumerate(area.T.astype(np.float64)):
+            normals[:, k] = sum(np.bincount(corner, part, minlength=self._count) for corner in self._corners)
         length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
         return normals / np.maximum(length, np.float32(1e-12))[:, None]

@@ -12,36 +12,50 @@ from warp_trunk.errors import InputError
 
 from .file_access import reason
 from .volume_files import read_mesh
+from .vtu_writing import write_vtu
 
 
 def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
     """A mesh with its displacement (nodes, 3) [mm] as a meshio.Mesh; `write_trunk` tells its data."""
     import meshio  # heavy
 
+    triangles, point_data, cell_data = _data(trunk, displacement)
+    return meshio.Mesh(
+        trunk.nodes,
+        [("tetra", trunk.tets), ("triangle", triangles)],
+        point_data=point_data,
+        cell_data={
+            name: [values[: len(trunk.tets)], values[len(trunk.tets) :]] for name, values in cell_data.items()
+        },
+    )
+
+
+def _data(
+    trunk: TrunkMesh, displacement: np.ndarray
+) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The triangles of skin and bone in node numbers, and the data of points and of cells."""
     skin_vertex = np.full(len(trunk.nodes), -1, dtype=np.int32)
     skin_vertex[trunk.skin_nodes] = np.arange(len(trunk.skin_nodes), dtype=np.int32)
     kind = np.where(trunk.bone >= 0, 2, 0).astype(np.int32)
     kind[trunk.skin_nodes] = 1
     triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
-    part = np.repeat(np.array([1, 2], dtype=np.int32), [len(trunk.skin_faces), len(trunk.bone_faces)])
-    cell_data: dict[str, Any] = {"part": [np.zeros(len(trunk.tets), dtype=np.int32), part]}
+    sizes = [len(trunk.tets), len(trunk.skin_faces), len(trunk.bone_faces)]
+    cell_data = {"part": np.repeat(np.arange(3, dtype=np.int32), sizes)}
     if trunk.tissue is not None:
         parts = trunk.tissue.ndim == 2
         label = trunk.tissue.argmax(axis=1) if parts else trunk.tissue
-        cell_data["tissue"] = [label.astype(np.int32), np.full(len(triangles), -1, dtype=np.int32)]
+        cell_data["tissue"] = np.append(label, np.full(len(triangles), -1)).astype(np.int32)
         if parts:
-            cell_data["tissue_parts"] = [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
-    return meshio.Mesh(
-        trunk.nodes,
-        [("tetra", trunk.tets), ("triangle", triangles)],
-        point_data={
-            "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
-            "node_kind": kind,
-            "bone": trunk.bone,
-            "skin_vertex": skin_vertex,
-        },
-        cell_data=cell_data,
-    )
+            cell_data["tissue_parts"] = np.vstack(
+                [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
+            )
+    point_data = {
+        "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
+        "node_kind": kind,
+        "bone": trunk.bone,
+        "skin_vertex": skin_vertex,
+    }
+    return triangles, point_data, cell_data
 
 
 def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | None = None) -> None:
@@ -55,8 +69,6 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
 
     Raises InputError when the displacement does not have one row for each node.
     """
-    import meshio  # heavy
-
     count = len(trunk.nodes)
     if displacement is None:
         displacement = np.zeros((count, 3))
@@ -64,16 +76,10 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
         raise InputError(
             f"{path}: the displacement must have shape ({count}, 3), one row a node, not {displacement.shape}"
         )
-    path = Path(path)
-    meshio.write(path, as_meshio(trunk, displacement), file_format="vtu")
-    # meshio reads field data of a VTU but does not write it
-    codes = "\n".join(trunk.bone_names).encode()
-    field = (
-        f'<FieldData><DataArray type="UInt8" Name="bone_names" NumberOfTuples="{len(codes)}" format="ascii">'
-        f"{' '.join(map(str, codes))}</DataArray></FieldData>"
-    ).encode()
-    text = path.read_bytes()
-    path.write_bytes(text.replace(b"<UnstructuredGrid>", b"<UnstructuredGrid>" + field, 1))
+    triangles, point_data, cell_data = _data(trunk, displacement)
+    names = "\n".join(trunk.bone_names).encode()
+    cells = (trunk.tets, triangles)
+    write_vtu(Path(path), trunk.nodes, cells, point_data=point_data, cell_data=cell_data, names=names)
 
 
 def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:
