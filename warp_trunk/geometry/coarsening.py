@@ -17,7 +17,7 @@ from warp_trunk.kernels.coarsening import allowed_collapses, edge_lengths, least
 
 from .normals import area_vectors, unit
 from .surface import Surface
-from .surface_checks import crossings
+from .surface_checks import cross_any, crossings
 
 _LONGEST = 1.4
 """No collapse makes an edge longer than this times the edge length asked for, if nothing else is said."""
@@ -83,7 +83,7 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
     work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int32))
     random = np.random.default_rng(0)
     count = len(work.vertices)
-    kept = work.copy()  # the last state without crossings
+    kept, clean = work.copy(), False  # the last state without crossings, and whether that is known of it
     frozen = np.zeros(count, dtype=bool)  # vertices whose collapses led to a crossing
     refused = np.empty(0, dtype=np.int64)  # edges that failed a test since the pass began, ascending
     faces_at_pass = np.inf
@@ -96,11 +96,11 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         edges, length = edges[fresh], length[fresh]
         pass_ends |= len(edges) == 0
         if pass_ends or rounds % _ROUNDS_BETWEEN_CHECKS == 0:
-            crossed = crossings(Surface(work.vertices, work.faces))
+            crossed = _crossings(work, kept if clean else None)
             if len(crossed) and _freeze(frozen, work.faces[crossed], kept.faces):
                 work, pass_ends = kept.copy(), False
                 continue
-            kept = work.copy()
+            kept, clean = work.copy(), not len(crossed)
         if pass_ends:
             if len(work.faces) > 0.98 * faces_at_pass:
                 break
@@ -116,6 +116,18 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         pass_ends = bool(good.sum() < 0.001 * len(work.faces))
     used, faces = np.unique(work.faces, return_inverse=True)
     return Surface(work.vertices[used] + middle, faces.reshape(-1, 3).astype(np.int32))
+
+
+def _crossings(work: _Working, clean: _Working | None) -> np.ndarray:
+    """`crossings` of the surface; since a state that had none, only what has changed is looked at first."""
+    surface = Surface(work.vertices, work.faces)
+    if clean is None:
+        return crossings(surface)
+    moved = (work.vertices != clean.vertices).any(axis=1)
+    count = np.int64(len(moved))
+    now, before = ((a * count + b) * count + c for a, b, c in (work.faces.T, clean.faces.T))
+    changed = np.flatnonzero(moved[work.faces].any(axis=1) | ~np.isin(now, before))
+    return crossings(surface) if cross_any(surface, changed) else np.empty((0, 2), dtype=np.int32)
 
 
 def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:
@@ -169,8 +181,8 @@ def _short_edges(corners: _Corners, vertices: np.ndarray, edge_length: float) ->
     inputs = [corners.start, corners.second, _on_device(vertices, wp.vec3d)]
     _launch(edge_lengths, len(vertices), inputs, [_on_device(length, wp.float64)])
     short = np.flatnonzero(length < edge_length)
-    first = np.searchsorted(corners.start.numpy(), short, side="right") - 1
-    return np.stack([first, second[short]], axis=1), length[short]
+    first = np.repeat(np.arange(len(vertices)), np.diff(corners.start.numpy()))
+    return np.stack([first[short], second[short]], axis=1), length[short]
 
 
 def _independent(edges: np.ndarray, key: np.ndarray, corners: _Corners, count: int) -> np.ndarray:
@@ -187,17 +199,19 @@ def _independent(edges: np.ndarray, key: np.ndarray, corners: _Corners, count: i
         return least
 
     taken = np.zeros(len(edges), dtype=bool)
-    left = np.arange(len(edges))
+    left, (one, other) = np.arange(len(edges)), edges.T.copy()  # those left, and their ends
+    far = np.ones(count)
     for _ in range(_CHOICES_IN_A_ROUND):
         least = np.full(count, np.inf)
-        np.minimum.at(least, edges[left].reshape(-1), np.repeat(key[left], 2))
+        np.minimum.at(least, one, key)
+        np.minimum.at(least, other, key)
         least = around(least)
-        chosen = left[key[left] <= np.minimum(least[edges[left, 0]], least[edges[left, 1]])]
-        taken[chosen] = True
-        far = np.ones(count)
-        far[edges[taken]] = 0.0
-        far = around(far)
-        left = np.flatnonzero((far[edges[:, 0]] > 0.0) & (far[edges[:, 1]] > 0.0))
+        chosen = key <= np.minimum(least[one], least[other])
+        taken[left[chosen]] = True
+        far[one[chosen]] = far[other[chosen]] = 0.0
+        free = around(far)
+        apart = (free[one] > 0.0) & (free[other] > 0.0)
+        left, one, other, key = left[apart], one[apart], other[apart], key[apart]
     return taken
 
 
@@ -232,7 +246,8 @@ def _collapse(edges: np.ndarray, target: np.ndarray, work: _Working) -> None:
     number = np.arange(len(work.vertices), dtype=np.int32)
     number[goes] = stays
     faces = number[work.faces]
-    work.faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    a, b, c = faces.T
+    work.faces = faces[(a != b) & (b != c) & (c != a)]
 
 
 def _on_device(values: np.ndarray, dtype: Any) -> wp.array:

@@ -1,16 +1,17 @@
-"""A launch of many independent items on the CPU, over all its cores."""
+"""Independent work on the CPU, over all its cores."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import warp as wp
 
+Item, Result = TypeVar("Item"), TypeVar("Result")
 _LEAST = 20_000
 """Fewer items are run by the calling thread alone."""
 
@@ -31,3 +32,10 @@ def launch_over_cores(kernel: Any, size: int, inputs: Sequence[Any], outputs: Se
     cores = len(os.sched_getaffinity(0))
     with ThreadPoolExecutor(cores) as pool:
         list(pool.map(one, pairwise(np.linspace(1, size, cores + 1).astype(int).tolist())))
+
+
+def each_over_cores(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """What work on each of the items gives, in their order; most of it should be kernels or NumPy."""
+    yield from map(work, items[:1])  # alone, so that a kernel is compiled once
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        yield from pool.map(work, items[1:])

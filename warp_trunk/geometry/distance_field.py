@@ -12,7 +12,7 @@ import warp as wp
 
 from warp_trunk.kernels.distance_field import plain_distance, signed_distance
 
-from .cores import launch_over_cores
+from .cores import each_over_cores, launch_over_cores
 from .search_tree import search_tree
 from .surface import Surface
 
@@ -148,12 +148,17 @@ def nearest_surface(points: np.ndarray, distances: Sequence[SurfaceDistance], re
     least = np.full(len(points), np.inf)
     for within in (reach, None):
         left = np.flatnonzero(nearest < 0)
-        for number, distance in enumerate(distances):
+
+        def one(
+            distance: SurfaceDistance, left: np.ndarray = left, within: float | None = within
+        ) -> tuple[np.ndarray, np.ndarray]:
             near = left
             if within is not None:
                 inside = (points[left] > distance.lower - within) & (points[left] < distance.upper + within)
                 near = left[inside.all(axis=1)]
-            value = distance.at(points[near], within)
+            return near, distance.at(points[near], within)
+
+        for number, (near, value) in enumerate(each_over_cores(one, distances)):
             closer = value < least[near]  # NaN is not
             nearest[near[closer]] = number
             least[near[closer]] = value[closer]

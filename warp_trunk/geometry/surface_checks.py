@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.crossing import crossing_faces
+from warp_trunk.kernels.crossing import crossed_by_any, crossing_faces
 
 from .cores import launch_over_cores
 from .linked_parts import linked_parts
@@ -48,6 +48,16 @@ def crossings(surface: Surface) -> np.ndarray:
     other = crossed.numpy()
     first = np.flatnonzero(other >= 0)
     return np.stack([first, other[first]], axis=1).astype(np.int32)
+
+
+def cross_any(surface: Surface, faces: np.ndarray) -> bool:
+    """Whether one of some faces, given by number, and another face of the surface pass through each other."""
+    mesh, middle = search_tree(surface)
+    exact = wp.array(surface.vertices - middle, dtype=wp.vec3d, device="cpu")
+    asked = wp.array(faces, dtype=_INT, device="cpu")
+    crossed: Any = wp.empty(len(faces), dtype=wp.bool, device="cpu")
+    launch_over_cores(crossed_by_any, len(faces), [mesh.id, exact, mesh.indices, asked, _SLACK], [crossed])
+    return bool(crossed.numpy().any())
 
 
 def manifold_fault(surface: Surface) -> str | None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.cores import each_over_cores
 from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected, nearest_surface
 from warp_trunk.geometry.isosurface import zero_surface
 from warp_trunk.geometry.surface import Surface, check_surface
@@ -71,8 +71,7 @@ def bone_surface(
         raise InputError("bones: there are none; give at least one closed bone surface")
     for name, bone in bones.items():
         check_surface(bone, f"bone '{name}'")
-    first, *others = bones.values()
-    distances = [SurfaceDistance(first), *(SurfaceDistance(bone) for bone in others)]
+    distances = [SurfaceDistance(bone) for bone in bones.values()]
     skin_distance = SurfaceDistance(skin)
     names = tuple(bones)
     fault = ""
@@ -123,15 +122,10 @@ def _field(
         box = grid.box(distance.lower - band, distance.upper + band)
         return box, distance.on_grid(grid, box, np.ones(field[box].shape, dtype=bool), band)
 
-    # Warp lets go of the interpreter while a kernel runs on the CPU
-    first, *others = distances
-    box, near = one(first)  # alone, so that the kernel is compiled once
-    field[box] = near
-    second = np.full(grid.shape, band, dtype=np.float32)
-    with ThreadPoolExecutor() as pool:
-        for box, near in pool.map(one, others):
-            second[box] = np.minimum(second[box], np.maximum(field[box], near))
-            field[box] = np.minimum(field[box], near)
+    second = field.copy()
+    for box, near in each_over_cores(one, distances):
+        second[box] = np.minimum(second[box], np.maximum(field[box], near))
+        field[box] = np.minimum(field[box], near)
     field = np.minimum(field, 0.5 * (field + second - _GAP * voxel))  # of the two nearest bones
 
     whole = (slice(0, nx), slice(0, ny), slice(0, nz))
