@@ -12,6 +12,7 @@ from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.planned_folder import plan_files
 from warp_trunk.case import Case, read_checked_case
+from warp_trunk.recording import load_rerun
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
 from warp_trunk.run.run_plans import run_plans
@@ -39,6 +40,8 @@ class Simulate(SimulationArguments):
         out = self.out or Path("results") / self.case.resolve().name
         plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
         with Progress() as progress:
+            if self.options.record and self.case.is_dir():
+                load_rerun()  # while the case is read
             with progress.stage("load", f"reading {self.case}"), crossings_written(out):
                 case, warnings = read_checked_case(self.case, align=self.align_pelvis)
             case = self.refined(case, arguments)

@@ -51,19 +51,19 @@ def write_vtu(
             group: {name: pool.map(zlib.compress, _blocks(values)) for name, values in arrays.items()}
             for group, arrays in groups.items()
         }
-        with path.open("wb") as file:
-            file.write(b'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" ')
-            file.write(b'byte_order="LittleEndian" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>')
-            file.write(b'<FieldData><DataArray type="UInt8" Name="bone_names" ')
-            file.write(f'NumberOfTuples="{len(names)}" format="ascii">{" ".join(map(str, names))}'.encode())
-            file.write(b"</DataArray></FieldData>\n")
-            file.write(f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{sum(map(len, cells))}">\n'.encode())
-            for group, arrays in groups.items():
-                file.write(f"<{group}>\n".encode())
-                for name, values in arrays.items():
-                    file.write(_array(name, values, packed[group][name]))
-                file.write(f"</{group}>\n".encode())
-            file.write(b"</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+        written = [
+            b'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" ',
+            b'compressor="vtkZLibDataCompressor">\n<UnstructuredGrid><FieldData><DataArray type="UInt8" ',
+            f'Name="bone_names" NumberOfTuples="{len(names)}" format="ascii">{" ".join(map(str, names))}'.encode(),
+            b"</DataArray></FieldData>\n",
+            f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{sum(map(len, cells))}">\n'.encode(),
+        ]
+        for group, arrays in groups.items():
+            written.append(f"<{group}>\n".encode())
+            written += [_array(name, values, packed[group][name]) for name, values in arrays.items()]
+            written.append(f"</{group}>\n".encode())
+    written.append(b"</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+    path.write_bytes(b"".join(written))
 
 
 def _blocks(values: np.ndarray) -> list[bytes]:

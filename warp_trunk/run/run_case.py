@@ -39,6 +39,7 @@ from .warnings import curve_warnings, ending_warnings, option_warnings
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan
     from warp_trunk.case import Case
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.results import Summary
     from warp_trunk.results.bands import FoundBands
 
@@ -130,7 +131,7 @@ def _run(
         load_rerun()
     else:
         partial(folder / RECORDING).unlink(missing_ok=True)  # of a run that was interrupted
-    patient = patient or patient_of(case, options, given, progress)
+    patient = patient or _ready(case, options, given, progress)
     prepared = prepare_plan(patient, case, progress)
     held = colliding_bones(prepared.trunk, prepared.bone_path)
     if held:
@@ -171,6 +172,14 @@ def _run(
     )
     checkpoint.remove()
     return RunResult(last.relaxation.status, before, after, summary, folder)
+
+
+def _ready(case: Case, options: RunOptions, given: TrunkMesh | None, progress: Progress) -> Patient:
+    """The patient of a case with all that relaxing takes, which is made while Rerun is being imported."""
+    patient = patient_of(case, options, given, progress)
+    with progress.stage("compile", "preparing the relaxation"):
+        _ = patient.relaxer
+    return patient
 
 
 def _faults(case: Case, prepared: Prepared, last: Increment) -> tuple[str, ...]:
