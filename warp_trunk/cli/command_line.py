@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import sys
 from collections.abc import Sequence
 
@@ -17,6 +19,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments[:1] in (["-h"], ["--help"]):
         print(overview())
         return OK
+    atexit.unregister(gc.freeze)
+    atexit.register(gc.freeze)  # else the end looks for garbage in all that was loaded, a third of a second
     try:
         kind = load(arguments)
         from warp_trunk.run.starting import start_warp  # after the help, for which they are not needed

@@ -181,7 +181,7 @@ def _short_edges(corners: _Corners, vertices: np.ndarray, edge_length: float) ->
     inputs = [corners.start, corners.second, _on_device(vertices, wp.vec3d)]
     _launch(edge_lengths, len(vertices), inputs, [_on_device(length, wp.float64)])
     short = np.flatnonzero(length < edge_length)
-    first = np.repeat(np.arange(len(vertices)), np.diff(corners.start.numpy()))
+    first = np.repeat(np.arange(len(vertices)), np.diff(corners.start.numpy()).astype(np.int64))
     return np.stack([first[short], second[short]], axis=1), length[short]
 
 

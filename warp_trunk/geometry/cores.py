@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 import warp as wp
 
-Item, Result = TypeVar("Item"), TypeVar("Result")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 _LEAST = 20_000
 """Fewer items are run by the calling thread alone."""
 

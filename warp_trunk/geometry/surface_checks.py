@@ -17,6 +17,7 @@ from .search_tree import search_tree
 from .surface import Surface
 
 _INT: Any = wp.int32
+_BOOL: Any = wp.bool
 _FLAT = 1e-9
 """A triangle whose height is less than this part of its longest edge has no area."""
 _SLACK = 1e-6
@@ -55,7 +56,7 @@ def cross_any(surface: Surface, faces: np.ndarray) -> bool:
     mesh, middle = search_tree(surface)
     exact = wp.array(surface.vertices - middle, dtype=wp.vec3d, device="cpu")
     asked = wp.array(faces, dtype=_INT, device="cpu")
-    crossed: Any = wp.empty(len(faces), dtype=wp.bool, device="cpu")
+    crossed: Any = wp.empty(len(faces), dtype=_BOOL, device="cpu")
     launch_over_cores(crossed_by_any, len(faces), [mesh.id, exact, mesh.indices, asked, _SLACK], [crossed])
     return bool(crossed.numpy().any())
 

@@ -30,9 +30,7 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
     )
 
 
-def _data(
-    trunk: TrunkMesh, displacement: np.ndarray
-) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
+def _data(trunk: TrunkMesh, displacement: np.ndarray) -> tuple[np.ndarray, dict[str, Any], dict[str, np.ndarray]]:
     """The triangles of skin and bone in node numbers, and the data of points and of cells."""
     skin_vertex = np.full(len(trunk.nodes), -1, dtype=np.int32)
     skin_vertex[trunk.skin_nodes] = np.arange(len(trunk.skin_nodes), dtype=np.int32)
@@ -40,7 +38,7 @@ def _data(
     kind[trunk.skin_nodes] = 1
     triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
     sizes = [len(trunk.tets), len(trunk.skin_faces), len(trunk.bone_faces)]
-    cell_data = {"part": np.repeat(np.arange(3, dtype=np.int32), sizes)}
+    cell_data: dict[str, np.ndarray] = {"part": np.repeat(np.arange(3, dtype=np.int32), sizes)}
     if trunk.tissue is not None:
         parts = trunk.tissue.ndim == 2
         label = trunk.tissue.argmax(axis=1) if parts else trunk.tissue
