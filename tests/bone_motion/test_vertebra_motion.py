@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.bone_motion.vertebra_motion import split
+from warp_trunk.bone_motion.vertebra_motion import axial_turn, split
 
 CENTRE = np.array([12.0, -30.0, 1200.0])
 AXIS = np.array([0.0, -0.4, 1.0])
@@ -58,3 +58,27 @@ def test_seen_in_a_mirror_turn_tilt_and_shift_change_sign() -> None:
     here, there = split(motion, CENTRE, AXIS), split(seen, mirror @ CENTRE, mirror @ AXIS)
     assert (there.turn, there.tilt, there.shift) == pytest.approx((-here.turn, -here.tilt, -here.shift), abs=1e-9)
     assert there.flexion == pytest.approx(here.flexion, abs=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [-17.0, 4.0])
+def test_a_motion_less_all_of_its_turn_only_leans(degrees: float) -> None:
+    rotation = Rotation.from_euler("YXZ", [15.0, 6.0, degrees], degrees=True)
+    found = split(about(rotation, (3.0, -2.0, 8.0)), CENTRE, np.array([0.0, 0.0, 1.0]))
+    left = found.without(found.turn)
+    assert left.rotation.as_euler("YXZ", degrees=True) == pytest.approx([15.0, 6.0, 0.0], abs=1e-9)
+    np.testing.assert_allclose(left.apply(CENTRE), found.motion.apply(CENTRE), atol=1e-9)
+    np.testing.assert_allclose(found.without(0.0).as_matrix(), found.motion.as_matrix(), atol=1e-12)
+
+
+def test_what_does_not_go_with_the_curve_is_direct() -> None:
+    motion = about(Rotation.from_rotvec([0.0, 0.0, 0.2]))
+    assert split(motion, CENTRE, np.array([0.0, 0.0, 1.0])).direct == 0.0
+    assert split(motion, CENTRE, np.array([0.0, 0.0, 1.0]), 0.05).direct == pytest.approx(0.15)
+
+
+def test_the_turn_of_a_leaning_vertebra_is_found_whichever_way_it_leans() -> None:
+    for lean in ((0.0, 0.0), (25.0, 0.0), (-20.0, 15.0)):
+        attitude = Rotation.from_euler("YXZ", [*lean, 11.0], degrees=True)
+        axis, to_left = attitude.apply([[0.0, 0.0, 30.0], [40.0, 0.0, 0.0]])
+        assert np.degrees(axial_turn(axis, to_left, np.array([1.0, 0.0]))) == pytest.approx(11.0, abs=1e-9)
+        assert np.degrees(axial_turn(axis, to_left, np.array([0.0, 2.0]))) == pytest.approx(-79.0, abs=1e-9)

@@ -10,13 +10,16 @@ import pytest
 from warp_trunk.case import Case
 from warp_trunk.case.rib_shares import RANGES, RibShares
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.preparation.deformity import SpineCurve, correct
+from warp_trunk.preparation.deformity import SpineCurve, correct, impose
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.run.paths import motions_of
 from warp_trunk.run.sources import rib_share_sources
 
-SKIN, BONES, STRAIGHT = straight_trunk()
-CASE = Case("straight", SKIN, BONES, STRAIGHT, correct(STRAIGHT, SpineCurve(cobb=40.0), 0.0))
+STRAIGHT = straight_trunk()[2]
+SKIN, BONES, BEFORE = impose(*straight_trunk(), SpineCurve(cobb=40.0))
+DEROTATED = SpineCurve(cobb=20.0, apical_rotation=1.0)
+"""Screws turn it further than goes with the curve."""
+CASE = Case("curved", SKIN, BONES, BEFORE, correct(STRAIGHT, DEROTATED, 0.0))
 NODES = np.vstack([bone.vertices[::40] for bone in BONES.values()])
 OWNER = np.concatenate([np.full(len(bone.vertices[::40]), i) for i, bone in enumerate(BONES.values())])
 NONE = np.empty((0, 3), dtype=np.int32)

@@ -13,6 +13,7 @@ from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import Spline, fit_spline
 
+from .coupled_turn import coupled_turns
 from .rib_cage import ends, follow
 from .vertebra_motion import split
 
@@ -81,7 +82,7 @@ def bone_motions(
     for bone in bones:
         if bone not in motions and bone in VERTEBRAE:
             motions[bone] = fit_rigid(bones[bone].vertices, spline(bones[bone].vertices))
-    motions |= _cage(bones, landmarks_before, motions, pelvis, shares or RibShares())
+    motions |= _cage(bones, (landmarks_before, landmarks_after), motions, pelvis, shares or RibShares())
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
         motions[bone] = _between_neighbours(bone, bones, motions, spline)
     return {bone: motions[bone] for bone in bones}
@@ -104,7 +105,7 @@ def _between_neighbours(
 
 def _cage(
     bones: Mapping[str, Surface],
-    landmarks: Landmarks,
+    landmarks: tuple[Landmarks, Landmarks],
     motions: Mapping[str, RigidTransform],
     pelvis: RigidTransform | None,
     shares: RibShares,
@@ -116,8 +117,9 @@ def _cage(
     if still is None:
         still = RigidTransform.identity()
     against = {name: still.inv() * motion for name, motion in motions.items()}
+    coupled = coupled_turns(*landmarks)
     vertebrae = {
-        name: split(against[name], bones[name].vertices.mean(axis=0), _axis(landmarks, name))
+        name: split(against[name], *_body(landmarks[0], name, bones[name]), coupled.get(name))
         for name in VERTEBRAE
         if name in bones and name in against
     }
@@ -126,12 +128,13 @@ def _cage(
     }
 
 
-def _axis(landmarks: Landmarks, vertebra: str) -> np.ndarray:
-    """A vertebra's own axis, upward; the vertical where its endplates have no landmarks."""
+def _body(landmarks: Landmarks, vertebra: str, bone: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """The centre of a vertebra's body and its own axis, upward; of the bone and vertical without landmarks."""
     top, bottom = (f"{vertebra}_{end}_endplate" for end in ("superior", "inferior"))
     if top in landmarks.names and bottom in landmarks.names:
-        return landmarks.point(top) - landmarks.point(bottom)
-    return np.array([0.0, 0.0, 1.0])
+        ends = landmarks.point(top), landmarks.point(bottom)
+        return 0.5 * (ends[0] + ends[1]), ends[0] - ends[1]
+    return bone.vertices.mean(axis=0), np.array([0.0, 0.0, 1.0])
 
 
 def _neighbours(bone: str) -> tuple[str, str]:

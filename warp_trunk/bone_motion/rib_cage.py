@@ -12,7 +12,7 @@ import numpy as np
 from warp_trunk.geometry.rigid import fit_rigid, part_of
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform, Rotation
+    from scipy.spatial.transform import RigidTransform
 
     from warp_trunk.case.rib_shares import RibShares
     from warp_trunk.geometry.surface import Surface
@@ -22,12 +22,21 @@ if TYPE_CHECKING:
 RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
 _TRUE_RIBS = 7
 """Ribs down to this one reach the sternum."""
+_FALSE_RIBS = range(8, 11)
+"""The cartilage of each of these joins that of the rib above: the costal margin."""
+_LOWEST = 12
+"""The lowest rib, which nothing ties to the sternum: the tilt of ribs below the true ones grows towards it."""
 _UNDER_SCAPULA = range(2, 8)
 """The ribs that a shoulder blade lies on."""
 _END = 5.0
 """How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _CARTILAGE = 0.1
 """A costal cartilage keeps its length within this part."""
+_MARGIN = 0.3
+"""The front ends of two ribs of the costal margin keep their distance within this part: it goes across their
+cartilages, which slide along each other."""
+_FACET = 3.0
+"""A head leaves its facet by at most this much where screws turn the vertebra [mm]."""
 _ROUNDS = 20
 """A rib is turned towards the sternum at most so often; its tip is then a hundredth of a millimetre off."""
 
@@ -51,13 +60,16 @@ def follow(
     vertebrae: Mapping[str, VertebraMotion],
     shares: RibShares,
     known: Mapping[str, RigidTransform] | None = None,
+    *,
+    growing: bool = False,
 ) -> dict[str, RigidTransform]:
     """How ribs, sternum and shoulder blades move as the vertebrae do, the pelvis at rest.
 
     A rib takes all of the motion of its head, all of flexion, and shares of its vertebra's turn, tilt and
     sideways way. The sternum moves as one rigid body, nearest to the front ends of the ribs 1 to 7; then each of
-    these turns about its head by as little as keeps its cartilage within 10 % of its length. The same shares
-    with a recovery of 1 make a hump as a curve grows, and with less take part of it back in surgery.
+    these turns about its head by as little as keeps its cartilage within 10 % of its length, and so do the ribs 8
+    to 10, each of which is tied to the front end of the rib above. Of a turn that screws force on a vertebra at
+    the same curve the ribs take a share of its own, and their heads lag behind their facets by up to 3 mm.
 
     Args:
         bones: surfaces by name, before: `rib_left_01` to `rib_right_12`, `sternum`, `scapula_left`, `T1` to
@@ -66,6 +78,8 @@ def follow(
         shares: what of it reaches a rib.
         known: motions of ribs, sternum and shoulder blades that are known; they are given back, and the others
             follow them.
+        growing: whether a curve grows, and bone and cartilage with it, as where it is imposed on straight
+            anatomy: the costal margin then takes any length, and floating ribs keep their attitude as others do.
 
     Returns:
         A motion for each rib that has a vertebra; for the sternum where three ribs reach it, and for each
@@ -74,7 +88,9 @@ def follow(
     known = known or {}
     ribs = _ribs(bones, vertebrae)
     depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in ribs.values()), default=1.0)
-    motions = {name: known[name] if name in known else _turned(rib, shares, depth) for name, rib in ribs.items()}
+    motions = {
+        name: known[name] if name in known else _turned(rib, shares, depth, growing) for name, rib in ribs.items()
+    }
     true = {name: rib for name, rib in ribs.items() if rib.number <= _TRUE_RIBS}
     if "sternum" in bones and ("sternum" in known or len(true) >= 3):
         tips = np.array([rib.tip for rib in true.values()]).reshape(-1, 3)
@@ -84,6 +100,10 @@ def follow(
             if name not in known:
                 anchor = _nearest(bones["sternum"].vertices, rib.tip)
                 motions[name] = _reaching(motions[name], rib, anchor, motions["sternum"])
+    for name, rib in ribs.items() if not growing else ():
+        above = f"{name[:-2]}{rib.number - 1:02d}"
+        if rib.number in _FALSE_RIBS and name not in known and above in ribs:
+            motions[name] = _reaching(motions[name], rib, ribs[above].tip, motions[above], _MARGIN)
     for side in ("left", "right"):
         under = [name for number in _UNDER_SCAPULA if (name := f"rib_{side}_{number:02d}") in motions]
         if (blade := f"scapula_{side}") in bones and (blade in known or len(under) >= 3):
@@ -113,27 +133,31 @@ def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, VertebraMotion])
     return found
 
 
-def _turned(rib: _Rib, shares: RibShares, depth: float) -> RigidTransform:
+def _turned(rib: _Rib, shares: RibShares, depth: float, growing: bool) -> RigidTransform:
     """The rib's motion by its shares, before the sternum has a say."""
-    vertebra = rib.vertebra
-    lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))
-    turn = shares.recovery * shares.turn * vertebra.turn + lag
-    return _pinned(vertebra.share(turn=turn, tilt=shares.recovery * shares.tilt), rib)
-
-
-def _pinned(rotation: Rotation, rib: _Rib) -> RigidTransform:
     from scipy.spatial.transform import RigidTransform  # heavy
 
-    goal = rib.vertebra.motion.apply(rib.head)
+    vertebra = rib.vertebra
+    lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))
+    turn = (
+        shares.recovery * shares.turn * (vertebra.turn - vertebra.direct) + shares.direct * vertebra.direct + lag
+    )
+    below = 0.0 if growing else max(0.0, (rib.number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS))
+    rotation = vertebra.share(turn=turn, tilt=shares.recovery * shares.tilt + below * shares.floating)
+    facet = vertebra.motion.apply(rib.head)
+    behind = vertebra.without((1.0 - shares.direct) * vertebra.direct).apply(rib.head) - facet
+    goal = facet + behind * min(1.0, _FACET / max(float(np.linalg.norm(behind)), 1e-9))
     return RigidTransform.from_components(goal - rotation.apply(rib.head), rotation)
 
 
-def _reaching(motion: RigidTransform, rib: _Rib, anchor: np.ndarray, sternum: RigidTransform) -> RigidTransform:
+def _reaching(
+    motion: RigidTransform, rib: _Rib, anchor: np.ndarray, sternum: RigidTransform, give: float = _CARTILAGE
+) -> RigidTransform:
     """The motion turned about the rib's head by as little as leaves its cartilage its length."""
     from scipy.spatial.transform import RigidTransform, Rotation  # heavy
 
     length = float(np.linalg.norm(rib.tip - anchor))
-    least, most = (1.0 - _CARTILAGE) * length, (1.0 + _CARTILAGE) * length
+    least, most = (1.0 - give) * length, (1.0 + give) * length
     pin, goal = motion.apply(rib.head), sternum.apply(anchor)
     for _ in range(_ROUNDS):
         end = motion.apply(rib.tip)

@@ -29,6 +29,10 @@ class VertebraMotion:
     """Change of the lean of its axis to the front [rad]."""
     leaning: tuple[float, float]
     """Tilt and flexion before [rad]."""
+    middle: np.ndarray
+    """The vertebra's centre before [mm], shape (3,)."""
+    direct: float = 0.0
+    """The part of the turn that does not come with the change of the curve but is forced by screws [rad]."""
 
     def share(self, *, turn: float, tilt: float) -> Rotation:
         """The rotation with a part of the tilt, all of the flexion and this turn [rad]."""
@@ -38,8 +42,18 @@ class VertebraMotion:
 
         return after * Rotation.from_rotvec([0.0, 0.0, turn]) * before.inv()
 
+    def without(self, turn: float) -> RigidTransform:
+        """The motion less a turn about the vertebra's own axis through its middle [rad]."""
+        from scipy.spatial.transform import RigidTransform, Rotation  # heavy
 
-def split(motion: RigidTransform, centre: np.ndarray, axis: np.ndarray) -> VertebraMotion:
+        before = _attitude(*self.leaning)
+        back = before * Rotation.from_rotvec([0.0, 0.0, -turn]) * before.inv()
+        return self.motion * RigidTransform.from_components(self.middle - back.apply(self.middle), back)
+
+
+def split(
+    motion: RigidTransform, centre: np.ndarray, axis: np.ndarray, coupled: float | None = None
+) -> VertebraMotion:
     """The parts of a vertebra's motion.
 
     With z the axis in the vertebra's own frame, its attitude is A = Ry(tilt) Rx(flexion) Rz(turn). Tilt and
@@ -50,6 +64,8 @@ def split(motion: RigidTransform, centre: np.ndarray, axis: np.ndarray) -> Verte
         motion: of the vertebra, the pelvis at rest [mm].
         centre: a point in its middle, before, shape (3,) [mm].
         axis: its own axis before, upward, shape (3,), of any length.
+        coupled: the turn that comes with the change of its curve (`coupled_turn.coupled_turns`) [rad]; all of the
+            turn when left out.
     """
     before, after = _leaning(axis), _leaning(motion.rotation.apply(axis))
     turn = (_attitude(*after).inv() * motion.rotation * _attitude(*before)).as_rotvec()[2]
@@ -60,7 +76,22 @@ def split(motion: RigidTransform, centre: np.ndarray, axis: np.ndarray) -> Verte
         tilt=after[0] - before[0],
         flexion=after[1] - before[1],
         leaning=before,
+        middle=centre,
+        direct=0.0 if coupled is None else float(turn) - coupled,
     )
+
+
+def axial_turn(axis: np.ndarray, to_left: np.ndarray, across: np.ndarray) -> float:
+    """How far a vertebra is turned about its own axis against the pelvis, counterclockwise seen from above [rad].
+
+    Args:
+        axis: its own axis, upward, shape (3,), of any length.
+        to_left: from its right pedicle to its left one, shape (3,), of any length.
+        across: from the right of the pelvis to its left, shape (2,), of any length.
+    """
+    x, y, _ = _attitude(*_leaning(axis)).inv().apply(to_left)
+    turn = math.atan2(y, x) - math.atan2(across[1], across[0])
+    return math.remainder(turn, 2.0 * math.pi)
 
 
 def _leaning(axis: np.ndarray) -> tuple[float, float]:

@@ -56,12 +56,12 @@ def test_backs_of_ribs_go_back_on_the_convex_side_and_forward_on_the_other() -> 
         assert (sign * (after - before)[behind, 1] > 5.0).all()
 
 
-def test_ribs_are_moved_as_surgery_moves_them_with_all_of_the_shares() -> None:
+def test_ribs_grow_with_all_of_the_shares() -> None:
     poses = vertebra_poses(LANDMARKS, SpineCurve(cobb=60.0))
     before, after = guides(60.0, ("rib_right_08",))
     moving = {name: split(pose.motion, pose.before, pose.axis) for name, pose in poses.items()}
     cage = {name: BONES[name] for name in ("T8", "rib_right_08")}
-    motion = follow(cage, moving, RibShares(recovery=1.0))["rib_right_08"]
+    motion = follow(cage, moving, RibShares(recovery=1.0), growing=True)["rib_right_08"]
     np.testing.assert_allclose(after, motion.apply(before), atol=1e-9)
 
 

@@ -36,7 +36,8 @@ def guiding_points(
         landmarks: points the spline already holds, (m, 3) [mm].
     """
     moving = {name: pose for name, pose in poses.items() if not pose.still}
-    motions = follow(bones, {name: split(p.motion, p.before, p.axis) for name, p in poses.items()}, GROWTH)
+    vertebrae = {name: split(pose.motion, pose.before, pose.axis) for name, pose in poses.items()}
+    motions = follow(bones, vertebrae, GROWTH, growing=True)
     before, after = [np.empty((0, 3))], [np.empty((0, 3))]
     for name, bone in bones.items():
         if name not in motions and name not in _PELVIS:

@@ -1,0 +1,85 @@
+"""Which part of a vertebra's turn goes with its curve, on spines whose curve and rotation are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from warp_trunk.bone_motion.coupled_turn import coupled_turns
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.measures.cobb import cobb_angles
+from warp_trunk.preparation.deformity import SpineCurve, correct
+from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
+from warp_trunk.preparation.phantom import straight_trunk
+
+_, _, STRAIGHT = straight_trunk()
+LEVELS = ("T5", "T7", "T8", "T9", "T11")
+
+
+def spine(curve: SpineCurve) -> Landmarks:
+    return correct(STRAIGHT, curve, 0.0)
+
+
+def rotations(curve: SpineCurve) -> dict[str, float]:
+    """What the curve itself turns each vertebra by [degrees]."""
+    return {name: float(np.degrees(pose.rotation)) for name, pose in vertebra_poses(STRAIGHT, curve).items()}
+
+
+def coupled(before: SpineCurve, after: SpineCurve) -> dict[str, float]:
+    return {name: float(np.degrees(turn)) for name, turn in coupled_turns(spine(before), spine(after)).items()}
+
+
+@pytest.mark.parametrize("direction", ["right", "left"])
+@pytest.mark.parametrize("fraction", [0.3, 0.7, 1.0])
+def test_where_rotation_is_corrected_as_the_curve_is_all_of_the_turn_goes_with_it(direction, fraction) -> None:
+    curve = SpineCurve(cobb=50.0, direction=direction)
+    found, whole = coupled(curve, curve.corrected(fraction)), rotations(curve)
+    assert abs(whole["T8"]) == pytest.approx(16.0, abs=1.0)
+    for level in LEVELS:
+        assert found[level] == pytest.approx(-fraction * whole[level], abs=0.3)
+
+
+def test_derotation_at_the_same_curve_changes_nothing_of_it() -> None:
+    curve = SpineCurve(cobb=50.0)
+    left = curve.corrected(0.6)
+    more = replace(left, apical_rotation=left.rotation - 4.0)
+    one, other = coupled(curve, left), coupled(curve, more)
+    for level in LEVELS:
+        assert other[level] == pytest.approx(one[level], abs=0.05)
+
+
+def test_a_curve_that_gets_worse_turns_its_vertebrae_further() -> None:
+    curve = SpineCurve(cobb=40.0)
+    found = coupled(curve, replace(curve, cobb=60.0))["T8"]
+    assert found == pytest.approx(0.5 * rotations(curve)["T8"], abs=0.3)
+
+
+def test_curves_of_one_spine_have_their_own_parts() -> None:
+    curve = SpineCurve(kind="double_major", cobb=50.0)
+    before, after = spine(curve), spine(curve.corrected(0.5))
+    thoracic = {f"T{number}" for number in range(1, 12)}
+    mixed = Landmarks(
+        before.names,
+        np.where([[name.split("_")[0] in thoracic] for name in before.names], after.points, before.points),
+    )
+    found = coupled_turns(before, mixed)
+    assert {"T9", "L2"} <= {one.apex for one in cobb_angles(before)}
+    assert abs(found["T9"]) > np.radians(2.0)
+    assert abs(found["L2"]) < np.radians(1.5)
+
+
+def test_without_a_curve_or_iliac_spines_it_cannot_be_told() -> None:
+    curve = SpineCurve(cobb=50.0)
+    assert coupled(SpineCurve(cobb=6.0), SpineCurve(cobb=3.0)) == {}
+    spines = [spine(one) for one in (curve, curve.corrected(0.5))]
+    rows = [row for row, name in enumerate(spines[0].names) if not name.startswith("asis")]
+    assert coupled_turns(*(Landmarks(tuple(one.names[r] for r in rows), one.points[rows]) for one in spines)) == {}
+
+
+def test_a_vertebra_without_pedicles_is_left_out() -> None:
+    spines = [spine(one) for one in (SpineCurve(cobb=50.0), SpineCurve(cobb=20.0))]
+    rows = [row for row, name in enumerate(spines[0].names) if not name.startswith("T8_left_pedicle")]
+    few = [Landmarks(tuple(one.names[r] for r in rows), one.points[rows]) for one in spines]
+    assert coupled_turns(*spines).keys() - coupled_turns(*few).keys() == {"T8"}
