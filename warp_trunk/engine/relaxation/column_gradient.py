@@ -14,6 +14,7 @@ from ..parallel import Launch
 from .block_matrix import BlockMatrix
 from .columns import Columns
 from .conjugate_gradient import WINDOW
+from .device_loop import record_loop
 
 
 class ColumnPreconditioner(Protocol):
@@ -91,7 +92,7 @@ class ColumnGradient:
             [most_iterations, self._limit, self._r_dot_z, self._extent],
             [self._going, self._outcome, self._go_on],
         )
-        self._run = self._capture() if model.parallel.is_cuda else self._loop
+        self._run = record_loop(model, self._begin, self._go_on, self._advance_window)
 
     def solve(self, right: np.ndarray, relative: float, guess: np.ndarray | None = None) -> ColumnSolutions:
         """Solves H x = b for columns b.
@@ -126,20 +127,6 @@ class ColumnGradient:
             left=size * outcome[:, LEFT],
             bent=outcome[:, BENT] > 0.0,
         )
-
-    def _loop(self) -> None:
-        """The whole solve, its loop here."""
-        self._begin()
-        while self._go_on.numpy()[0]:
-            self._advance_window()
-
-    def _capture(self) -> Launch:
-        """The whole solve as one CUDA graph with its loop."""
-        wp.capture_begin(self.model.device)
-        self._begin()
-        wp.capture_while(self._go_on, self._advance_window)
-        graph = wp.capture_end(self.model.device)
-        return lambda: wp.capture_launch(graph)
 
     def _begin(self) -> None:
         """r = b - H x, z = M^-1 r, for what x is at the start."""

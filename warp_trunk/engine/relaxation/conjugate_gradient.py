@@ -21,6 +21,7 @@ from warp_trunk.kernels.conjugate_gradient import (
 from ..model import Model
 from ..parallel import Launch
 from .block_matrix import BlockMatrix
+from .device_loop import record_loop
 from .dots import PADDING, Dots
 from .preconditioner import Preconditioner
 
@@ -49,6 +50,8 @@ class ConjugateGradient:
 
     solution: wp.array
     """d [mm], shape (free nodes,), vec3."""
+    residual: wp.array
+    """-g - H d, shape (free nodes,), vec3."""
     search: wp.array
     """The last search direction, shape (free nodes,), vec3."""
 
@@ -69,7 +72,8 @@ class ConjugateGradient:
         (self.solution, runs_of_x), (r, runs_of_r), (self.search, runs_of_p), (z, runs_of_z), (q, runs_of_q) = (
             in_runs(model) for _ in range(5)
         )
-        p, self._kept = self.search, (r, z, q)  # the runs are the same memory
+        self.residual = r
+        p, self._kept = self.search, (z, q)  # the runs are the same memory
         self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
@@ -92,7 +96,7 @@ class ConjugateGradient:
             [ranges, most_iterations, self._limits, r_dot_z, p_dot_q, self._iteration],
             [extent, self._outcome, self._go_on],
         )
-        self._run = self._capture() if model.parallel.is_cuda else self._loop
+        self._run = record_loop(model, self._begin, self._go_on, self._advance_window)
 
     def solve(self, absolute: float, relative: float, least: float = 0.0) -> LinearSolution:
         """Solves H d = -g for the gradient as it is now.
@@ -117,20 +121,6 @@ class ConjugateGradient:
         """The square root of g . M^-1 g for the gradient as it is now; `solution` is zero after it."""
         self._begin()
         return max(0.0, float(self._r_dot_z.products.numpy()[0].sum())) ** 0.5
-
-    def _loop(self) -> None:
-        """The whole solve, its loop here."""
-        self._begin()
-        while self._go_on.numpy()[0]:
-            self._advance_window()
-
-    def _capture(self) -> Launch:
-        """The whole solve as one CUDA graph with its loop."""
-        wp.capture_begin(self.model.device)
-        self._begin()
-        wp.capture_while(self._go_on, self._advance_window)
-        graph = wp.capture_end(self.model.device)
-        return lambda: wp.capture_launch(graph)
 
     def _begin(self) -> None:
         """d = 0, r = -g, z = M^-1 r."""
