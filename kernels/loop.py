@@ -85,18 +85,29 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             direction[i] = scalar(keep[0]) * direction[i] - gradient[i]
 
     @wp.kernel(module="unique", enable_backward=False)
-    def extrapolate_kernel(
+    def foresee_kernel(
         first: int,
         end: int,
         slab: int,
-        now: wp.array(dtype=vec3),
-        last: wp.array(dtype=vec3),
-        ahead: wp.array(dtype=vec3),
+        share: wp.array(dtype=wp.float64),
+        part: wp.array(dtype=wp.float64),
+        displacement: wp.array(dtype=vec3),
+        earlier: wp.array(dtype=vec3),
+        move: wp.array(dtype=vec3),
+        bend: wp.array(dtype=vec3),
     ):
-        """ahead = now + (now - last), free nodes only."""
+        """Takes note of the last move and a share of its change, and goes on by the move and a part of the change.
+
+        Free nodes only; `earlier` becomes the displacement, which becomes the expected one.
+        """
         i = first + wp.tid()
         if i < end:
-            ahead[i] = now[i] + (now[i] - last[i])
+            now = displacement[i]
+            last = now - earlier[i]
+            bend[i] += scalar(share[0]) * ((last - move[i]) - bend[i])
+            move[i] = last
+            earlier[i] = now
+            displacement[i] = now + (last + scalar(part[0]) * bend[i])
 
     @wp.kernel(module="unique", enable_backward=False)
     def longest_kernel(
@@ -115,6 +126,6 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         step=step_kernel,
         products=products_kernel,
         descend=descend_kernel,
-        extrapolate=extrapolate_kernel,
+        foresee=foresee_kernel,
         longest=longest_kernel,
     )

@@ -18,6 +18,9 @@ from .model import Model
 from .relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStep
 from .state import State, to_mesh_order
 
+LEAST_SHARE = 0.4
+"""The least share of the newest change in the mean that tissue is expected to go on by."""
+
 
 class BonePath(Protocol):
     """Where the nodes are moved to, those on bone above all."""
@@ -85,7 +88,7 @@ class Increment:
     def from_rest(self) -> np.ndarray:
         """Displacement from rest in model order as the device has it [mm], shape (nodes, 3), in its precision.
 
-        This and that of the increment before is all that the next increment starts from.
+        This and those of the increments before are all that the next increment starts from.
         """
         return self._on_device.numpy()
 
@@ -143,6 +146,7 @@ def simulate(
         final = number == options.increments
         tolerance = options.relax.tolerance * (1.0 if final else 10.0)
         relaxation = relaxer.relax(tolerance, watch, confirm=final, near=number > 1)  # phi~ of eq. 4.3
+        predictor.arrived(relaxation)
         displacement = wp.clone(relaxer.state.displacement)
         seconds = time.perf_counter() - start
         yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
@@ -152,36 +156,46 @@ class Predictor:
     """Moves the trunk to where it is expected at the next load factor, from which it is relaxed.
 
     Bones go to their place on the path. Tissue moves with the spline over the first increment, eq. 4.5.
-    Over a later one it goes on by what the relaxed trunk did over the one before: for equal increments
-    that moves the bones just as the spline does, and the tissue nearly to its equilibrium.
+    Over a later one it goes on by what the relaxed trunk did over the one before, and where one step then relaxed
+    it, so that the motion is smooth, by how that has changed from one to the next. The change is a mean over
+    increments: what solves leave open of soft motions would grow if each change went on as it was.
     """
 
     def __init__(self, state: State, bone_path: BonePath) -> None:
         model = state.model
         self.state, self.bone_path = state, bone_path
-        self._now = model.scanned()
-        self._last = model.zeros(model.vec3, model.nodes)
-        self._started = False
-        self._extrapolate = model.over_free(
-            loop_kernels(*model.variant).extrapolate, [self._now, self._last], [state.displacement]
+        self._moves, self._steps = 0, 0
+        self._share, self._part = (model.zeros(wp.float64, 1) for _ in range(2))
+        self._foresee = model.over_free(
+            loop_kernels(*model.variant).foresee,
+            [self._share, self._part],
+            [state.displacement, model.scanned(), model.free_vectors(), model.free_vectors()],
         )
 
     def go_on(self, done: Sequence[Increment]) -> None:
         """Sets the state to where the increments done so far, at least one, have led."""
-        self.state.displacement.assign(done[-1].from_rest)
-        if len(done) > 1:
-            self._now.assign(done[-2].from_rest)
-        self._started = True
+        for increment in done:
+            if self._moves:
+                self._expect()
+            self.state.displacement.assign(increment.from_rest)
+            self.arrived(increment.relaxation)
 
     def move(self, load_factor: float) -> None:
         """Changes the state to the expected one."""
-        state = self.state
         path = self.bone_path.at(load_factor)
-        if self._started:
-            wp.copy(self._last, self._now)
-            wp.copy(self._now, state.displacement)
-            self._extrapolate()
-            state.hold(path)
+        if self._moves:
+            self._expect()
+            self.state.hold(path)
         else:
-            state.place(path)
-        self._started = True
+            self.state.place(path)
+
+    def arrived(self, relaxation: Relaxation) -> None:
+        """Takes note of how the trunk was relaxed where it was moved to."""
+        self._moves, self._steps = self._moves + 1, relaxation.steps
+
+    def _expect(self) -> None:
+        """Moves the free nodes on from where the last increment led."""
+        changes = self._moves - 1
+        self._share.fill_(max(LEAST_SHARE, 1.0 / changes) if changes else 0.0)
+        self._part.fill_(1.0 if self._steps == 1 else 0.0)
+        self._foresee()

@@ -14,6 +14,8 @@ from .conjugate_gradient import ConjugateGradient, LinearSolution
 from .multilevel import Multilevel
 from .products import Products
 
+ON_THE_WAY = 0.03
+"""The part of the tolerance that a solve may leave on the way: where tissue is expected next goes by it."""
 CONTRACTION = 0.2
 """A step that leaves more than this part of the distance calls for the curvature of where it led."""
 FIRST = 2.0 / 3.0
@@ -118,7 +120,8 @@ class Newton:
         self._starts_near = False
         accuracy = TRUE_ACCURACY if self._true else ACCURACY
         least = self._longest_solve if self._cut else 0
-        solution = self._solver.solve(ACCURACY * self._tolerance, accuracy, least)
+        absolute = (ACCURACY if self._confirm else ON_THE_WAY) * self._tolerance
+        solution = self._solver.solve(absolute, accuracy, least)
         self._longest_solve = max(self._longest_solve, solution.iterations)
         if self._true and solution.bent:
             self._go_down(self._solver.solution.numpy(), self._solver.search.numpy())
