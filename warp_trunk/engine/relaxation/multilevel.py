@@ -1,10 +1,11 @@
 """The preconditioner: 3x3 diagonal blocks on the nodes and on nested grids, a dense inverse on the coarsest.
 
 z = D^-1 r + P_1 (w D_1^-1 + P_2 (w D_2^-1 + ... (P^T H P)^-1 ... ) P_2^T) P_1^T r, an additive multilevel
-method (Bramble, Pasciak and Xu 1990) whose levels are trilinear on regular grids laid over the trunk. A
-trilinear field is continuous and holds every affine motion, which the long waves of soft tissue need; on
-the phantom it takes a third of the iterations of affine motions of separate aggregates. The grids' matrices
-are those of the trunk at rest: made once, they serve every increment, step and surgical plan of a patient.
+method (Bramble, Pasciak and Xu 1990) whose levels are trilinear on regular grids laid over the trunk; w is 1 by
+their number, for levels overlap. A trilinear field is continuous and holds every affine motion, which the long
+waves of soft tissue need; on the phantom it takes a third of the iterations of affine motions of separate
+aggregates. The grids' matrices are those of the trunk at rest: made once, they serve every increment, step and
+surgical plan of a patient.
 """
 
 from __future__ import annotations
@@ -30,10 +31,8 @@ from .grid import CoarseGrid, Interpolation
 
 DENSE_CELLS = 480
 """Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
-FINEST_SPACING = 1.6
+FINEST_SPACING = 1.15
 """No grid is finer than this many mean distances of nodes: below, the nodes' own blocks do the work."""
-GRID_WEIGHT = 0.5
-"""Factor on the diagonal blocks of the grids between, which overlap with the levels above and below."""
 
 
 class Multilevel:
@@ -60,7 +59,7 @@ class Multilevel:
             diagonal = None
             if not last:
                 whole = transfer if finer is points else _Transfer(model, grid.interpolate(points))
-                diagonal = grid_diagonal(matrix, whole, size)
+                diagonal = grid_diagonal(matrix, whole, size, 1.0 / len(spacings))
             level = _Level(
                 points=len(finer),
                 transfer=transfer,
@@ -201,8 +200,8 @@ class _Level:
     """D^-1 of its vertices, weighted, shape (vertices,), mat33; None for the coarsest, which is solved densely."""
 
 
-def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int) -> wp.array:
-    """Inverse diagonal blocks of P^T H P, weighted, for P from the nodes to `size` vertices."""
+def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int, weight: float) -> wp.array:
+    """Inverse diagonal blocks of P^T H P times a weight, for P from the nodes to `size` vertices."""
     model = matrix.model
     mat33 = wp.types.matrix((3, 3), model.scalar)
     diagonal = model.zeros(mat33, 1, size)
@@ -216,7 +215,7 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int) -> wp.array:
     inverse = model.zeros(mat33, size)
     own = model.array(np.arange(size, dtype=np.int32), wp.int32)
     model.parallel.record(
-        sparse_kernels(*model.variant).invert_diagonal, size, [own, diagonal, model.scalar(GRID_WEIGHT)], [inverse]
+        sparse_kernels(*model.variant).invert_diagonal, size, [own, diagonal, model.scalar(weight)], [inverse]
     )()
     return inverse
 
