@@ -14,6 +14,7 @@ from warp_trunk.kernels.loop import loop_kernels
 from ..state import State
 from .block_matrix import BlockMatrix
 from .conjugate_gradient import ConjugateGradient, LinearSolution
+from .curvature_change import CurvatureChange
 from .preconditioner import Preconditioner
 from .rounding import Rounding
 
@@ -25,10 +26,10 @@ ROUNDED = 4.0
 """A gradient of at most so many samples of its rounding holds nothing else."""
 FALLEN = 0.01
 """A solve for a gradient with other roundings ends when its residual has fallen to this part."""
+UNSEEN = 0.9
+"""What a step is taken to leave of a distance longer than the tolerance where none was seen."""
 SLOWEST = 0.95
 """Steps are taken to shrink at least this fast from one to the next."""
-UNSEEN = 0.9
-"""What a step is taken to leave of the distance where none was seen."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Confirmation:
         model = state.model
         self._directions = max(3 * model.free_nodes, 1)
         noise = np.random.default_rng(0).standard_normal((model.free_nodes, 3))
-        noisy = model.free_vectors()
+        self._noisy = noisy = model.free_vectors()
         self._amount = model.zeros(wp.float64, 1)
         self._add_noise = model.over_free(
             loop_kernels(*model.variant).step,
@@ -105,25 +106,32 @@ class Confirmation:
         if solution.bent:
             return Verdict(math.inf, self._with_noise.search, solution.iterations)
         spent = solution.iterations
-        if floor + self._reach(solution, last) > tolerance:
+        probed = tolerance, solution.longest
+        if floor + self._reach(solution, last, *probed) > tolerance:
             rounded = self._solve_rounded(tolerance, norm)
             if rounded is not None:
                 solution, spent = rounded, spent + rounded.iterations
         least = ACCURACY * tolerance  # a solve leaves so much
-        return Verdict(max(floor + self._reach(solution, last), least), None, spent)
+        return Verdict(max(floor + self._reach(solution, last, *probed), least), None, spent)
 
-    def _reach(self, solution: LinearSolution, last: Step | None) -> float:
+    def _reach(self, solution: LinearSolution, last: Step | None, tolerance: float, longest: float) -> float:
         """How far the equilibrium can be where a solve says so far [mm].
 
         The last step at least as long, which left a part q, says how little the curvature changes on the way:
-        there is one equilibrium within 1 / (1 - q) of the length (Newton and Kantorovich).
+        there is one equilibrium within 1 / (1 - q) of the length (Newton and Kantorovich). Where there was none,
+        as from a start nearer than rounding can tell, a step as long as the tolerance is tried along the solution
+        of the first solve, of that length.
         """
         left = solution.longest + solution.left
         steps = self._steps
         if last is not None:
             left = max(left, last.left)
             steps = [*steps, Step(last.length, left)]
-        shrink = next((step.left / step.length for step in reversed(steps) if step.length >= left > 0.0), UNSEEN)
+        seen = (step.left / step.length for step in reversed(steps) if step.length >= left > 0.0)
+        shrink = next(seen, None)
+        if shrink is None:
+            resolved = left <= tolerance and 0.0 < longest < math.inf
+            shrink = self._change.left(tolerance / longest) if resolved else UNSEEN
         return left / (1.0 - min(shrink, SLOWEST))
 
     def _solve_rounded(self, tolerance: float, norm: float) -> LinearSolution | None:
@@ -133,6 +141,10 @@ class Confirmation:
         if norm > ROUNDED * rounding.norm():
             return None
         return rounding.solve(ACCURACY * tolerance, FALLEN)
+
+    @cached_property
+    def _change(self) -> CurvatureChange:
+        return CurvatureChange(self._state, self._preconditioner, self._with_noise, self._noisy)
 
     @cached_property
     def _rounding(self) -> Rounding:
