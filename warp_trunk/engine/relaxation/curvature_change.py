@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.loop import loop_kernels
@@ -31,7 +32,7 @@ class CurvatureChange:
         self._state, self._there = state, State(model)
         self._scale = model.zeros(wp.float64, 1)
         self._force, self._change, z = (model.free_vectors() for _ in range(3))
-        one, minus_one = (model.array([value], wp.float64) for value in (1.0, -1.0))
+        one, minus_one = (model.array(np.array([value]), wp.float64) for value in (1.0, -1.0))
         kernel = loop_kernels(*model.variant).step
 
         def add(scale: wp.array, first: wp.array, second: wp.array, total: wp.array) -> Launch:
