@@ -109,3 +109,37 @@ def test_a_bone_known_after_surgery_goes_there_and_takes_its_neighbours_along() 
     np.testing.assert_allclose(motions["sternum"].as_matrix(), TURN.as_matrix(), atol=1e-9)
     assert np.linalg.norm(way(motions["rib_left_05"], bones["rib_left_05"].vertices), axis=1).max() > 5.0
     assert np.abs(way(motions["rib_left_09"], bones["rib_left_09"].vertices)).max() < 1e-9
+
+
+def test_the_cage_leans_as_one_with_a_thoracic_spine_that_bends_sideways() -> None:
+    """All thoracic vertebrae turn by 15 degrees in the coronal plane: every rib and the sternum do just that."""
+    bones, before = straight()
+    lean = RigidTransform.from_components([25.0, 0.0, -8.0], Rotation.from_euler("y", 15.0, degrees=True))
+    thoracic = np.array([name.startswith("T") for name in before.names])
+    after = Landmarks(before.names, np.where(thoracic[:, None], lean.apply(before.points), before.points))
+    motions = bone_motions(bones, before, after, pose="bending")
+    for bone in ("rib_left_01", "rib_right_12", "sternum"):
+        np.testing.assert_allclose(motions[bone].as_matrix(), lean.as_matrix(), atol=1e-9)
+    assert np.abs(way(motions["hip_left"], bones["hip_left"].vertices)).max() < 1e-9
+    surgery = bone_motions(bones, before, after)["rib_right_08"].rotation.as_rotvec(degrees=True)
+    assert abs(surgery[1]) < 5.0  # a curve that surgery takes away leaves ribs as they lean
+
+
+def test_what_vertebrae_do_beside_leaning_reaches_the_ribs_by_shares() -> None:
+    """A turn of T8 about its own axis, in a trunk that leans as well: her ribs turn by its share."""
+    bones, before = straight()
+    lean = RigidTransform.from_rotation(Rotation.from_euler("y", 12.0, degrees=True))
+    shares = RibShares(turn=0.5, recovery=1.0)
+    centre = bones["T8"].vertices.mean(axis=0)
+    axis = before.point("T8_superior_endplate") - before.point("T8_inferior_endplate")
+    turn = Rotation.from_rotvec(np.radians(10.0) * axis / np.linalg.norm(axis))
+    about = RigidTransform.from_components(centre - turn.apply(centre), turn)
+    points = before.points.copy()
+    eight = np.array([name.startswith("T8_") for name in before.names])
+    points[eight] = about.apply(points[eight])
+    upright = bone_motions(bones, before, Landmarks(before.names, points), shares=shares)
+    thoracic = np.array([name.startswith("T") for name in before.names])
+    points[thoracic] = lean.apply(points[thoracic])
+    bent = bone_motions(bones, before, Landmarks(before.names, points), shares=shares, pose="bending")
+    for bone in ("rib_left_08", "rib_right_08"):
+        np.testing.assert_allclose(bent[bone].as_matrix(), (lean * upright[bone]).as_matrix(), atol=1e-8)

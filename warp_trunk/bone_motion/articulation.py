@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -21,10 +22,12 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.case.study import Pose
     from warp_trunk.geometry.surface import Surface
 
 _PELVIS = ("hip_left", "hip_right", "sacrum", "coccyx", "femur_left", "femur_right")
 """Bones that move as one."""
+_THORACIC = tuple(vertebra for vertebra in VERTEBRAE if vertebra.startswith("T"))
 _THICK = 1.0
 """Landmarks of a bone nearer than this to one line do not hold its turn about it [mm]."""
 
@@ -35,8 +38,10 @@ def bone_motions(
     landmarks_after: Landmarks,
     bones_after: Mapping[str, Surface] | None = None,
     shares: RibShares | None = None,
+    *,
+    pose: Pose = "surgery",
 ) -> dict[str, RigidTransform]:
-    """How each bone moves rigidly from before to after surgery.
+    """How each bone moves rigidly from before to after surgery, or from standing to bending sideways.
 
     The first of these that applies:
 
@@ -44,7 +49,9 @@ def bone_motions(
     - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs.
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
       two iliac spines alone leave the turn about the line between them open; it is taken as none.
-    - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`).
+    - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`) of what these do
+      against the pelvis. Where the patient bends sideways, the cage leans as one with the thoracic spine, and the
+      shares are of what vertebrae do beside that.
     - Costal cartilages and clavicles: each end goes with its neighbour; about the line between the ends they
       turn with the spline.
     - All others, such as vertebrae without landmarks: the rigid motion nearest to the spline's.
@@ -55,6 +62,7 @@ def bone_motions(
         landmarks_after: the same landmarks after, in the same order.
         bones_after: surfaces after, of all, some or none of the bones; vertex for vertex those of `bones`.
         shares: what of a vertebra's motion reaches its ribs; the default ones when left out.
+        pose: what lies between before and after.
 
     Returns:
         A motion for each of the bones [mm].
@@ -82,7 +90,8 @@ def bone_motions(
     for bone in bones:
         if bone not in motions and bone in VERTEBRAE:
             motions[bone] = fit_rigid(bones[bone].vertices, spline(bones[bone].vertices))
-    motions |= _cage(bones, (landmarks_before, landmarks_after), motions, pelvis, shares or RibShares())
+    frame = _leaning(bones, motions) if pose == "bending" else _still(motions, pelvis)
+    motions |= _cage(bones, (landmarks_before, landmarks_after), motions, frame, shares or RibShares())
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
         motions[bone] = _between_neighbours(bone, bones, motions, spline)
     return {bone: motions[bone] for bone in bones}
@@ -103,27 +112,46 @@ def _between_neighbours(
     return fit_rigid(by_spline.apply(points), goals) * by_spline
 
 
+def _still(motions: Mapping[str, RigidTransform], pelvis: RigidTransform | None) -> RigidTransform:
+    """The motion of the pelvis."""
+    from scipy.spatial.transform import RigidTransform  # heavy
+
+    found = next((motions[bone] for bone in _PELVIS if bone in motions), pelvis)
+    return RigidTransform.identity() if found is None else found
+
+
+def _leaning(bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform]) -> RigidTransform:
+    """The rigid motion in the coronal plane that is nearest to that of the middles of the thoracic vertebrae."""
+    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+
+    levels = [level for level in _THORACIC if level in bones and level in motions]
+    if len(levels) < 2:
+        return RigidTransform.identity()
+    before = np.array([bones[level].vertices.mean(axis=0) for level in levels])
+    after = np.array([motions[level].apply(point) for level, point in zip(levels, before, strict=True)])
+    (x, _, z), (u, _, w) = (before - before.mean(axis=0)).T, (after - after.mean(axis=0)).T
+    lean = Rotation.from_rotvec([0.0, math.atan2(u @ z - w @ x, u @ x + w @ z), 0.0])
+    way = after.mean(axis=0) - lean.apply(before.mean(axis=0))
+    return RigidTransform.from_components(way * [1.0, 0.0, 1.0], lean)
+
+
 def _cage(
     bones: Mapping[str, Surface],
     landmarks: tuple[Landmarks, Landmarks],
     motions: Mapping[str, RigidTransform],
-    pelvis: RigidTransform | None,
+    frame: RigidTransform,
     shares: RibShares,
 ) -> dict[str, RigidTransform]:
-    """Motions of ribs, sternum and shoulder blades, of which some may be known already."""
-    from scipy.spatial.transform import RigidTransform  # heavy
-
-    still = next((motions[bone] for bone in _PELVIS if bone in motions), pelvis)
-    if still is None:
-        still = RigidTransform.identity()
-    against = {name: still.inv() * motion for name, motion in motions.items()}
+    """Motions of ribs, sternum and shoulder blades, of which some may be known already; shares are of what
+    vertebrae do against a frame."""
+    against = {name: frame.inv() * motion for name, motion in motions.items()}
     coupled = coupled_turns(*landmarks)
     vertebrae = {
         name: split(against[name], *_body(landmarks[0], name, bones[name]), coupled.get(name))
         for name in VERTEBRAE
         if name in bones and name in against
     }
-    return {name: still * motion for name, motion in follow(bones, vertebrae, shares, against).items()} | {
+    return {name: frame * motion for name, motion in follow(bones, vertebrae, shares, against).items()} | {
         name: motions[name] for name in motions
     }
 

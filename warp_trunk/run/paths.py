@@ -28,5 +28,10 @@ def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
 def motions_of(case: Case) -> dict[str, RigidTransform]:
     """How each bone of a case moves rigidly, known ones first."""
     return bone_motions(
-        case.bones, case.landmarks_before, case.planned_landmarks, case.bones_after, case.rib_shares
+        case.bones,
+        case.landmarks_before,
+        case.planned_landmarks,
+        case.bones_after,
+        case.rib_shares,
+        pose=case.study.pose,
     )
