@@ -8,6 +8,7 @@ from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.report.page import rendered
 from warp_trunk.report.style import RC, file_of
 
+from .against_baselines import over_whole_back, worse_parts
 from .errors_of import case_error
 from .pictures import cohort_pictures
 from .record import FAILED, CaseRow
@@ -68,12 +69,12 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
         counted=summary.counted,
         patients=summary.patients,
         made_up_cases=summary.virtual,
-        left_out=_left_out(rows, summary),
+        first=[*worse_parts(summary), *_left_out(rows, summary)],
         glance=_glance(summary),
         detectable=DETECTABLE,
         range_head=RANGE_HEAD,
         range_rows=_range_rows(summary),
-        better=_better(summary),
+        better=over_whole_back(summary),
         level_head=LEVEL_HEAD,
         level_rows=_level_rows(summary),
         hump=_hump(summary),
@@ -141,27 +142,6 @@ def _case_row(row: CaseRow) -> list[str]:
         *(_number(value) for value in (row.hump_before_mm, row.hump_predicted_mm, row.hump_actual_mm)),
         row.status + (", bending" if row.pose == "bending" else ""),
     ]
-
-
-def _better(summary: CohortSummary) -> list[str]:
-    """In a sentence each, whether the method beats what any method must beat."""
-    whole = summary.ranges["T3-L5"]
-    said = []
-    for what, gain in (
-        ("saying that nothing changes", whole.better_than_nothing),
-        ("moving the skin with the spline", whole.better_than_spline),
-    ):
-        if gain is None:
-            continue
-        size = f"{abs(gain.mean):.2f} degrees {'smaller' if gain.mean > 0.0 else 'larger'} than by {what}"
-        if gain.low is None or gain.high is None:
-            said.append(
-                f"The error is {size}; fewer than three patients do not tell whether that holds for others."
-            )
-            continue
-        sure = "" if gain.low > 0.0 or gain.high < 0.0 else "; the interval holds 0, so these patients do not tell"
-        said.append(f"The error is {size} (95 % interval {gain.low:.2f} to {gain.high:.2f}){sure}.")
-    return said
 
 
 def _left_out(rows: Sequence[CaseRow], summary: CohortSummary) -> list[str]:

@@ -13,6 +13,7 @@ import msgspec
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures.comparison import DETECTABLE
 
+from .against_baselines import worse_parts
 from .page import cohort_page
 from .record import CaseRow, LevelRow
 from .summary import CohortSummary, summarize_cohort
@@ -70,4 +71,4 @@ def cohort_text(summary: CohortSummary) -> str:
             f"{one.nothing_changes.mean:.2f}° if nothing changed, {one.spline.mean:.2f}° by the spline; "
             f"{100.0 * one.within.mean:.0f} % of levels within {DETECTABLE:g}°"
         )
-    return "\n".join(lines)
+    return "\n".join([*lines, *worse_parts(summary)])
