@@ -5,10 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import signal
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,18 +14,15 @@ import psutil
 import pytest
 from distributed import Client, LocalCluster
 
-from support.cohort_cases import cohort_options, turned_case, write_cohort_cases
+from support.cohort_cases import cohort_options, contents, turned_case, write_cohort_cases
+from support.killing import killed_at_work
 from warp_trunk.case import write_case
 from warp_trunk.cohort.cluster import choose_workers, connected
 from warp_trunk.cohort.one_case import LOG, do_case
 from warp_trunk.cohort.record import JUDGED
 from warp_trunk.cohort.working import work
 from warp_trunk.errors import InputError
-from warp_trunk.io.lock import LOCK
 from warp_trunk.run.progress import Progress
-
-SAME = ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv", "actual_skin.ply")
-"""Files of a result that hold no time."""
 
 
 @pytest.fixture(scope="module")
@@ -52,30 +46,6 @@ def alone(cases: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-class Killing(Progress):
-    """Kills the worker that works on a case, once."""
-
-    def __init__(self, client: Client, out: Path) -> None:
-        super().__init__()
-        self.client, self.out, self.killed = client, out, 0
-
-    def begin(self) -> None:
-        """Waits until a case is worked on, and kills its worker."""
-        until = time.monotonic() + 120.0
-        while time.monotonic() < until and not self.killed:
-            for lock in self.out.glob(f"*/{LOCK}"):
-                text = lock.read_text().strip() if lock.exists() else ""
-                if text and int(text) != os.getpid():
-                    os.kill(int(text), signal.SIGKILL)
-                    self.killed = int(text)
-                    return
-            time.sleep(0.02)
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    return {f"{name}/{file}": (out / name / file).read_bytes() for name in "abc" for file in SAME}
-
-
 def levels(out: Path) -> list[Any]:
     return [json.loads((out / name / JUDGED).read_text())["row"]["levels"] for name in "abc"]
 
@@ -83,15 +53,12 @@ def levels(out: Path) -> list[Any]:
 def test_a_killed_worker_costs_a_retry_and_changes_no_bit(
     cases: Path, client: Client, alone: Path, tmp_path: Path
 ) -> None:
-    killing = Killing(client, tmp_path)
-    watcher = threading.Thread(target=killing.begin)
-    watcher.start()
-    done = work(client, sorted(cases.iterdir()), tmp_path, cohort_options(), killing)
-    watcher.join()
-    assert killing.killed
+    with killed_at_work(tmp_path) as killed:
+        done = work(client, sorted(cases.iterdir()), tmp_path, cohort_options(), Progress())
+    assert len(killed) == 1
     assert [one.row.status for one in done] == ["CONVERGED"] * 3 + ["FAILED"]
     assert "landmarks_before.csv: there is no such file" in done[3].row.reason
-    assert contents(tmp_path) == contents(alone)
+    assert contents(tmp_path, "abc") == contents(alone, "abc")
     assert levels(tmp_path) == levels(alone)
     begun = sum((tmp_path / name / LOG).read_text().count("meshing the soft tissue") for name in "abc")
     assert begun <= 4  # one of them twice

@@ -57,3 +57,12 @@ def write_cohort_cases(folder: Path) -> Path:
     write_case(folder / "d", turned_case("broken", 0.0))
     (folder / "d" / "landmarks_before.csv").unlink()
     return folder
+
+
+SAME = ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv", "actual_skin.ply")
+"""Files of a result that hold no time."""
+
+
+def contents(out: Path, names: str) -> dict[str, bytes]:
+    """What the results of some cases, of one letter each, hold to the last bit."""
+    return {f"{name}/{file}": (out / name / file).read_bytes() for name in names for file in SAME}
