@@ -129,6 +129,21 @@ def test_a_change_of_all_tissues_is_the_sum_of_changes() -> None:
     np.testing.assert_allclose(linear.pull(Constant("theta")), parts, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize(("energy", "weights", "gravity"), SCENES)
+def test_the_rest_of_the_way_leads_to_the_equilibrium(
+    energy: EnergyName, weights: WeightsName, gravity: float
+) -> None:
+    """From where two steps have led, and much nearer than that: a Newton step leaves a part of higher order."""
+    model, move = scene(energy, weights, gravity), bones_turned()
+    few = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-9, max_steps=3))
+    *_, early = simulate(model, BonePath(move), few)
+    assert early.relaxation.status is RelaxStatus.STEP_LIMIT
+    way = settle(model, move).displacement - early.displacement
+    found = Linearization(model, early, accuracy=1e-10, unconfirmed=True).rest_of_way()
+    assert np.linalg.norm(way) > 1e-6
+    assert np.linalg.norm(found - way) < 0.1 * np.linalg.norm(way)
+
+
 def test_refusals() -> None:
     model, move = scene("neo-hookean", gravity=9.81), bones_turned()
     *_, early = simulate(model, BonePath(move), SimulationOptions(increments=1, relax=RelaxOptions(max_steps=1)))

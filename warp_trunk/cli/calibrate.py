@@ -13,9 +13,10 @@ from tyro.conf import Positional
 from warp_trunk.case import read_checked_case
 from warp_trunk.case.places import refuse_case
 from warp_trunk.case.tissue_file import constant_of
-from warp_trunk.cohort.calibration.calibrate import FitCase, calibrate
+from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import FitJob
+from warp_trunk.cohort.calibration.rounds import FitCase
 from warp_trunk.cohort.calibration.writing import calibration_text, check_file, write_calibration
 from warp_trunk.cohort.case_folders import case_folders
 from warp_trunk.cohort.cluster import connected

@@ -38,7 +38,13 @@ class Linearization:
     """Products with the curvature so far, all columns of a pass counted as one."""
 
     def __init__(
-        self, model: Model, increment: Increment, accuracy: float = ACCURACY, relaxer: Relaxer | None = None
+        self,
+        model: Model,
+        increment: Increment,
+        accuracy: float = ACCURACY,
+        relaxer: Relaxer | None = None,
+        *,
+        unconfirmed: bool = False,
     ) -> None:
         """Assembles the true curvature at the increment.
 
@@ -48,11 +54,12 @@ class Linearization:
             accuracy: part of the longest vector of a solution by which a vector may be wrong.
             relaxer: one of this model, whose matrix and preconditioner are used; it must not relax until this is
                 done with. Made when left out.
+            unconfirmed: also where no equilibrium was found; `rest_of_way` says how far it is.
 
         Raises:
-            InputError: a relaxation that did not converge: what is no equilibrium has no such derivative.
+            InputError: otherwise, a relaxation that did not converge: what is no equilibrium has no derivative.
         """
-        if increment.relaxation.status is not RelaxStatus.CONVERGED:
+        if increment.relaxation.status is not RelaxStatus.CONVERGED and not unconfirmed:
             raise InputError(
                 f"sensitivities: the relaxation must have ended with CONVERGED, not "
                 f"{increment.relaxation.status.name}; simulate with more steps or a larger tolerance"
@@ -66,6 +73,15 @@ class Linearization:
         self._matrix, self._preconditioner = relaxer.true_curvature(model.array(increment.from_rest, model.vec3))
         self._coupling = Coupling(self._state)
         self._solvers: dict[int, ColumnGradient] = {}
+
+    def rest_of_way(self) -> np.ndarray:
+        """From where the increment ended to the equilibrium, as the curvature there has it [mm], shape (nodes, 3).
+
+        A Newton step: where the tissue is caught at one place, it says what that leaves open everywhere else.
+        """
+        self._state.evaluate()
+        force = self._in_mesh_order(self._state.gradient.numpy()[self.model.free].astype(np.float64))[None]
+        return self.follow(np.zeros_like(force), force)[0]
 
     def adjoints(self, weights: np.ndarray) -> np.ndarray:
         """l with H l = dN/du, of numbers' derivatives in the place of every node; 0 on prescribed nodes."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
+from uuid import uuid4
 
 import numpy as np
 
@@ -16,13 +18,14 @@ from warp_trunk.case.rib_shares import LIMITS
 from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
 from warp_trunk.engine.constants import Constant
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.simulation import Increment, simulate
+from warp_trunk.engine.relaxation import Relaxer, RelaxStatus
+from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.skin_distance import skin_distance
+from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.paths import find_path
@@ -33,6 +36,7 @@ from .free_constants import FreeConstant, values_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.geometry.surface import Surface
 
 PLACES = 400
@@ -43,6 +47,11 @@ flanks of a trunk are some 300 by 350 mm. All places of a case together weigh as
 SKIN_SD = 2.0
 """What a place of the skin is off where the constants are right [mm]: 1.4 of the scanner of both papers, and as
 much of the model beside its constants; assumed."""
+SETTLED = 0.1
+"""How far a skin may be from its equilibrium [mm]: no scanner tells that apart, and tissue that is caught between
+two bones deep inside, where a relaxation ends STALLED, leaves less open."""
+MOST_KEPT = 16
+"""Cases of which a worker keeps mesh and places between rounds, of some 30 MB each."""
 STEP = 1e-2
 """Part of what is believed of a constant by which it is changed for a difference."""
 
@@ -63,6 +72,8 @@ class FitJob:
     """What is to be found."""
     derivative: bool = True
     """Whether the change with each constant is wanted."""
+    key: str = field(default_factory=lambda: uuid4().hex)
+    """Told by it, a worker that has done the job before takes what it has kept of the case."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,19 +101,18 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
         counted: the constants as they are counted, shape (constants,).
 
     Raises:
-        InputError: a case that cannot be simulated, has no actual skin, or does not converge.
+        InputError: a case that cannot be simulated, has no actual skin, or whose skin finds no equilibrium.
     """
     start_warp()
-    case = read_fit_case(job)
-    now = _simulated(case, job, counted)
-    places = _places(now)
+    now = _simulated(_kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job, counted)
+    places = now.kept.places
     distance, direction = _distance(now, places)
     scale = np.sqrt(WORTH / len(places)) / SKIN_SD
     derivative = None
     if job.derivative:
         moved = _moved(now, job, counted)[:, places]
         derivative = scale * np.einsum("vi,cvi->vc", direction, moved)
-    judged = compare_skins(now.skin, now.actual, now.case.planned_landmarks)
+    judged = compare_skins(now.skin, now.kept.actual, now.case.planned_landmarks)
     back, rotation = judged.distance["back"], judged.bsr_error["T3-L5"]
     return CaseFit(
         residuals=scale * distance,
@@ -120,57 +130,71 @@ def tried(job: FitJob, counted: np.ndarray) -> CaseFit | InputError:
         return error
 
 
-def read_fit_case(job: FitJob) -> Case:
-    """The case, with what the command line changes in it.
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """What a case needs at all constants."""
+
+    case: Case
+    """As it was read."""
+    actual: Surface
+    """Its actual skin."""
+    trunk: TrunkMesh
+    """Its mesh."""
+    places: np.ndarray
+    """Vertices of the skin at which it is compared, chosen by the skin before, shape (places,)."""
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _kept(key: str, folder: Path, align_pelvis: bool, mesh: MeshOptions) -> _Kept:
+    """Reads and meshes a case, once on each worker for as long as `key` is the same.
 
     Raises:
-        InputError: it cannot be read, or has no actual skin.
+        InputError: it cannot be read or meshed, or has no actual skin.
     """
-    case, _ = read_checked_case(job.folder, align=job.align_pelvis)
+    case, _ = read_checked_case(folder, align=align_pelvis)
     if case.actual_skin is None:
-        raise InputError(f"{job.folder}: has no actual skin to calibrate on; add actual_skin.ply or leave it out")
-    return case if job.refine is None else job.refine(case)
+        raise InputError(f"{folder}: has no actual skin to calibrate on; add actual_skin.ply or leave it out")
+    there = np.flatnonzero(skin_distance(case.skin, case.actual_skin, case.landmarks_before).counted)
+    places = there[np.linspace(0, len(there) - 1, min(PLACES, len(there))).astype(np.int64)]
+    return _Kept(case, case.actual_skin, make_trunk(case.skin, case.bones, mesh).trunk, places)
 
 
 @dataclass(frozen=True, eq=False)
 class _Simulated:
     """A case at its end."""
 
+    kept: _Kept
     case: Case
     prepared: Prepared
-    last: Increment
+    linear: Linearization
     skin: Surface
-    actual: Surface
 
 
-def _simulated(case: Case, job: FitJob, counted: np.ndarray) -> _Simulated:
+def _simulated(kept: _Kept, job: FitJob, counted: np.ndarray) -> _Simulated:
+    case = kept.case if job.refine is None else job.refine(kept.case)
     case = with_constants(case, values_of(job.free, counted))
-    prepared = prepare(case, job.options)
-    *_, last = simulate(prepared.model, prepared.bone_path, job.options.simulation)
-    if last.relaxation.status is not RelaxStatus.CONVERGED:
-        raise InputError(f"{job.folder}: ended {last.relaxation.status.name}, which is no prediction")
-    assert case.actual_skin is not None  # `read_fit_case` has refused it
-    return _Simulated(
-        case, prepared, last, predicted_skin(case, prepared.trunk, last.displacement), case.actual_skin
-    )
-
-
-def _places(now: _Simulated) -> np.ndarray:
-    """Vertices of the skin at which it is compared: the same at all constants, so chosen by the skin before."""
-    case = now.case
-    counted = skin_distance(case.skin, now.actual, case.landmarks_before).counted
-    there = np.flatnonzero(counted)
-    return there[np.linspace(0, len(there) - 1, min(PLACES, len(there))).astype(np.int64)]
+    prepared = prepare(case, job.options, kept.trunk)
+    relaxer = Relaxer(prepared.model, job.options.simulation.relax)
+    *_, last = simulate(prepared.model, prepared.bone_path, job.options.simulation, relaxer=relaxer)
+    status = last.relaxation.status
+    linear = Linearization(prepared.model, last, relaxer=relaxer, unconfirmed=status is not RelaxStatus.NOT_FINITE)
+    if status is not RelaxStatus.CONVERGED:
+        way = linear.rest_of_way()[prepared.trunk.skin_nodes]
+        far = float(np.linalg.norm(way, axis=1).max())
+        if not far <= SETTLED:
+            ended = f"ended {status.name}, the skin {far:.1f} mm from equilibrium"
+            raise InputError(f"{job.folder}: {ended}, which is no prediction")
+    return _Simulated(kept, case, prepared, linear, predicted_skin(case, prepared.trunk, last.displacement))
 
 
 def _distance(now: _Simulated, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed distance of places of the predicted skin from the actual one, and the direction in which it grows."""
     points = now.skin.vertices[places]
-    nearest = SurfaceDistance(now.actual).nearest(points)
+    nearest = SurfaceDistance(now.kept.actual).nearest(points)
     distance = nearest.distance.astype(np.float64)
     away = points - nearest.point
     length = np.linalg.norm(away, axis=1)
-    normal = unit(area_vectors(now.actual.vertices, now.actual.faces[nearest.face]))
+    normal = unit(area_vectors(now.kept.actual.vertices, now.kept.actual.faces[nearest.face]))
     far = length > 0.05  # float32 knows no direction of less
     direction = np.where(
         far[:, None], np.sign(distance)[:, None] * away / np.maximum(length, 1e-9)[:, None], normal
@@ -182,7 +206,8 @@ def _moved(now: _Simulated, job: FitJob, counted: np.ndarray) -> np.ndarray:
     """How the skin moves with each constant as it is counted [mm], shape (constants, vertices, 3)."""
     if now.prepared.model.scan is not None:
         return np.stack([_by_difference(now, job, counted, number) for number in range(len(job.free))])
-    linear, none = Linearization(now.prepared.model, now.last), np.zeros_like(now.prepared.trunk.nodes)
+    linear = now.linear
+    none = np.zeros_like(now.prepared.trunk.nodes)
     bones = [_bones_moved(now, job, free) if free.of == RIBS else none for free in job.free]
     pulls = [none if free.of == RIBS else _pull(now, linear, free) for free in job.free]
     return linear.follow(np.stack(bones), np.stack(pulls))[:, now.prepared.trunk.skin_nodes]
@@ -227,5 +252,5 @@ def _by_difference(now: _Simulated, job: FitJob, counted: np.ndarray, number: in
         step = -step
     changed = counted.copy()
     changed[number] += step
-    other = _simulated(now.case, dataclasses.replace(job, derivative=False), changed)
+    other = _simulated(now.kept, dataclasses.replace(job, derivative=False), changed)
     return (other.skin.vertices - now.skin.vertices) / step

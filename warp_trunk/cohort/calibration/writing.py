@@ -97,6 +97,12 @@ def warnings_of(calibration: Calibration) -> list[str]:
                 f"{one.name}: these patients told {100.0 * one.from_data:.0f} % of what is known of it, the rest "
                 "is what was believed before; do not free it, or bring more patients."
             )
+    judged = {one.case for one in calibration.held_out}
+    missing = [name for name in calibration.cases if calibration.held_out and name not in judged]
+    if missing:
+        said.append(
+            f"{', '.join(missing)}: no equilibrium with the constants of the others; not among the left-out backs."
+        )
     if calibration.patients == 1:
         said.append(
             "One patient: the intervals rest on the stated errors alone, and nobody is left to judge it by."
