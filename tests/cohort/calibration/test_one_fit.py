@@ -59,23 +59,23 @@ def test_derivatives_are_differences(job: FitJob) -> None:
         assert np.linalg.norm(found.derivative[:, number] - difference) < 0.02 * size, free.name
 
 
-def relaxed(job: FitJob, **options: float) -> FitJob:
-    relax = RelaxOptions(**options)
+def relaxed(job: FitJob, relax: RelaxOptions) -> FitJob:
     return replace(job, options=replace(job.options, simulation=SimulationOptions(increments=2, relax=relax)))
 
 
 def test_a_skin_that_is_settled_counts_though_no_equilibrium_is_confirmed(job: FitJob) -> None:
     start = np.array([one.counted(one.start) for one in job.free])
-    unreached = relaxed(job, tolerance=1e-15, max_steps=12)
+    unreached = relaxed(job, RelaxOptions(tolerance=1e-15, max_steps=12))
     found, wanted = fit_case(unreached, start), fit_case(job, start)
     assert found.derivative is not None
+    assert wanted.derivative is not None
     np.testing.assert_allclose(found.residuals, wanted.residuals, atol=1e-4)
     np.testing.assert_allclose(found.derivative, wanted.derivative, atol=1e-2 * np.abs(wanted.derivative).max())
 
 
 def test_a_skin_on_its_way_does_not_count(job: FitJob) -> None:
     with pytest.raises(InputError, match=r"ended STEP_LIMIT, the skin \d+\.\d mm from equilibrium"):
-        fit_case(relaxed(job, max_steps=1), np.array([one.counted(one.start) for one in job.free]))
+        fit_case(relaxed(job, RelaxOptions(max_steps=1)), np.array([one.counted(one.start) for one in job.free]))
 
 
 def test_a_case_without_actual_skin_is_refused(job: FitJob, tmp_path: Path) -> None:
