@@ -20,7 +20,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 TRUNK = block_with_bone((6, 5, 4), holes=((1, 1, 1), (3, 1, 1)))
 PARTS = ["numbering.order", "held.loose", "features.edge", "features.face", "pattern.row_start", "pattern.columns"]
-PARTS += ["pattern.place", "grids.spacings", "coarsest.inverse"]
+PARTS += ["pattern.place", "grids.coarsest", "grids.node_distance", "coarsest.inverse"]
 
 
 def end(memo: Memo | None, trunk: TrunkMesh = TRUNK, **options: Any) -> bytes:
@@ -69,8 +69,9 @@ def test_what_is_remembered_changes_no_bit(energy: EnergyName, precision: str) -
         ("pattern.columns", lambda column: column.astype(float)),
         ("pattern.place", lambda place: place + 40),
         ("pattern.place", lambda place: place[:, :4]),
-        ("grids.spacings", lambda spacing: 1e-6 * spacing),
-        ("grids.spacings", lambda spacing: spacing[:0]),
+        ("grids.coarsest", lambda spacing: 100.0 * spacing),
+        ("grids.node_distance", lambda distance: 1e-6 * distance),
+        ("grids.node_distance", lambda distance: np.full(3, distance)),
         ("coarsest.inverse", lambda inverse: inverse.astype(np.float64)),
         ("coarsest.inverse", lambda inverse: inverse[3:, 3:]),
         ("coarsest.inverse", lambda inverse: np.full_like(inverse, np.nan)),

@@ -140,20 +140,17 @@ class Multilevel:
 
 
 def _spacings(model: Model, points: np.ndarray) -> list[float]:
-    """`choose_spacings`, if not remembered."""
+    """Spacings of the grids, finest first, each twice the one before [mm]; what takes long may be remembered."""
 
     def fits(known: Arrays) -> bool:
-        spacings, extent = known["spacings"], np.ptp(points, axis=0).max(initial=1e-6)
-        return bool(
-            spacings.ndim == 1
-            and len(spacings)
-            and 1e-3 * extent < spacings[0]
-            and spacings[-1] <= extent
-            and (spacings[1:] == 2.0 * spacings[:-1]).all()
-        )
+        extent = np.ptp(points, axis=0).max(initial=1e-6)
+        return bool(1e-3 * extent < known["node_distance"] <= known["coarsest"] <= extent)
 
-    found = arrays_of(model.memo, "grids", lambda: {"spacings": np.array(choose_spacings(points))}, fits)
-    return found["spacings"].tolist()
+    found = arrays_of(model.memo, "grids", lambda: find_scales(points), fits)
+    spacings = [float(found["coarsest"])]
+    while 0.5 * spacings[0] >= FINEST_SPACING * float(found["node_distance"]):
+        spacings.insert(0, 0.5 * spacings[0])
+    return spacings
 
 
 def _inverse(matrix: BlockMatrix, grid: CoarseGrid, points: np.ndarray) -> np.ndarray:
@@ -234,18 +231,15 @@ def grid_matrix(matrix: BlockMatrix, whole: _Transfer, size: int) -> np.ndarray:
     return dense.numpy()
 
 
-def choose_spacings(points: np.ndarray) -> list[float]:
-    """Spacings of the grids, finest first, each twice the one before [mm]."""
+def find_scales(points: np.ndarray) -> dict[str, np.ndarray]:
+    """The spacing of the coarsest grid and the mean distance of nodes [mm]."""
     dense = float(np.ptp(points, axis=0).max(initial=1e-6))
     most = min(DENSE_CELLS, len(points) / 8)
     while occupied_cells(points, dense / 1.1) <= most:
         dense /= 1.1
     quarter = 0.25 * dense
     node_distance = quarter * (occupied_cells(points, quarter) / len(points)) ** (1.0 / 3.0)
-    spacings = [dense]
-    while 0.5 * spacings[0] >= FINEST_SPACING * node_distance:
-        spacings.insert(0, 0.5 * spacings[0])
-    return spacings
+    return {"coarsest": np.array(dense), "node_distance": np.array(node_distance)}
 
 
 def occupied_cells(points: np.ndarray, spacing: float) -> int:
