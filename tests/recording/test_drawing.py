@@ -1,0 +1,30 @@
+"""Bars and labels beside the trunk."""
+
+import numpy as np
+import pytest
+
+from warp_trunk.recording import drawing
+from warp_trunk.recording.drawing import BarPlot
+
+
+def test_bars_stand_beside_their_level():
+    plot = BarPlot.of({"T1": 4.0, "T2": None, "T3": -2.0})
+    first, last = plot.bars({"T1": 4.0, "T2": None, "T3": -2.0}, 0)
+    assert first[1, 0] - plot.zero == pytest.approx(4.0 * plot.scale)
+    assert last[1, 0] - plot.zero == pytest.approx(-2.0 * plot.scale)
+    assert last[0, 1] - first[0, 1] == pytest.approx(2.0)
+    assert 0.0 < last[1, 0] < first[1, 0] < plot.width
+
+
+@pytest.mark.parametrize("ground", [(13, 16, 17), (255, 255, 255)], ids=["dark", "light"])
+@pytest.mark.parametrize("name", ["BEFORE", "NOW", "TARGET", "TEXT"])
+def test_labels_can_be_read_on_a_dark_and_on_a_light_ground(name, ground):
+    """The viewer follows the browser's theme: at least 3 to 1, what WCAG 2.1 asks of graphics and large text."""
+
+    def luminance(colour):
+        share = np.array(colour) / 255.0
+        linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+        return linear @ [0.2126, 0.7152, 0.0722]
+
+    low, high = sorted([luminance(getattr(drawing, name)), luminance(ground)])
+    assert (high + 0.05) / (low + 0.05) >= 3.0
