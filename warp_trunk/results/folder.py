@@ -88,9 +88,8 @@ def write_result(
     """Write the result of a simulation, with all of the case that its report needs.
 
     That is `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where the
-    case has an actual skin after surgery, `landmarks_before.csv`,
-    `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the recording, `skin_sd.csv` where there are bands, and
-    `plan.toml` where a plan made the case.
+    case has one, `landmarks_before.csv`, `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the recording,
+    `skin_sd.csv` where there are bands, and `plan.toml` where a plan made the case.
 
     Every file is written under another name and moved when all are complete, summary.json last; a folder that
     has one is whole. A recording or an actual skin of an earlier simulation in the same folder is removed.
@@ -117,26 +116,19 @@ def write_result(
     if not increments:
         raise InputError("write_result: 'increments' is empty; give all that simulate() yielded")
     folder = prepare_folder(folder)
-    displacement = increments[-1].displacement
-    skin = predicted_skin(case, trunk, displacement)
-    measured = _measured(case, skin)
+    skin = predicted_skin(case, trunk, increments[-1].displacement)
     summary = summarize(
         case,
         trunk,
         model,
         increments,
-        **measured,
+        **_measured(case, skin),
         parameters=parameters,
         seconds=seconds,
         warnings=warnings,
         bands=None if found is None else found.bands,
     )
-    names = _write_case(folder, case, skin)
-    write_trunk(partial(folder / TRUNK), trunk, displacement)
-    names.append(TRUNK)
-    if found is not None:
-        write_skin_sd(partial(folder / SKIN_SD), found.skin_sd)
-        names.append(SKIN_SD)
+    names = [*_write_case(folder, case, skin), *_write_found(folder, trunk, increments[-1], found)]
     if plan is not None:
         partial(folder / PLAN).write_text(plan, encoding="utf-8")
         names.append(PLAN)
@@ -158,6 +150,15 @@ def _write_case(folder: Path, case: Case, skin: Surface) -> list[str]:
     return [*surfaces, *landmarks]
 
 
+def _write_found(folder: Path, trunk: TrunkMesh, last: Increment, found: FoundBands | None) -> list[str]:
+    """Write the moved tissue, and how sure the skin is where that is known, likewise."""
+    write_trunk(partial(folder / TRUNK), trunk, last.displacement)
+    if found is None:
+        return [TRUNK]
+    write_skin_sd(partial(folder / SKIN_SD), found.skin_sd)
+    return [TRUNK, SKIN_SD]
+
+
 def _measured(case: Case, skin: Surface) -> dict[str, Any]:
     """What a summary says of the skins: before, predicted, and actual where known."""
     actual = case.actual_skin
@@ -171,13 +172,7 @@ def _measured(case: Case, skin: Surface) -> dict[str, Any]:
 
 def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:
     """Gives every file its own name, the summary last, after what an earlier simulation left is gone."""
-    for name in (
-        SUMMARY,
-        RECORDING,
-        ACTUAL_SKIN,
-        SKIN_SD,
-        PLAN,
-    ):  # without a summary nothing here is whole
+    for name in (SUMMARY, RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN):  # without a summary nothing here is whole
         (folder / name).unlink(missing_ok=True)
     if recording is not None:
         os.replace(recording, folder / RECORDING)
