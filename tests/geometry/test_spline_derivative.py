@@ -24,16 +24,16 @@ def test_against_differences(seed: int) -> None:
 
     wanted = (moved(1.0) - moved(-1.0)) / (2.0 * step)
     derivative = SplineDerivative(BEFORE, AFTER, POINTS)
-    weight = rng.normal(size=POINTS.shape)
-    by_before, by_after = derivative.adjoint(weight)
-    predicted = np.vdot(by_before, before) + np.vdot(by_after, after)
-    assert predicted == pytest.approx(np.vdot(weight, wanted), rel=1e-6)
+    weights = rng.normal(size=(2, *POINTS.shape))
+    for weight, by_before, by_after in zip(weights, *derivative.adjoint(weights), strict=True):
+        predicted = np.vdot(by_before, before) + np.vdot(by_after, after)
+        assert predicted == pytest.approx(np.vdot(weight, wanted), rel=1e-6)
 
 
 def test_carrying_all_landmarks_along_is_a_shift_of_the_points() -> None:
     """Ends that go further by d take every point along; a spline whose landmarks shift by d is u(x - d)."""
     weight = RNG.normal(size=POINTS.shape)
-    by_before, by_after = SplineDerivative(BEFORE, AFTER, POINTS).adjoint(weight)
+    (by_before,), (by_after,) = SplineDerivative(BEFORE, AFTER, POINTS).adjoint(weight[None])
     np.testing.assert_allclose(by_after.sum(axis=0), weight.sum(axis=0), atol=1e-9)
     slope = fit_spline(BEFORE, AFTER).jacobian(POINTS) - np.eye(3)
     expected = -np.einsum("pi,pij->j", weight, slope)

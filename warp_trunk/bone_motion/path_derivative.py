@@ -28,13 +28,7 @@ def spline_derivative(nodes: np.ndarray, before: Landmarks, after: Landmarks) ->
         before: landmarks before surgery.
         after: the same after.
     """
-    derivative = SplineDerivative(before.points, after.points, nodes)
-
-    def by_landmarks(by_node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        pairs = [derivative.adjoint(weight) for weight in by_node]
-        return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
-
-    return by_landmarks
+    return SplineDerivative(before.points, after.points, nodes).adjoint
 
 
 def difference_derivative(

@@ -122,12 +122,21 @@ def spline_matrix(centres: np.ndarray, nugget: float | np.ndarray = 0.0, drift: 
     """The symmetric matrix of the weights and the affine part at centres (n, 3), shape (n + terms, n + terms)."""
     n, terms = len(centres), 4 if drift == "linear" else 1
     A = np.zeros((n + terms, n + terms))
-    A[:n, :n] = np.linalg.norm(centres[:, None] - centres[None], axis=2) - np.diag(np.broadcast_to(nugget, n))
+    A[:n, :n] = distances(centres, centres) - np.diag(np.broadcast_to(nugget, n))
     A[:n, n] = A[n, :n] = 1.0
     if drift == "linear":
         A[:n, n + 1 :] = centres
         A[n + 1 :, :n] = centres.T
     return A
+
+
+def distances(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Of each point (m, 3) from each centre (n, 3), shape (m, n)."""
+    squared = np.zeros((len(points), len(centres)))
+    for axis in range(3):
+        apart = points[:, axis, None] - centres[:, axis]
+        squared += np.square(apart, out=apart)
+    return np.sqrt(squared, out=squared)
 
 
 def _check(
@@ -156,7 +165,7 @@ def _check(
         found = _list([names[i] for i in bad])
         raise InputError(f"spline: coordinates must be finite, not those of {found}; correct or remove them")
     if np.min(nugget) == 0.0:
-        gap = np.linalg.norm(sources[:, None] - sources[None], axis=2)
+        gap = distances(sources, sources)
         pairs = np.argwhere(np.triu(gap < _COINCIDENT, k=1))
         if len(pairs):
             found = [f"'{names[i]}' and '{names[j]}'" for i, j in pairs]

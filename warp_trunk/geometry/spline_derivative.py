@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .spline import fit_spline, spline_matrix
+from .spline import distances, fit_spline, spline_matrix
 
 
 class SplineDerivative:
@@ -32,25 +32,32 @@ class SplineDerivative:
         self._weights = spline.weights * self._scale
         self._linear = spline.linear.T * self._scale
         self._matrix = spline_matrix(self._centres)
-        x, c = self._points, self._centres
-        squared = (x**2).sum(axis=1)[:, None] + (c**2).sum(axis=1) - 2.0 * (x @ c.T)
-        self._distances = np.sqrt(np.maximum(squared, 0.0))
-        away = self._distances > 1e-9
-        self._inverse = np.divide(
-            1.0, self._distances, out=np.zeros_like(squared), where=away
-        )  # r has a kink there
+        self._distances = distances(self._points, self._centres)
+        away = self._distances > 0.0  # r has a kink at 0
+        self._inverse = np.divide(1.0, self._distances, out=np.zeros_like(self._distances), where=away)
 
-    def adjoint(self, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The derivative of sum(weight * displacement), weight (m, 3), in sources and targets, (n, 3) each."""
+    def adjoint(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The derivatives of sum(weight * displacement) in sources and targets, (weights, n, 3) each.
+
+        Args:
+            weights: of shape (weights, m, 3); all of them share each pass over the points.
+        """
         n, c, x = len(self._centres), self._centres, self._points
-        total = np.vstack([self._distances.T @ weight, weight.sum(axis=0), x.T @ weight])
-        a = np.linalg.solve(self._matrix, total)
-        by_target = a[:n]
-        shares = (weight @ self._weights.T) * self._inverse
-        by_source = shares.sum(axis=0)[:, None] * c - shares.T @ x
+        flat = np.ascontiguousarray(np.moveaxis(weights, 0, 1)).reshape(len(x), -1)
+        total = np.vstack([self._distances.T @ flat, flat.sum(axis=0), x.T @ flat])
+        a = np.linalg.solve(self._matrix, total).reshape(len(total), len(weights), 3).transpose(1, 0, 2)
+        by_target = a[:, :n]
+        by_source = self._by_weights(flat)[:, :, None] * c
+        for axis in range(3):
+            by_source[:, :, axis] -= self._by_weights(x[:, axis, None] * flat)
         apart = c[:, None] - c
-        lengths = np.sqrt((apart**2).sum(axis=2)) + np.eye(n)
-        pull = (a[:n] @ self._weights.T) / lengths
-        by_source -= np.einsum("ij,ijk->ik", pull + pull.T, apart)
-        by_source -= a[:n] @ self._linear.T + self._weights @ a[n + 1 :].T
+        lengths = distances(c, c) + np.eye(n)
+        pull = (by_target @ self._weights.T) / lengths
+        by_source -= np.einsum("kij,ijd->kid", pull + pull.transpose(0, 2, 1), apart)
+        by_source -= by_target @ self._linear.T + self._weights @ a[:, n + 1 :].transpose(0, 2, 1)
         return by_source / self._scale - by_target, by_target
+
+    def _by_weights(self, flat: np.ndarray) -> np.ndarray:
+        """Sums over points by the inverse of their distances, and over the spline's weights: (weights, n)."""
+        n = len(self._centres)
+        return np.einsum("nd,nkd->kn", self._weights, (self._inverse.T @ flat).reshape(n, -1, 3))

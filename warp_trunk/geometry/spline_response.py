@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .spline import fit_spline, spline_matrix
+from .spline import distances, fit_spline, spline_matrix
 
 
 def spline_response(sources: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -23,9 +23,33 @@ def spline_response(sources: np.ndarray, points: np.ndarray) -> np.ndarray:
     Raises:
         InputError: as `fit_spline`.
     """
+    matrix, basis = _system(sources, points)
+    return np.linalg.solve(matrix, basis.T).T[:, : len(sources)]
+
+
+def spline_displacements(sources: np.ndarray, points: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """How points move by the splines that carry landmarks to several other places.
+
+    Args:
+        sources: landmarks before, shape (n, 3) [mm].
+        points: where the displacement counts, shape (m, 3) [mm].
+        moves: how far each landmark goes [mm], shape (splines, n, 3).
+
+    Returns:
+        Shape (splines, m, 3) [mm].
+
+    Raises:
+        InputError: as `fit_spline`.
+    """
+    matrix, basis = _system(sources, points)
+    right = np.zeros((len(matrix), 3 * len(moves)))
+    right[: len(sources)] = np.moveaxis(moves, 0, 1).reshape(len(sources), -1)
+    return np.moveaxis((basis @ np.linalg.solve(matrix, right)).reshape(len(points), len(moves), 3), 0, 1)
+
+
+def _system(sources: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix of a spline's coefficients, (n + 4, n + 4), and what each adds to each point, (m, n + 4)."""
     spline = fit_spline(sources, sources)
     scale = float(np.abs(spline.centres).max()) or 1.0
     centres, here = spline.centres / scale, (points - spline.origin) / scale
-    apart = np.linalg.norm(here[:, None] - centres[None], axis=2)
-    basis = np.hstack([apart, np.ones((len(here), 1)), here])
-    return np.linalg.solve(spline_matrix(centres), basis.T).T[:, : len(centres)]
+    return spline_matrix(centres), np.hstack([distances(here, centres), np.ones((len(here), 1)), here])
