@@ -204,7 +204,7 @@ def column_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         outcome: wp.array(dtype=wp.float64, ndim=2),
         go_on: wp.array(dtype=wp.int32),
     ):
-        """Which columns may be farther from their ends than the limit, a part of their length.
+        """Which columns may be farther from their ends than their limits, a part of their length each.
 
         They are judged as `conjugate_gradient.decide` judges its one.
         """
@@ -229,7 +229,7 @@ def column_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                 outcome[n, LONG] = longest
                 outcome[n, LEFT] = left
                 outcome[n, CHANGED] = changed
-                near = left <= limit[0] * longest and now[c] <= limit[0] * limit[0] * outcome[n, START]
+                near = left <= limit[n] * longest and now[c] <= limit[n] * limit[n] * outcome[n, START]
                 if near or outcome[n, ITERATIONS] >= wp.float64(most) or not wp.isfinite(longest):
                     going[n] = 0
                 else:

@@ -3,8 +3,8 @@
     python scripts/check_bands.py CASE --draws 200 --out docs/bands
 
 Of all sources of error only the landmarks are drawn, before and after each on its own, with the lengths that the
-papers state. Prints a table, and writes it as a page. Bands take `--band-draws` linear solves; every draw here is
-a simulation of its own, from meshed trunk to measured skin.
+papers state. Prints a table, and writes it as a page. Bands take some thirty linear solves; every draw here is a
+simulation of its own, from meshed trunk to measured skin.
 """
 
 from __future__ import annotations
@@ -21,9 +21,12 @@ from warp_trunk import (
     Case,
     MeshOptions,
     Relaxer,
+    RelaxStatus,
     RunOptions,
+    Sensitivity,
     SimulationOptions,
     TrunkMesh,
+    cobb_angles,
     measure,
     predicted_skin,
     prepare,
@@ -31,106 +34,191 @@ from warp_trunk import (
     simulate,
 )
 from warp_trunk.case.uncertainty import CERTAIN
+from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.run.bands import DRAWS, find_bands
 from warp_trunk.run.paths import find_path
+from warp_trunk.run.prepare import Prepared
+from warp_trunk.run.spine_bands import spine_measures
 
 LANDMARKS_ONLY = replace(CERTAIN, landmark_error=LANDMARK_MEAN, landmark_error_sd=LANDMARK_SD)
 PAGE = """# Bands against whole simulations: {case}
 
 Made by `scripts/check_bands.py`: {draws} simulations of {tets} tetrahedra ({energy}), each with errors of
-{mean:g} ± {sd:g} mm of every landmark before and after, drawn independently; back surface rotation of every level.
-So many draws know a standard deviation to {known:.0%}. *Of the same draws* is what the sensitivities say of the
-very errors that were drawn.
+{mean:g} ± {sd:g} mm of every landmark before and after, drawn independently; {converged} of them
+converged, and all are counted. So many draws know a standard deviation to {known:.0%}.
+
+## The back: back surface rotation of every level [degrees]
+
+*Of the same draws* is what the sensitivities say of the very errors that were drawn.
 
 {table}
+
+## The planned spine
+
+Cobb angles are between the end vertebrae of the curve before surgery, apical rotation is that of its apex
+[degrees]; they need no simulation.
+
+{spine}
+
+## The skin
+
+Standard deviation of the places of the predicted skin along its normal: {skin}
 """
 
 
 @dataclass(frozen=True)
 class Checked:
-    """One level."""
+    """One number."""
 
-    level: str
+    name: str
     """Its name."""
     value: float
-    """Rotation as predicted [degrees]."""
+    """As predicted."""
     linear: bool
     """Whether the band says that it changes in proportion."""
     band: float
-    """Standard deviation that the band gives [degrees]."""
+    """Standard deviation that the band gives."""
     drawn: float
-    """Standard deviation over the simulations [degrees]."""
-    same: float
-    """What the sensitivities give for the same draws [degrees]."""
+    """Standard deviation over the simulations."""
+    same: float | None = None
+    """What the sensitivities give for the same draws; None where there is no such number."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A whole comparison."""
+
+    levels: list[Checked]
+    """Back surface rotation."""
+    spine: list[Checked]
+    """Measures of the planned spine."""
+    skin: np.ndarray
+    """Deviation of each vertex by the bands over that of the simulations, shape (vertices,)."""
+    tets: int
+    """Of the mesh."""
+    converged: int
+    """Simulations that converged."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What drawn landmarks led to; the first axis is that of the draws."""
+
+    rotations: np.ndarray
+    """Back surface rotation of each level [degrees]."""
+    said: np.ndarray
+    """What sensitivities say of how it changes [degrees]."""
+    spines: np.ndarray
+    """Measures of the planned spine."""
+    skins: np.ndarray
+    """Places of the vertices of the predicted skin [mm]."""
+    converged: int
+    """How many of the relaxations converged."""
 
 
 def check(
     case: Case, options: RunOptions, draws: int, *, trunk: TrunkMesh | None = None, band_draws: int = DRAWS
-) -> list[Checked]:
+) -> Check:
     """Bands of a case, and its simulations with drawn landmarks."""
     case = replace(case, uncertainty=LANDMARKS_ONLY)
     prepared = prepare(case, options, trunk)
     relaxer = Relaxer(prepared.model, options.simulation.relax)
     *_, last = simulate(prepared.model, prepared.bone_path, options.simulation, relaxer=relaxer)
-    bands = find_bands(case, prepared, last, options, draws=band_draws).bands
+    found = find_bands(case, prepared, last, options, draws=band_draws)
     straight = [s for s in sensitivities(case, prepared, last, options) if s.name.startswith("bsr")]
-    random = np.random.default_rng(5)
-    rotations, said = [], []
+    drawn = simulate_drawn(case, prepared, options, (straight, [*found.bands.spine]), draws=draws, relaxer=relaxer)
+    sds = [np.nanstd(part, axis=0) for part in (drawn.rotations, drawn.said, drawn.spines)]
+    normals = vertex_normals(predicted_skin(case, prepared.trunk, last.displacement))
+    along = np.einsum("dvi,vi->dv", drawn.skins, normals).std(axis=0)
+    return Check(
+        levels=[
+            Checked(level, band.value, band.linear, band.sd, float(sds[0][i]), float(sds[1][i]))
+            for i, (level, band) in enumerate(found.bands.bsr_deg.items())
+        ],
+        spine=[
+            Checked(name, band.value, band.linear, band.sd, float(sds[2][i]))
+            for i, (name, band) in enumerate(found.bands.spine.items())
+        ],
+        skin=found.skin_sd / along,
+        tets=len(prepared.trunk.tets),
+        converged=drawn.converged,
+    )
+
+
+def simulate_drawn(
+    case: Case,
+    prepared: Prepared,
+    options: RunOptions,
+    asked: tuple[list[Sensitivity], list[str]],
+    *,
+    draws: int,
+    relaxer: Relaxer,
+) -> Simulated:
+    """Simulates drawn landmarks, for the rotations of these sensitivities and these measures of the spine."""
+    straight, names = asked
+    random, curves = np.random.default_rng(5), cobb_angles(case.landmarks_before)
+    rotations, said, spines, skins = [], [], [], []
+    converged = 0
     for number in range(draws):
-        moved = replace(
-            case,
-            landmarks_before=moved_landmarks(case.landmarks_before, random),
-            landmarks_after=moved_landmarks(case.planned_landmarks, random),
-        )
+        before = moved_landmarks(case.landmarks_before, random)
+        after = moved_landmarks(case.planned_landmarks, random)
+        moved = replace(case, landmarks_before=before, landmarks_after=after)
         path = find_path(moved, prepared.trunk, options)
         *_, end = simulate(prepared.model, path, options.simulation, relaxer=relaxer)
-        measured = measure(predicted_skin(case, prepared.trunk, end.displacement), moved.planned_landmarks)
+        skin = predicted_skin(case, prepared.trunk, end.displacement)
+        measured, spine = measure(skin, after), spine_measures(after, curves)
         rotations.append([measured.bsr[s.name.removeprefix("bsr ")] for s in straight])
-        errors = [
-            there.points - here.points
-            for there, here in (
-                (moved.landmarks_before, case.landmarks_before),
-                (moved.planned_landmarks, case.planned_landmarks),
-            )
-        ]
+        errors = before.points - case.landmarks_before.points, after.points - case.planned_landmarks.points
         said.append(
             [np.vdot(s.landmarks_before, errors[0]) + np.vdot(s.landmarks_after, errors[1]) for s in straight]
         )
+        spines.append([spine.get(name, np.nan) for name in names])
+        skins.append(skin.vertices.astype(np.float32))
+        converged += end.relaxation.status is RelaxStatus.CONVERGED
         print(f"{number + 1} of {draws}: {end.relaxation.status.name}", flush=True)
-    drawn = np.nanstd(np.array(rotations, dtype=np.float64), axis=0)
-    same = np.std(said, axis=0)
-    return [
-        Checked(level, band.value, band.linear, band.sd, float(drawn[i]), float(same[i]))
-        for i, (level, band) in enumerate(bands.bsr_deg.items())
-    ]
+    return Simulated(
+        rotations=np.array(rotations, dtype=np.float64),
+        said=np.array(said),
+        spines=np.array(spines, dtype=np.float64),
+        skins=np.array(skins),
+        converged=converged,
+    )
 
 
 def table(rows: list[Checked]) -> str:
     """The rows as Markdown, with the ratio of the band to what was drawn."""
-    lines = [
-        "| level | rotation | sd, band | sd, drawn | ratio | sensitivities, of the same draws | in proportion |",
-        "|---|---:|---:|---:|---:|---:|---|",
-    ]
+    lines = ["| | as predicted | sd, band | sd, drawn | ratio |", "|---|---:|---:|---:|---:|"]
     lines += [
-        f"| {r.level} | {r.value:.2f} | {r.band:.2f} | {r.drawn:.2f} | {r.band / r.drawn:.2f} | {r.same:.2f} | "
-        f"{'yes' if r.linear else 'no'} |"
-        for r in rows
+        f"| {r.name} | {r.value:.2f} | {r.band:.2f} | {r.drawn:.2f} | {r.band / r.drawn:.2f} |" for r in rows
     ]
+    if rows[0].same is not None:
+        ends = [" sensitivities, of the same draws | in proportion |", "---:|---|"]
+        ends += [f" {r.same:.2f} | {'yes' if r.linear else 'no'} |" for r in rows]
+        lines = [line + end for line, end in zip(lines, ends, strict=True)]
     worst = max(rows, key=lambda r: abs(r.band / r.drawn - 1.0))
-    return "\n".join([*lines, "", f"Farthest: {worst.level}, {100.0 * (worst.band / worst.drawn - 1.0):+.0f} %."])
+    return "\n".join([*lines, "", f"Farthest: {worst.name}, {100.0 * (worst.band / worst.drawn - 1.0):+.0f} %."])
 
 
-def page(case: Case, options: RunOptions, tets: int, draws: int, rows: list[Checked]) -> str:
+def skin_text(ratio: np.ndarray) -> str:
+    """How the skin's deviations compare."""
+    low, high = np.percentile(ratio, [5.0, 95.0])
+    return f"that of the bands is {ratio.mean():.2f} times the drawn in the mean, {low:.2f} to {high:.2f} at 90 %."
+
+
+def page(case: Case, options: RunOptions, draws: int, checked: Check) -> str:
     """The table with how it was made."""
     return PAGE.format(
         case=case.name,
         draws=draws,
-        tets=f"{tets:,}",
+        converged=checked.converged,
+        tets=f"{checked.tets:,}",
         energy=options.energy,
         mean=LANDMARK_MEAN,
         sd=LANDMARK_SD,
         known=(2.0 * draws) ** -0.5,
-        table=table(rows),
+        table=table(checked.levels),
+        spine=table(checked.spine),
+        skin=skin_text(checked.skin),
     )
 
 
@@ -152,8 +240,8 @@ def main() -> None:
         device=given.device,
         simulation=SimulationOptions(increments=1),
     )
-    rows = check(case, options, given.draws, band_draws=given.band_draws)
-    text = page(case, options, given.tets, given.draws, rows)
+    checked = check(case, options, given.draws, band_draws=given.band_draws)
+    text = page(case, options, given.draws, checked)
     given.out.with_suffix(".md").write_text(text, encoding="utf-8")
     print(text)
 

@@ -155,3 +155,32 @@ def test_refusals() -> None:
         linear.pull(Constant("gravity"))
     with pytest.raises(InputError, match=r"there is no constant 'warmth' of tissue 0"):
         Linearization(model, settle(model, move)).pull(Constant("warmth", 0))
+
+
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_parts_of_tissues_against_differences_of_whole_relaxations(energy: EnergyName) -> None:
+    """A part of one tissue that becomes the other, by an amount of its own in each tetrahedron."""
+    more = np.random.default_rng(4).normal(size=len(LABEL))
+    change, move = np.column_stack([more, -more]), bones_turned()
+    tissues = (Tissue(theta=4.0, poisson_ratio=0.4), Tissue(youngs_modulus=30.0))
+
+    def model_of(label: np.ndarray) -> Model:
+        return build_model(
+            replace(TRUNK, tissue=label), tissues, energy=energy, gravity=9.81, device="cpu", precision="float64"
+        )
+
+    step = 1e-4
+    ends = [settle(model_of(LABEL + sign * step * change), move).displacement for sign in (1.0, -1.0)]
+    wanted = (ends[0] - ends[1]) / (2.0 * step)
+    model = model_of(LABEL)
+    linear = Linearization(model, settle(model, move), accuracy=1e-10)
+    pull = linear.pull_of_parts(TRUNK.tets, change)
+    followed = linear.follow(np.zeros((1, *move.shape)), pull[None])[0]
+    np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())
+
+
+def test_parts_change_in_mixtures_alone() -> None:
+    model = build_model(TRUNK, device="cpu", precision="float64")
+    linear = Linearization(model, settle(model, bones_turned()))
+    with pytest.raises(InputError, match="change only where each tetrahedron has a part of every tissue"):
+        linear.pull_of_parts(TRUNK.tets, np.zeros((len(TRUNK.tets), 2)))

@@ -114,6 +114,13 @@ def test_sag_and_the_times_of_stages_are_in_the_summary(case: Case, mesh: Path, 
         assert summary["seconds"]["layers"] is not None
 
 
+@pytest.mark.parametrize("bands", [False, True])
+def test_bands_are_told_where_they_are_asked_for(case: Case, mesh: Path, tmp_path: Path, bands: bool) -> None:
+    summary = simulated(case, tmp_path, mesh, record=False, bands=bands).summary
+    assert (summary.bands is not None) == bands == (tmp_path / "skin_sd.csv").is_file()
+    assert summary.parameters["bands"] == bands
+
+
 def test_an_interrupted_run_is_resumed_with_all_its_increments(
     case: Case, mesh: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

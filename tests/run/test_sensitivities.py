@@ -13,6 +13,7 @@ import pytest
 from support.small_trunk import LEVELS, boned_case
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.layers import FAT_THICKNESS, SKIN_THICKNESS, Layers
 from warp_trunk.engine.model import EnergyName
 from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
@@ -178,6 +179,21 @@ def test_a_phantom(phantom: Simulated) -> None:
     assert set(phantom.found[0].constants) == wanted
     check_landmarks(phantom, 1)
     check_constants(phantom, phantom.case.tissue)
+
+
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_thickness_of_layers(energy: EnergyName) -> None:
+    """Against a step of a hundredth of a mm of the whole layer, told by depth anew."""
+    case = replace(phantom_case(), layers=Layers())
+    layered = Simulated(case, replace(options_of(energy), layers="depth"))
+    for layer, value in (("skin", SKIN_THICKNESS), ("fat", FAT_THICKNESS)):
+        ends = []
+        for step in (0.01, -0.01):
+            thicker = replace(case, layers=replace(Layers(), **{f"{layer}_thickness": value + step}))
+            prepared = prepare(thicker, layered.options, replace(layered.prepared.trunk, tissue=None))
+            ends.append(layered.numbers(case, layered.end(prepared)))
+        predicted = np.array([one.constants[f"{layer}.thickness"] for one in layered.found])
+        agree([one.name for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
 
 
 @pytest.mark.skipif(not ANATOMY, reason="WARP_TRUNK_ANATOMY names no folder")

@@ -8,12 +8,14 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .model import Model
+from .model import Model, order_tets
 from .rest_mesh import RestMesh
 from .tissue import Tissue
 
 STEP = 1e-6
 """Part of a constant by which it is changed to either side; weights are float64, and linear in most constants."""
+PART_STEP = 1e-3
+"""How much of a change of parts is added and taken away; weights are float64, and linear in the parts."""
 _MOST = {"poisson_ratio": 0.499}
 _OF_TERM = {"epsilon": "area", "theta": "volume"}
 
@@ -54,6 +56,33 @@ def weight_derivative(model: Model, constant: Constant) -> dict[str, np.ndarray]
     step = upper - lower
     high, low = (_weights(model, constant, there - value) for there in (upper, lower))
     return {name: (high[name] - low[name]) / step for name in high}
+
+
+def parts_derivative(model: Model, tets: np.ndarray, change: np.ndarray) -> dict[str, np.ndarray]:
+    """Derivative of the same arrays in the parts of the tissues, float64; weights are linear in them.
+
+    Args:
+        model: of a mixture of tissues in each tetrahedron.
+        tets: the tetrahedra of its mesh, shape (tets, 4).
+        change: by how much the part of each tissue in each of them changes, shape (tets, tissues).
+
+    Raises:
+        InputError: a model whose tetrahedra are not mixtures, or a change of another shape.
+    """
+    if model.label is None or model.label.shape != change.shape:
+        raise InputError(
+            "sensitivities: parts of tissues change only where each tetrahedron has a part of every tissue; "
+            f"give the change for {len(model.corners)} tetrahedra and {len(model.tissues)} tissues"
+        )
+    number = np.empty(model.nodes, dtype=np.int64)
+    number[model.order] = np.arange(model.nodes)
+    ordered = change[order_tets(number[tets])]
+    mesh = scanned_mesh(model)
+    high, low = (
+        model.elements.weights(replace(mesh, label=model.label + sign * PART_STEP * ordered), model.gravity)
+        for sign in (1.0, -1.0)
+    )
+    return {name: (high[name] - low[name]) / (2.0 * PART_STEP) for name in high}
 
 
 def _sides(model: Model, constant: Constant) -> tuple[float, float, float]:

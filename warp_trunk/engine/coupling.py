@@ -36,12 +36,14 @@ class Coupling:
 
     def times(self, moved: np.ndarray) -> np.ndarray:
         """What moving prescribed nodes (fields, prescribed, 3) adds to gradients (fields, free, 3)."""
-        return np.array([_sum_by(self._row, _each(self._blocks, by[self._column]), self._free) for by in moved])
+        sums = [_sum_by(self._row, _each(self._blocks, by[self._column]), self._free) for by in moved]
+        return np.reshape(sums, (len(moved), self._free, 3))
 
     def transposed_times(self, weights: np.ndarray) -> np.ndarray:
         """The transpose, from free nodes (fields, free, 3) to prescribed ones (fields, prescribed, 3)."""
         row, column = self._row[self._by_column], self._column[self._by_column]
-        return np.array([_sum_by(column, _each(self._transposed, by[row]), self._prescribed) for by in weights])
+        sums = [_sum_by(column, _each(self._transposed, by[row]), self._prescribed) for by in weights]
+        return np.reshape(sums, (len(weights), self._prescribed, 3))
 
 
 def _each(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:

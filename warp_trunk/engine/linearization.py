@@ -8,13 +8,14 @@ for the number (its adjoint l) gives its derivative in everything, since H is sy
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .constants import Constant, weight_derivative
+from .constants import Constant, parts_derivative, weight_derivative
 from .coupling import Coupling
 from .model import Model
 from .relaxation import Relaxer, RelaxStatus
@@ -27,7 +28,7 @@ ACCURACY = 1e-3
 its landmarks are then right to 0.2 %."""
 MOST_ITERATIONS = 2000
 """Of one linear solve; many times what a stable equilibrium takes."""
-MOST_COLUMNS = 24
+MOST_COLUMNS = 32
 """Solved at once; more would only take more memory."""
 
 
@@ -85,15 +86,31 @@ class Linearization:
 
     def adjoints(self, weights: np.ndarray) -> np.ndarray:
         """l with H l = dN/du, of numbers' derivatives in the place of every node; 0 on prescribed nodes."""
-        return self._in_mesh_order(self._solve(self._in_model_order(weights)[:, self.model.free], self._accuracy))
+        none = np.zeros((0, *weights.shape[1:]))
+        return self.adjoints_and_follow(weights, none, none)[0]
+
+    def adjoints_and_follow(
+        self, weights: np.ndarray, bones: np.ndarray, pulls: np.ndarray, rougher: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """`adjoints` and `follow` in one: as many fields as fit share each pass over the matrix.
+
+        What follows may be wrong by `rougher` times as much as the adjoints.
+        """
+        force, moved = self._pulled(bones, pulls)
+        right = np.concatenate([self._of_free(weights), force])
+        begun = moved[:, self.model.free]
+        start = np.concatenate([np.zeros_like(right[: len(weights)]), begun]) if begun.any() else None
+        limit = self._accuracy * np.where(np.arange(len(right)) < len(weights), 1.0, rougher)
+        found = self._solve(right, start, limit)
+        moved[:, self.model.free] = found[len(weights) :]
+        return self._in_mesh_order(found[: len(weights)]), self._in_mesh_order(moved)
 
     def by_bones(self, adjoints: np.ndarray) -> np.ndarray:
         """dN/db, the derivatives of numbers in the place of every prescribed node; 0 on free nodes."""
         model = self.model
         derivative = np.zeros((len(adjoints), model.nodes, 3))
         if model.free_nodes:
-            free = self._in_model_order(adjoints)[:, model.free]
-            derivative[:, model.prescribed] = -self._coupling.transposed_times(free)
+            derivative[:, model.prescribed] = -self._coupling.transposed_times(self._of_free(adjoints))
         return self._in_mesh_order(derivative)
 
     def pull(self, constant: Constant) -> np.ndarray:
@@ -104,16 +121,28 @@ class Linearization:
         Raises:
             InputError: gravity and a rest state that was found for these constants (`sag_free`): it would move.
         """
-        model = self.model
-        if model.scan is not None:
+        self._refuse_sag_free()
+        return self._pull(weight_derivative(self.model, constant))
+
+    def pull_of_parts(self, tets: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """The same where parts of tissues change in the tetrahedra of a mixture; see `parts_derivative`."""
+        self._refuse_sag_free()
+        return self._pull(parts_derivative(self.model, tets, change))
+
+    def _refuse_sag_free(self) -> None:
+        if self.model.scan is not None:
             raise InputError(
                 "sensitivities: constants also move the rest state that gravity pulls into the scan, which is not "
                 "followed; leave the constants out, or take the scan as the rest state"
             )
+
+    def _pull(self, derivative: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The gradient of the energy with the derivative of its weights in their place, in mesh order."""
+        model = self.model
         elements = model.elements
         weights = {
             name: model.array(values, getattr(elements, name).dtype)
-            for name, values in weight_derivative(model, constant).items()
+            for name, values in derivative.items()
             if len(getattr(elements, name))
         }
         state = State(replace(model, elements=replace(elements, **weights)))
@@ -123,33 +152,30 @@ class Linearization:
         gradient[model.prescribed] = 0.0
         return self._in_mesh_order(gradient)
 
-    def follow(
-        self, bones: np.ndarray, pulls: np.ndarray | None = None, accuracy: float | None = None
-    ) -> np.ndarray:
+    def follow(self, bones: np.ndarray, pulls: np.ndarray | None = None) -> np.ndarray:
         """How all nodes move when bones move by a little (their nodes count), and F changes by `pulls` [mm].
 
         What `bones` says of free nodes is where the solves start: the nearer to the answer, the sooner they end.
-        `accuracy` is that of the whole when left out.
         """
-        model = self.model
-        moved = self._in_model_order(bones)
-        if model.free_nodes:
-            force = -self._coupling.times(moved[:, model.prescribed])
-            if pulls is not None:
-                force -= self._in_model_order(pulls)[:, model.free]
-            guess = moved[:, model.free].copy()
-            moved[:, model.free] = self._solve(force, accuracy or self._accuracy, guess)
-        return self._in_mesh_order(moved)
+        none = np.zeros((0, *bones.shape[1:]))
+        return self.adjoints_and_follow(none, bones, np.zeros_like(bones) if pulls is None else pulls)[1]
 
-    def _solve(self, force: np.ndarray, accuracy: float, guess: np.ndarray | None = None) -> np.ndarray:
+    def _pulled(self, bones: np.ndarray, pulls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What moving bones and `pulls` add to forces, (fields, free, 3), and the motion, both in model order."""
+        moved, force = self._in_model_order(bones), -self._of_free(pulls)
+        if self.model.free_nodes:
+            force -= self._coupling.times(moved[:, self.model.prescribed])
+        return force, moved
+
+    def _solve(self, force: np.ndarray, guess: np.ndarray | None, limit: np.ndarray) -> np.ndarray:
         """x with H x = force, both (fields, free, 3), as many at once as fit."""
         found = np.zeros_like(force)
         if not self.model.free_nodes:
             return found
         for start in range(0, len(force), MOST_COLUMNS):
             part = slice(start, start + MOST_COLUMNS)
-            solver = self._solver(len(force[part]))
-            solution = solver.solve(force[part], accuracy, None if guess is None else guess[part])
+            begin = None if guess is None else guess[part]
+            solution = self._solver(len(force[part])).solve(force[part], limit[part], begin)
             self.iterations += int(solution.iterations.max())
             unfinished = solution.bent | (solution.iterations >= MOST_ITERATIONS) | ~np.isfinite(solution.longest)
             if unfinished.any():
@@ -170,6 +196,9 @@ class Linearization:
 
     def _in_model_order(self, fields: np.ndarray) -> np.ndarray:
         return fields[:, self.model.order]
+
+    def _of_free(self, fields: np.ndarray) -> np.ndarray:
+        return fields[:, self.model.order[self.model.free]]
 
     def _in_mesh_order(self, fields: np.ndarray) -> np.ndarray:
         """Of one field or several; nodes that are left out are 0."""

@@ -185,7 +185,7 @@ def build_model(
     number = np.empty(len(order), dtype=np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
     corners = number[trunk.tets]
-    tet_order = np.argsort(corners.min(axis=1), kind="stable")
+    tet_order = order_tets(corners)
     corners = corners[tet_order]
     label = trunk.tissue[tet_order] if trunk.tissue is not None and len(tissues) > 1 else None
     rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel.device, memo)
@@ -219,6 +219,11 @@ def _is_numbering(known: Arrays, trunk: TrunkMesh) -> bool:
         and order.dtype == np.int32
         and np.array_equal(prescribed[order], np.sort(prescribed))
     )
+
+
+def order_tets(corners: np.ndarray) -> np.ndarray:
+    """The mesh tetrahedron of each model tetrahedron, (tets,), by their corners (tets, 4) in model numbers."""
+    return np.argsort(corners.min(axis=1), kind="stable")
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -82,7 +82,11 @@ def curves_after(curves: Sequence[CobbAngle], after: Landmarks) -> tuple[float |
     Returns:
         Degrees, negative where the spine bends to the other side now; None where an endplate has no landmark.
     """
-    spine = spine_of(after)
+    return angles_between(curves, spine_of(after))
+
+
+def angles_between(curves: Sequence[CobbAngle], spine: Spine) -> tuple[float | None, ...]:
+    """`curves_after` of a spine."""
     angles = (coronal_angle(spine, curve.upper, curve.lower) for curve in curves)
     return tuple(
         None if angle is None else angle if curve.convex == "right" else -angle

@@ -1,14 +1,15 @@
 """Bands: how sure each number of a prediction is, from stated sources of error.
 
 Each source changes each number in proportion, by its sensitivity; sources are independent, so their variances add.
-Draws of all errors at once, whose tissue follows by one linear solve each, show the skin, and whether proportion
-holds: the measures of a drawn skin are compared with what the sensitivities say of the same draw. Where they
-differ, the deviation is corrected by the ratio of the two, which is 1 for a number in proportion.
+Draws of all errors at once show whether proportion holds: the measures of a drawn skin are compared with what
+their derivatives say of it. Where they differ, the deviation is corrected by the ratio of the two, which is 1 for
+a number in proportion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,12 +17,15 @@ import numpy as np
 from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
-from .draws import Scene
+from .draws import draw_errors, proportion, skin_deviation
 from .options import RunOptions
 from .prepare import Prepared
-from .sensitivities import Sensitivity, sensitivities
+from .pulls import pulls_of
+from .sensitivities import Sensitivity, from_adjoints, numbers_of, on_nodes
 from .sources import Source, effect_of, sources_of
 from .spine_bands import spine_bands
 
@@ -30,8 +34,13 @@ if TYPE_CHECKING:
     from warp_trunk.engine.relaxation import Relaxer
     from warp_trunk.engine.simulation import Increment
 
-DRAWS = 32
-"""Draws of all errors; a standard deviation of so many is known to an eighth of itself."""
+DRAWS = 16
+"""Draws of all errors, by which proportion is judged."""
+ACCURACY = 1e-2
+"""Part of the longest vector of an adjoint by which a vector may be wrong: deviations of the anatomy are then
+right to 1 %, and a thousandth takes 1.5 times as long."""
+ROUGHER = 10.0
+"""So much less exactly is found how the skin follows: its deviations are then right to 0.5 % in the mean."""
 _LANDMARKS, _MESH = "landmarks", "mesh"
 
 
@@ -52,7 +61,7 @@ def find_bands(
         prepared: what `prepare` made of it.
         increment: the last increment that `simulate` yielded.
         options: those that `prepare` was given.
-        draws: of all errors at once; they show the skin and whether numbers change in proportion, at least 2.
+        draws: of all errors at once; they show whether numbers change in proportion, at least 2.
         seed: of the draws.
         relaxer: what relaxed the increment, see `Linearization`; made when left out.
 
@@ -62,22 +71,12 @@ def find_bands(
     if draws < 2:
         raise InputError(f"bands: 'draws' must be at least 2, not {draws}")
     options = options or RunOptions()
-    linear = Linearization(prepared.model, increment, relaxer=relaxer)
-    found = sensitivities(case, prepared, increment, options, linear=linear)
+    linear = Linearization(prepared.model, increment, ACCURACY, relaxer=relaxer)
     sources = sources_of(case, prepared, options)
-    effects = {source.name: np.array([effect_of(source, one) for one in found]) for source in sources}
-    marks = _landmark_sd(case, found)
-    mesh = np.array([_mesh_sd(case, one) for one in found])
-    scene = Scene(case, prepared, options, linear, increment, found)
-    drawn = scene.draw(sources, np.array([*effects.values()]), draws, np.random.default_rng(seed))
-    shared = sum((effect**2 for effect in effects.values()), start=marks["apart"] ** 2)
-    kept = [effects[source.name] ** 2 for source in sources if not source.of_surgery]
-    exact = sum(kept, start=marks["same"] ** 2)
-    sds = np.sqrt(shared * drawn.ratio**2 + mesh**2)
-    bands = {
-        one.name: Band.of(one.value, float(sd), linear=bool(straight))
-        for one, sd, straight in zip(found, sds, drawn.linear, strict=True)
-    }
+    sizes = draws, np.random.default_rng(seed)
+    found, drawn = _solved(case, prepared, increment, options, linear, sources=sources, sizes=sizes)
+    effects = _effects(case, found, sources)
+    bands = _bands(found, effects.sd(drawn.ratio), drawn.linear)
     skin_sd = np.sqrt(drawn.skin**2 + case.uncertainty.mesh_length**2)
     return FoundBands(
         Bands(
@@ -85,11 +84,8 @@ def find_bands(
             max_hump_mm=next(iter(_of_kind(bands, "hump ").values()), None),
             shoulder_difference_mm=bands.get("shoulder difference"),
             spine=spine_bands(case, sources),
-            exact={
-                one.name: Band.of(one.value, float(sd))
-                for one, sd in zip(found, np.sqrt(exact * drawn.ratio**2 + mesh**2), strict=True)
-            },
-            sources=_ranked(case, found, sources, {**effects, _LANDMARKS: marks["apart"], _MESH: mesh}),
+            exact=_bands(found, effects.sd(drawn.ratio, exact=True), np.ones_like(drawn.linear)),
+            sources=_ranked(case, found, sources, effects.by_name),
             left_out=_left_out(prepared, options),
             skin_mean_mm=float(skin_sd.mean()),
             skin_max_mm=float(skin_sd.max()),
@@ -99,12 +95,84 @@ def find_bands(
     )
 
 
-def _landmark_sd(case: Case, found: Sequence[Sensitivity]) -> dict[str, np.ndarray]:
-    """What errors of landmarks do to each number: of their own before and after (`apart`), or the `same`."""
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What draws of all errors show."""
+
+    ratio: np.ndarray
+    """Deviation of each number over what its derivatives say of the same draws, shape (numbers,)."""
+    linear: np.ndarray
+    """Whether each changes in proportion, shape (numbers,)."""
+    skin: np.ndarray
+    """Standard deviation of each vertex along its normal [mm], shape (vertices,)."""
+
+
+def _solved(
+    case: Case,
+    prepared: Prepared,
+    increment: Increment,
+    options: RunOptions,
+    linear: Linearization,
+    *,
+    sources: Sequence[Source],
+    sizes: tuple[int, np.random.Generator],
+) -> tuple[tuple[Sensitivity, ...], _Drawn]:
+    """What the numbers depend on and what draws show, of one block of linear solves."""
+    skin = predicted_skin(case, prepared.trunk, increment.displacement)
+    numbers, normals = numbers_of(case, prepared, increment), vertex_normals(skin)
+    pulls = pulls_of(case, prepared, options, linear)
+    drawn = draw_errors(
+        case, prepared, options, sources, pulls=pulls, normals=normals, numbers=len(numbers), sizes=sizes
+    )
+    adjoints, followed = linear.adjoints_and_follow(on_nodes(prepared, numbers), drawn.bones, drawn.pulls, ROUGHER)
+    found = from_adjoints(case, prepared, options, linear, solved=(numbers, adjoints), pulls=pulls)
+    followed = followed[:, prepared.trunk.skin_nodes]
+    ratio, straight = proportion(drawn, followed, numbers, skin, case.planned_landmarks)
+    return found, _Drawn(ratio, straight, skin_deviation(drawn, followed, normals))
+
+
+@dataclass(frozen=True, eq=False)
+class _Effects:
+    """What each source does to each number, one standard deviation of it, shape (numbers,) each."""
+
+    by_name: dict[str, np.ndarray]
+    """As surgery and films vary."""
+    same: np.ndarray
+    """What landmarks do that have the same error before and after."""
+    of_surgery: frozenset[str]
+    """Names of what a plan carried out exactly leaves out."""
+
+    def sd(self, ratio: np.ndarray, *, exact: bool = False) -> np.ndarray:
+        """Of each number, its part by derivatives times the ratio that draws show; or of an exact plan."""
+        parts = {name: effect for name, effect in self.by_name.items() if name != _MESH}
+        if exact:
+            parts = {name: effect for name, effect in parts.items() if name not in self.of_surgery}
+            parts[_LANDMARKS] = self.same
+        return np.sqrt(sum(np.square(effect * ratio) for effect in parts.values()) + self.by_name[_MESH] ** 2)
+
+
+def _effects(case: Case, found: Sequence[Sensitivity], sources: Sequence[Source]) -> _Effects:
+    """Of landmarks, with errors of their own before and after, of all other sources, and of the mesh."""
     sd = case.uncertainty.landmark_sd
     apart = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in found]
     same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in found]
-    return {"apart": sd * np.array(apart), "same": sd * np.array(same)}
+    return _Effects(
+        by_name={
+            **{source.name: np.array([effect_of(source, one) for one in found]) for source in sources},
+            _LANDMARKS: sd * np.array(apart),
+            _MESH: np.array([_mesh_sd(case, one) for one in found]),
+        },
+        same=sd * np.array(same),
+        of_surgery=frozenset(source.name for source in sources if source.of_surgery),
+    )
+
+
+def _bands(found: Sequence[Sensitivity], sds: np.ndarray, linear: np.ndarray) -> dict[str, Band]:
+    """The bands of numbers with these deviations."""
+    return {
+        one.name: Band.of(one.value, float(sd), linear=bool(straight))
+        for one, sd, straight in zip(found, sds, linear, strict=True)
+    }
 
 
 def _mesh_sd(case: Case, one: Sensitivity) -> float:

@@ -1,135 +1,177 @@
 """Draws of all errors at once: what they do to the skin, and whether numbers change in proportion to them.
 
-The tissue follows a draw by one linear solve; the measures of a drawn skin are compared with what the
-sensitivities say of the same draw.
+All errors are put together from a few fields (`error_fields`) and the other sources; the tissue follows each of
+these by one linear solve. The measures of a drawn skin are compared with what their derivatives say of it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.engine.linearization import Linearization
-from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.engine.linearization import MOST_COLUMNS
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.results import predicted_skin
+from warp_trunk.measures import back_surface_rotation
+from warp_trunk.measures.hump import hump_height
+from warp_trunk.measures.shoulders import shoulder_heights
+from warp_trunk.measures.spine import asis_axis, spine_of
 
+from .error_fields import LEAST_PATTERNS, draw_landmarks, rigid_fields, spline_fields
 from .options import RunOptions
-from .paths import find_path
 from .prepare import Prepared
-from .sensitivities import Sensitivity, constant_names
 from .sources import Source
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.simulation import Increment
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.measures.derivatives import Derivative
 
-ACCURACY = 1e-2
-"""Part of what a draw moves by which its skin may be wrong: far below what so few draws tell."""
 PROPORTION = 0.3
 """A number changes in proportion where draws stray from it by less than this part of their size."""
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """What draws of all errors show."""
+class Draws:
+    """Errors of all sources, drawn, and the fields that they are sums of."""
 
-    ratio: np.ndarray
-    """Deviation of each number over what its sensitivities say of the same draws, shape (numbers,)."""
-    linear: np.ndarray
-    """Whether each changes in proportion, shape (numbers,)."""
-    skin: np.ndarray
-    """Standard deviation of each vertex along its normal [mm], shape (vertices,)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """What every draw needs."""
-
-    case: Case
-    prepared: Prepared
-    options: RunOptions
-    linear: Linearization
-    increment: Increment
-    found: tuple[Sensitivity, ...]
-
-    def draw(
-        self, sources: Sequence[Source], effects: np.ndarray, draws: int, random: np.random.Generator
-    ) -> Drawn:
-        """Draws all errors at once, and lets the tissue follow."""
-        case, trunk = self.case, self.prepared.trunk
-        sd, shape = case.uncertainty.landmark_sd, case.landmarks_before.points.shape
-        sizes = random.standard_normal((draws, len(sources)))
-        before, after = sd * random.standard_normal((2, draws, *shape))
-        straight = [
-            np.einsum("dli,li->d", before, one.landmarks_before)
-            + np.einsum("dli,li->d", after, one.landmarks_after)
-            for one in self.found
-        ]
-        straight = np.array(straight).T + sizes @ effects.reshape(len(sources), len(self.found))
-        for source, size in zip(sources, sizes.T, strict=True):
-            if source.landmarks_after is not None:
-                after += size[:, None, None] * source.landmarks_after
-        moved = [self.moved(*pair) for pair in zip(before, after, strict=True)]
-        skin = predicted_skin(case, trunk, self.increment.displacement)
-        followed = self.followed(moved, sources, sizes)[:, trunk.skin_nodes]
-        measured = [
-            self.numbers(measure(Surface(skin.vertices + by, skin.faces), drawn.planned_landmarks))
-            for by, drawn in zip(followed, moved, strict=True)
-        ]
-        along = np.einsum("dvi,vi->dv", followed, vertex_normals(skin))
-        seen = np.array(measured) - [one.value for one in self.found]
-        return Drawn(*_proportion(straight, seen), skin=np.sqrt(np.square(along).mean(axis=0)))
-
-    def followed(self, moved: Sequence[Case], sources: Sequence[Source], sizes: np.ndarray) -> np.ndarray:
-        """How all nodes follow the moved landmarks and the sources, of these sizes, (draws, nodes, 3) [mm]."""
-        trunk = self.prepared.trunk
-        before = self.prepared.bone_path.at(1.0)
-        bones = np.array([find_path(case, trunk, self.options).at(1.0) - before for case in moved])
-        pulls = np.zeros_like(bones)
-        names = constant_names(self.prepared)
-        for source, size in zip(sources, sizes.T, strict=True):
-            by = size[:, None, None]
-            if source.bones is not None:
-                bones += by * source.bones
-            for name, change in source.constants.items():
-                pulls += by * (change * self.linear.pull(names[name]))
-        return self.linear.follow(bones, pulls, ACCURACY)
-
-    def moved(self, before: np.ndarray, after: np.ndarray) -> Case:
-        """The case with its landmarks moved."""
-        names, case = self.case.landmarks_before.names, self.case
-        return replace(
-            case,
-            landmarks_before=Landmarks(names, case.landmarks_before.points + before),
-            landmarks_after=Landmarks(names, case.planned_landmarks.points + after),
-        )
-
-    def numbers(self, measured: TrunkMeasures) -> list[float]:
-        """The numbers of another skin, at the same levels; NaN where one is missing."""
-        values: list[float | None] = []
-        for one in self.found:
-            kind, _, level = one.name.partition(" ")
-            if kind == "bsr":
-                values.append(measured.bsr.get(level))
-            elif kind == "hump":
-                values.append(measured.hump_height.get(level))
-            else:
-                values.append(None if measured.shoulders is None else measured.shoulders.difference)
-        return [math.nan if value is None else value for value in values]
+    bones: np.ndarray
+    """Motion of the nodes on bone in each field [mm], shape (fields, nodes, 3)."""
+    pulls: np.ndarray
+    """What each field adds to the forces on free nodes, likewise."""
+    shares: np.ndarray
+    """What each draw has of each field, shape (draws, fields)."""
+    variance: np.ndarray
+    """Variance of the share of each field, shape (fields,)."""
+    left: np.ndarray
+    """Variance of each vertex of the skin along its normal by what is in no field [mm^2], shape (vertices,)."""
+    after: np.ndarray
+    """Error of each landmark after surgery in each draw [mm], shape (draws, landmarks, 3)."""
 
 
-def _proportion(said: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The ratio of deviations and whether proportion holds, of changes said and seen, (draws, numbers) each.
+def draw_errors(
+    case: Case,
+    prepared: Prepared,
+    options: RunOptions,
+    sources: Sequence[Source],
+    *,
+    pulls: Mapping[str, np.ndarray],
+    normals: np.ndarray,
+    numbers: int,
+    sizes: tuple[int, np.random.Generator],
+) -> Draws:
+    """Draws all errors at once.
 
-    Where a draw has no such number, or nothing varies, the ratio is 1; the former is not in proportion.
+    Args:
+        case: with its uncertainty.
+        prepared: what `prepare` made of it.
+        options: those that `prepare` was given.
+        sources: all sources but the landmarks.
+        pulls: what constants add to forces (`pulls_of`).
+        normals: of the predicted skin, shape (vertices, 3).
+        numbers: how many adjoints are solved for beside; as many fields are taken as fit in the same passes.
+        sizes: how many draws, and where they come from.
     """
+    count, random = sizes
+    size = random.standard_normal((count, len(sources)))
+    of_landmarks = np.array([source.landmarks_after is not None for source in sources], dtype=bool)
+    moves = [source.landmarks_after for source in sources if source.landmarks_after is not None]
+    moves = np.reshape(moves, (len(moves), *case.landmarks_before.points.shape))
+    others = [source for source in sources if source.landmarks_after is None]
+    drawn = draw_landmarks(case, moves, size[:, of_landmarks], random)
+    if options.bones == "spline":
+        room = max(LEAST_PATTERNS, MOST_COLUMNS - numbers - len(others))
+        fields = spline_fields(case, prepared.trunk, moves, drawn, (normals, room))
+    else:
+        fields = rigid_fields(case, prepared.trunk, drawn)
+    own, forces = _of_sources(others, pulls, fields.bones)
+    return Draws(
+        bones=np.concatenate([fields.bones, own]),
+        pulls=np.concatenate([np.zeros_like(fields.bones), forces]),
+        shares=np.hstack([fields.shares, size[:, ~of_landmarks]]),
+        variance=np.append(np.full(len(fields.bones), fields.weight), np.ones(len(others))),
+        left=fields.left,
+        after=drawn.after,
+    )
+
+
+def _of_sources(
+    sources: Sequence[Source], pulls: Mapping[str, np.ndarray], like: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The motion of bones and the forces of sources that move no landmarks, (sources, nodes, 3) each."""
+    bones, forces = np.zeros((2, len(sources), *like.shape[1:]))
+    for row, source in enumerate(sources):
+        if source.bones is not None:
+            bones[row] = source.bones
+        for name, change in source.constants.items():
+            forces[row] += change * pulls[name]
+    return bones, forces
+
+
+def skin_deviation(draws: Draws, followed: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Standard deviation of each vertex along its normal [mm], shape (vertices,).
+
+    Args:
+        draws: what is drawn.
+        followed: how the skin follows each field [mm], shape (fields, vertices, 3).
+        normals: of the skin, shape (vertices, 3).
+    """
+    along = np.einsum("fvi,vi->fv", followed, normals)
+    return np.sqrt(draws.variance @ np.square(along) + draws.left)
+
+
+def proportion(
+    draws: Draws,
+    followed: np.ndarray,
+    numbers: Mapping[str, Derivative],
+    skin: Surface,
+    landmarks: Landmarks,
+) -> tuple[np.ndarray, np.ndarray]:
+    """How much numbers really vary over the draws, and whether they change in proportion, shape (numbers,) each.
+
+    Args:
+        draws: what is drawn.
+        followed: how the skin follows each field [mm], shape (fields, vertices, 3).
+        numbers: by name, with their derivatives on the skin.
+        skin: as predicted.
+        landmarks: after surgery, as planned.
+
+    Returns:
+        The deviation of each number over what its derivatives say of the same draws, and whether it is in
+        proportion. Where a draw has no such number, or nothing varies, the ratio is 1; the former is not in
+        proportion.
+    """
+    moved = np.tensordot(draws.shares, followed, axes=(1, 0))
+    found = [*numbers.values()]
+    said = moved.reshape(len(moved), -1) @ np.transpose([one.vertices.ravel() for one in found])
+    said += draws.after.reshape(len(moved), -1) @ np.transpose([one.landmarks.ravel() for one in found])
+    seen = []
+    for by, after in zip(moved, draws.after, strict=True):
+        there = Surface(skin.vertices + by, skin.faces)
+        seen.append(measured_again(there, replace(landmarks, points=landmarks.points + after), [*numbers]))
+    return _compared(said, np.array(seen) - [one.value for one in found])
+
+
+def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) -> list[float]:
+    """The numbers of these names, as sensitivities have them, on another skin; NaN where one is missing."""
+    tangents = back_surface_rotation(skin, landmarks)
+    values: list[float | None] = []
+    for name in names:
+        kind, _, level = name.partition(" ")
+        if kind == "shoulder":
+            shoulders = shoulder_heights(skin, spine_of(landmarks), asis_axis(landmarks))
+            values.append(None if shoulders is None else shoulders.difference)
+        else:
+            tangent = tangents.get(level)
+            values.append(None if tangent is None else tangent.angle if kind == "bsr" else hump_height(tangent))
+    return [math.nan if value is None else value for value in values]
+
+
+def _compared(said: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ratio of deviations and whether proportion holds, of changes (draws, numbers)."""
     known = np.isfinite(seen)
     whole = known.all(axis=0)
     seen = np.where(known, seen, said)

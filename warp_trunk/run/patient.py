@@ -20,7 +20,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume
 from warp_trunk.meshing import make_trunk
 from warp_trunk.meshing.joints import free_joints
-from warp_trunk.meshing.layers import check_labels, layered
+from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
 from warp_trunk.meshing.set_up_cache import SetUpCache
 
 from .options import RunOptions
@@ -165,14 +165,19 @@ def _tissues(
     case: Case, trunk: TrunkMesh, options: RunOptions, progress: Progress | None
 ) -> tuple[TrunkMesh, Tissue | tuple[Tissue, ...]]:
     """The mesh with the tissue of its tetrahedra, and the tissues."""
-    source = options.layers
-    if source is None:
-        source = "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
+    source = layers_from(case, options)
     if source == "none":
         return dataclasses.replace(trunk, tissue=None), case.tissue
     layers = case.layers or Layers()
     with stage_of(progress, "layers", "telling skin, fat and muscle apart"):
         return layered(trunk, layers, source), layers.tissues(case.tissue)
+
+
+def layers_from(case: Case, options: RunOptions) -> LayersFrom:
+    """Where the layers of a case come from."""
+    if options.layers is not None:
+        return options.layers
+    return "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
 
 
 def _same(one: Surface, other: Surface) -> bool:

@@ -124,7 +124,8 @@ def _run(
     else:
         patient.check(case)
         given = patient.given
-    checkpoint = Checkpoint(folder, fingerprint_of(case, parameters(options), given))
+    asked = {name: value for name, value in parameters(options).items() if name != "bands"}  # of no increment
+    checkpoint = Checkpoint(folder, fingerprint_of(case, asked, given))
     _begin(checkpoint, options, progress)
     live = start_viewer() if options.live else None
     if options.record:
@@ -228,8 +229,12 @@ def _bands(
     if increment.relaxation.status is not RelaxStatus.CONVERGED:
         progress.message("no bands: the relaxation did not converge")
         return None
-    with progress.stage("bands", "finding how sure each number is"):
-        return find_bands(case, prepared, increment, patient.options, relaxer=patient.relaxer)
+    try:
+        with progress.stage("bands", "finding how sure each number is"):
+            return find_bands(case, prepared, increment, patient.options, relaxer=patient.relaxer)
+    except InputError as error:  # the prediction stands without them
+        progress.message(f"no bands: {error}")
+        return None
 
 
 def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> None:

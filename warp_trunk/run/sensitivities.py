@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,8 +10,6 @@ import numpy as np
 
 from warp_trunk.bone_motion.bone_path import rigid_displacement
 from warp_trunk.bone_motion.path_derivative import PathDerivative, difference_derivative, spline_derivative
-from warp_trunk.case.layers import NAMES
-from warp_trunk.engine.constants import Constant, constants_of
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
@@ -28,6 +26,7 @@ from warp_trunk.results import predicted_skin
 from .options import RunOptions
 from .paths import motions_of
 from .prepare import Prepared
+from .pulls import pulls_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -55,8 +54,9 @@ class Sensitivity:
     bones: np.ndarray
     """In the place of each node on bone after surgery [unit/mm], shape (nodes, 3); 0 on all other nodes."""
     constants: dict[str, float]
-    """In each constant of the tissue and gravity [unit per its unit]; in layers `fat.youngs_modulus` and so on.
-    Empty where the rest state under gravity was found for these constants (`sag_free`)."""
+    """In each constant of the tissue and gravity [unit per its unit]; in layers `fat.youngs_modulus` and so on,
+    and in layers by depth `skin.thickness` and `fat.thickness` [unit/mm]. Empty where the rest state under gravity
+    was found for these constants (`sag_free`)."""
 
 
 def sensitivities(
@@ -88,16 +88,42 @@ def sensitivities(
         InputError: the last relaxation did not converge, or there is no such vertex.
     """
     options = options or RunOptions()
-    skin = predicted_skin(case, prepared.trunk, increment.displacement)
-    numbers = dict(_numbers(skin, case.planned_landmarks, vertices, all_humps))
+    numbers = numbers_of(case, prepared, increment, vertices, all_humps=all_humps)
     linear = linear or Linearization(prepared.model, increment)
-    weights = [_on_nodes(prepared, number.vertices) for number in numbers.values()]
-    adjoints = linear.adjoints(np.array(weights).reshape(-1, *prepared.trunk.nodes.shape))
+    adjoints = linear.adjoints(on_nodes(prepared, numbers))
+    pulls = pulls_of(case, prepared, options, linear)
+    return from_adjoints(case, prepared, options, linear, solved=(numbers, adjoints), pulls=pulls)
+
+
+def numbers_of(
+    case: Case, prepared: Prepared, increment: Increment, vertices: Sequence[int] = (), *, all_humps: bool = False
+) -> dict[str, Derivative]:
+    """The numbers of a predicted skin by name, each with its derivative in the skin and in the landmarks after."""
+    skin = predicted_skin(case, prepared.trunk, increment.displacement)
+    return dict(_numbers(skin, case.planned_landmarks, vertices, all_humps))
+
+
+def on_nodes(prepared: Prepared, numbers: Mapping[str, Derivative]) -> np.ndarray:
+    """Derivatives of numbers in the vertices of the skin as those in the nodes, (numbers, nodes, 3)."""
+    by_node = np.zeros((len(numbers), *prepared.trunk.nodes.shape))
+    for row, number in enumerate(numbers.values()):
+        by_node[row, prepared.trunk.skin_nodes] = number.vertices
+    return by_node
+
+
+def from_adjoints(
+    case: Case,
+    prepared: Prepared,
+    options: RunOptions,
+    linear: Linearization,
+    *,
+    solved: tuple[Mapping[str, Derivative], np.ndarray],
+    pulls: Mapping[str, np.ndarray],
+) -> tuple[Sensitivity, ...]:
+    """What numbers depend on, by their derivatives on the skin, the adjoints of these and what constants pull."""
+    numbers, adjoints = solved
     by_bones = linear.by_bones(adjoints)
-    held = prepared.trunk.prescribed
-    before, after = landmark_derivative(case, prepared, options)(by_bones[:, held])
-    constants = {} if prepared.model.scan is not None else constant_names(prepared)
-    pulls = {name: linear.pull(constant) for name, constant in constants.items()}
+    before, after = landmark_derivative(case, prepared, options)(by_bones[:, prepared.trunk.prescribed])
     return tuple(
         Sensitivity(
             name=name,
@@ -126,16 +152,6 @@ def landmark_derivative(case: Case, prepared: Prepared, options: RunOptions) -> 
     return difference_derivative(end, before, after)
 
 
-def constant_names(prepared: Prepared) -> dict[str, Constant]:
-    """The constants of a model by the names that a case has for them."""
-    several = len(prepared.model.tissues) > 1
-    return {
-        f"{NAMES[constant.tissue]}.{constant.name}" if several and constant.tissue is not None else constant.name:
-        constant
-        for constant in constants_of(prepared.model)
-    }  # fmt: skip
-
-
 def _numbers(
     skin: Surface, landmarks: Landmarks, vertices: Sequence[int], all_humps: bool
 ) -> Iterator[tuple[str, Derivative]]:
@@ -160,10 +176,3 @@ def _numbers(
                 f"not {vertex}"
             )
         yield f"skin {vertex}", point_derivative(skin, landmarks, vertex, normals[vertex])
-
-
-def _on_nodes(prepared: Prepared, by_vertex: np.ndarray) -> np.ndarray:
-    """A derivative in the vertices of the skin as one in the nodes of the mesh."""
-    by_node = np.zeros_like(prepared.trunk.nodes)
-    by_node[prepared.trunk.skin_nodes] = by_vertex
-    return by_node

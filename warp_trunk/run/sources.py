@@ -20,8 +20,10 @@ from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
 
 from .options import RunOptions
 from .paths import motions_of
+from .patient import layers_from
 from .prepare import Prepared
-from .sensitivities import Sensitivity, constant_names
+from .pulls import constant_names
+from .sensitivities import Sensitivity
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -64,7 +66,8 @@ def effect_of(source: Source, one: Sensitivity) -> float:
 
 def sources_of(case: Case, prepared: Prepared, options: RunOptions) -> tuple[Source, ...]:
     """All sources but the landmarks, whose errors have no direction, and the mesh, which nothing carries."""
-    return (*_surgery(case), *_ribs(case, prepared, options), *_constants(case, prepared))
+    tissue = (*_constants(case, prepared), *_thickness(case, prepared, options))
+    return (*_surgery(case), *_ribs(case, prepared, options), *tissue)
 
 
 def _surgery(case: Case) -> Iterator[Source]:
@@ -169,3 +172,15 @@ def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
         spread = getattr(case.uncertainty, constant)
         words = f"a factor of {spread:g}" if constant in FACTORS else f"{spread:g}"
         yield Source(kind.replace("_", " "), words, REFERENCES[constant], constants=changes)
+
+
+def _thickness(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
+    """How thick skin and fat are, everywhere alike, where layers are told by depth."""
+    if prepared.model.scan is not None or layers_from(case, options) != "depth":
+        return
+    for layer in ("skin", "fat"):
+        spread = getattr(case.uncertainty, f"{layer}_thickness")
+        if spread:
+            name = f"{layer}_thickness"
+            words = f"{spread:g} mm everywhere"
+            yield Source(name.replace("_", " "), words, REFERENCES[name], constants={f"{layer}.thickness": spread})

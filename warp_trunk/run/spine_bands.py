@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures.axial_rotation import axial_rotation
-from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
+from warp_trunk.measures.cobb import CobbAngle, angles_between, cobb_angles
 from warp_trunk.measures.sagittal import kyphosis, lordosis
 from warp_trunk.measures.spine import asis_axis, spine_of
 from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
@@ -20,8 +20,10 @@ from .sources import Source
 if TYPE_CHECKING:
     from warp_trunk.case import Case
 
-STEP = 0.01
-"""How far a landmark is moved to either side for a derivative [mm]."""
+STEP = 1e-3
+"""How far a landmark is moved for a derivative [mm]."""
+OBLIQUE = np.array([0.7, 0.5, 0.3])
+"""A way that no measure is blind to."""
 
 
 def spine_bands(case: Case, sources: Sequence[Source]) -> dict[str, Band]:
@@ -31,8 +33,8 @@ def spine_bands(case: Case, sources: Sequence[Source]) -> dict[str, Band]:
     before. Each landmark after surgery has its own error; how surgery misses the plan comes on top.
     """
     after, curves = case.planned_landmarks, cobb_angles(case.landmarks_before)
-    values = _of_spine(after, curves)
-    by_point = _derivatives(after, curves, tuple(values))
+    values = spine_measures(after, curves)
+    by_point = _derivatives(after, curves, values)
     missed = [source.landmarks_after for source in sources if source.landmarks_after is not None]
     found = {}
     for name, derivative in zip(values, by_point, strict=True):
@@ -43,26 +45,29 @@ def spine_bands(case: Case, sources: Sequence[Source]) -> dict[str, Band]:
     return found
 
 
-def _derivatives(after: Landmarks, curves: Sequence[CobbAngle], names: tuple[str, ...]) -> np.ndarray:
-    """Of each measure in each landmark, by central differences, shape (measures, landmarks, 3); NaN if missing."""
-    derivative = np.zeros((len(names), *after.points.shape))
-    for row, axis in np.ndindex(after.points.shape):
-        ends = []
-        for side in (STEP, -STEP):
-            points = after.points.copy()
-            points[row, axis] += side
-            measured = _of_spine(Landmarks(after.names, points), curves)
-            ends.append([measured.get(name, np.nan) for name in names])
-        derivative[:, row, axis] = np.subtract(*ends) / (2.0 * STEP)
+def _derivatives(after: Landmarks, curves: Sequence[CobbAngle], values: Mapping[str, float]) -> np.ndarray:
+    """Of each measure in each landmark, shape (measures, landmarks, 3); NaN where one goes missing."""
+    derivative = np.zeros((len(values), *after.points.shape))
+
+    def moved(row: int, by: np.ndarray) -> list[float]:
+        points = after.points.copy()
+        points[row] += by
+        there = spine_measures(Landmarks(after.names, points), curves)
+        return [there.get(name, np.nan) - value for name, value in values.items()]
+
+    for row in range(len(after.points)):
+        if any(moved(row, STEP * OBLIQUE)):  # most landmarks are read by no measure
+            for axis in range(3):
+                derivative[:, row, axis] = np.divide(moved(row, STEP * np.eye(3)[axis]), STEP)
     return derivative
 
 
-def _of_spine(landmarks: Landmarks, curves: Sequence[CobbAngle]) -> dict[str, float]:
+def spine_measures(landmarks: Landmarks, curves: Sequence[CobbAngle]) -> dict[str, float]:
     """Measures of a spine by their names in the record of measures; those that are missing are left out."""
     spine = spine_of(landmarks)
     shift, turned = trunk_shift(spine, sacral_line(landmarks)), axial_rotation(spine, asis_axis(landmarks))
     values: dict[str, float | None] = {}
-    for curve, angle in zip(curves, curves_after(curves, landmarks), strict=True):
+    for curve, angle in zip(curves, angles_between(curves, spine), strict=True):
         values[f"cobb_deg {curve.upper}-{curve.lower}"] = angle
         values[f"apical_rotation_deg {curve.apex}"] = turned.get(curve.apex)
     values |= {f"kyphosis_deg {ends}": angle for ends, angle in kyphosis(spine).items()}

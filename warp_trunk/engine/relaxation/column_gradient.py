@@ -69,7 +69,7 @@ class ColumnGradient:
         self._descent = model.zeros(columns.vector(wp.float64), columns.groups)
         self._going = model.zeros(wp.int32, columns.size)
         self._go_on = model.zeros(wp.int32, 1)
-        self._limit = model.zeros(wp.float64, 1)
+        self._limit = model.zeros(wp.float64, columns.size)
         self._outcome = model.zeros(wp.float64, columns.size, 6)
         keep, take, step = (columns.factors() for _ in range(3))
         kernels, nodes = column_gradient_kernels(*model.variant), model.free_nodes
@@ -94,7 +94,9 @@ class ColumnGradient:
         )
         self._run = record_loop(model, self._begin, self._go_on, self._advance_window)
 
-    def solve(self, right: np.ndarray, relative: float, guess: np.ndarray | None = None) -> ColumnSolutions:
+    def solve(
+        self, right: np.ndarray, relative: float | np.ndarray, guess: np.ndarray | None = None
+    ) -> ColumnSolutions:
         """Solves H x = b for columns b.
 
         A column is done when no vector of x is judged to be wrong by more than `relative` of the longest, as in
@@ -102,7 +104,7 @@ class ColumnGradient:
 
         Args:
             right: b, shape (columns, free nodes, 3); as many columns as there is room for, or fewer.
-            relative: part of the longest vector.
+            relative: part of the longest vector, one for all or for each column.
             guess: where to start, of the same shape; 0 when left out.
         """
         given, layout = len(right), self._layout
@@ -117,7 +119,9 @@ class ColumnGradient:
         for array in (self._r_dot_z, self._outcome, self._extent):
             array.zero_()
         self._going.assign((np.arange(layout.size) < given).astype(np.int32))
-        self._limit.fill_(relative)
+        limits = np.ones(layout.size)
+        limits[:given] = relative
+        self._limit.assign(limits)
         self._run()
         outcome = self._outcome.numpy()[:given]
         return ColumnSolutions(

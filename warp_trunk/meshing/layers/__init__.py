@@ -2,6 +2,6 @@
 
 from warp_trunk.case.layers import Layers
 
-from .layering import LayersFrom, check_labels, layered
+from .layering import LayersFrom, check_labels, layered, thickness_derivatives
 
-__all__ = ["Layers", "LayersFrom", "check_labels", "layered"]
+__all__ = ["Layers", "LayersFrom", "check_labels", "layered", "thickness_derivatives"]

@@ -14,6 +14,8 @@ from warp_trunk.errors import InputError
 from .depth import part_above
 from .labels import labels_from_mesh
 
+STEP = 1e-3
+"""How far a surface between layers is moved to either side for a derivative [mm]."""
 LayersFrom = Literal["none", "depth", "mesh"]
 
 
@@ -48,3 +50,26 @@ def layered(trunk: TrunkMesh, layers: Layers, source: LayersFrom) -> TrunkMesh:
         return replace(trunk, tissue=labels_from_mesh(trunk, layers.mesh))
     above = part_above(trunk, layers.bottoms(len(trunk.skin_nodes)))
     return replace(trunk, tissue=np.stack([above[0], above[1] - above[0], 1.0 - above[1]], axis=1))
+
+
+def thickness_derivatives(trunk: TrunkMesh, layers: Layers) -> dict[str, np.ndarray]:
+    """How the parts of the layers in each tetrahedron change with the thickness of a layer, everywhere alike.
+
+    The parts are smooth in the depth of the surfaces between the layers. Where skin gets thicker, the fat under it
+    lies deeper and stays as thick.
+
+    Args:
+        trunk: the mesh, its layers by `depth`.
+        layers: thickness.
+
+    Returns:
+        By name of a thickness in `Layers`, shape (tets, layers) [1/mm]; each row adds up to 0.
+    """
+    skin, fat = layers.bottoms(len(trunk.skin_nodes))
+    steps = np.array([skin + STEP, skin - STEP, fat + STEP, fat - STEP])
+    high_skin, low_skin, high_fat, low_fat = part_above(trunk, steps)
+    by_skin, by_fat = (high_skin - low_skin) / (2.0 * STEP), (high_fat - low_fat) / (2.0 * STEP)
+    return {
+        "skin_thickness": np.stack([by_skin, by_fat - by_skin, -by_fat], axis=1),
+        "fat_thickness": np.stack([np.zeros_like(by_fat), by_fat, -by_fat], axis=1),
+    }

@@ -1,0 +1,45 @@
+"""What each constant of a scene adds to the forces on its free nodes: moduli, densities, thickness of layers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case.layers import NAMES, Layers
+from warp_trunk.engine.constants import Constant, constants_of
+from warp_trunk.engine.linearization import Linearization
+from warp_trunk.meshing.layers import thickness_derivatives
+
+from .options import RunOptions
+from .patient import layers_from
+from .prepare import Prepared
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+
+
+def constant_names(prepared: Prepared) -> dict[str, Constant]:
+    """The constants of a model by the names that a case has for them."""
+    several = len(prepared.model.tissues) > 1
+    return {
+        f"{NAMES[constant.tissue]}.{constant.name}" if several and constant.tissue is not None else constant.name:
+        constant
+        for constant in constants_of(prepared.model)
+    }  # fmt: skip
+
+
+def pulls_of(case: Case, prepared: Prepared, options: RunOptions, linear: Linearization) -> dict[str, np.ndarray]:
+    """dF/dc by the name of each constant, see `Linearization.pull`, shape (nodes, 3).
+
+    None where the rest state under gravity was found for these constants: they would move it. Layers by depth have
+    their thickness in mm too, of skin and of fat, everywhere alike.
+    """
+    if prepared.model.scan is not None:
+        return {}
+    pulls = {name: linear.pull(constant) for name, constant in constant_names(prepared).items()}
+    if layers_from(case, options) == "depth":
+        trunk = prepared.trunk
+        for name, change in thickness_derivatives(trunk, case.layers or Layers()).items():
+            pulls[name.replace("_", ".")] = linear.pull_of_parts(trunk.tets, change)
+    return pulls
