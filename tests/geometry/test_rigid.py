@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.rigid import fit_rigid, misfit, part_of
+from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_all, misfit, part_of
 
 RNG = np.random.default_rng(5)
 UP = np.array([0.0, 0.0, 1.0])
@@ -72,3 +72,19 @@ def test_bad_points_are_refused() -> None:
         fit_rigid(POINTS[:0], POINTS[:0])
     with pytest.raises(InputError, match="finite"):
         fit_rigid(POINTS, POINTS * np.nan)
+
+
+def test_many_bodies_at_once_are_as_each_alone() -> None:
+    """Bodies in space, one mirrored, one flat, and one on a line, whose turn about it is none."""
+    rng = np.random.default_rng(6)
+    before = rng.normal(size=(5, 7, 3)) * 20.0
+    before[3, :, 2] = 0.0
+    before[4] = np.linspace(-1.0, 1.0, 7)[:, None] * [3.0, 4.0, 5.0]
+    turns = Rotation.from_rotvec(rng.normal(size=(5, 3)))
+    after = np.array([turn.apply(body) for turn, body in zip(turns, before, strict=True)]) + rng.normal(
+        size=(5, 1, 3)
+    )
+    after[:3] += rng.normal(size=(3, 7, 3))
+    after[2] *= [-1.0, 1.0, 1.0]
+    for one, there, body in zip(fit_rigid_all(before, after).as_matrix(), after, before, strict=True):
+        np.testing.assert_allclose(one, fit_rigid(body, there).as_matrix(), atol=1e-9)

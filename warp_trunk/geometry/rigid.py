@@ -60,6 +60,22 @@ def misfit(before: np.ndarray, after: np.ndarray) -> float:
     return math.sqrt(max(left, 0.0) / len(before))
 
 
+def fit_rigid_all(before: np.ndarray, after: np.ndarray) -> RigidTransform:
+    """`fit_rigid` of many bodies of as many points at once, shapes (bodies, n, 3) [mm]; as many motions."""
+    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+
+    from_centre, to_centre = before.mean(axis=1), after.mean(axis=1)
+    spread = np.einsum("kni,knj->kij", before - from_centre[:, None], after - to_centre[:, None])
+    U, extents, Vt = np.linalg.svd(spread)
+    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]  # no reflection
+    turns = Rotation.from_matrix((U @ Vt).transpose(0, 2, 1))
+    shifts = to_centre - turns.apply(from_centre)
+    found = RigidTransform.from_components(shifts, turns).as_matrix()
+    for body in np.flatnonzero(extents[:, 1] <= _LINE * extents[:, 0]):
+        found[body] = fit_rigid(before[body], after[body]).as_matrix()
+    return RigidTransform.from_matrix(found)
+
+
 def part_of(motion: RigidTransform, fraction: float) -> RigidTransform:
     """The same screw, turned by a fraction of its angle (the shorter way round) and shifted by it of its way."""
     # motion**fraction would round the fraction to float32 (SciPy 1.17)

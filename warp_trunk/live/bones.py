@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.rigid import fit_rigid_all
 from warp_trunk.geometry.spline_response import spline_response
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
 
@@ -30,19 +29,39 @@ class BonePoses:
         before = case.landmarks_before
         self._before = before.points
         self._rows: dict[str, np.ndarray] = {}
-        self._sampled: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        sampled = {}
         for name, bone in case.bones.items():
             rows = np.array([i for i, mark in enumerate(before.names) if mark.startswith(f"{name}_")])
             if len(rows) >= 3:
                 self._rows[name] = rows
-                continue
-            points = bone.vertices[np.linspace(0, len(bone.vertices) - 1, _SAMPLES).astype(int)]
-            self._sampled[name] = points, spline_response(self._before, points)
+            else:
+                sampled[name] = bone.vertices[np.linspace(0, len(bone.vertices) - 1, _SAMPLES).astype(int)]
+        self._sampled = tuple(sampled)
+        self._points = np.reshape(list(sampled.values()), (-1, 3))
+        self._response = spline_response(self._before, self._points)
 
-    def at(self, landmarks: Landmarks) -> dict[str, RigidTransform]:
-        """The motion of each bone from before surgery, for landmarks after it."""
+    def at(self, landmarks: Landmarks) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The motion of each bone from before surgery, for landmarks after it.
+
+        Returns:
+            By bone, the turn as a quaternion (w, x, y, z) and then the shift [mm].
+        """
         after = landmarks.points
-        moved = {name: fit_rigid(self._before[rows], after[rows]) for name, rows in self._rows.items()}
-        for name, (points, response) in self._sampled.items():
-            moved[name] = fit_rigid(points, points + response @ (after - self._before))
+        there = self._points + self._response @ (after - self._before)
+        shape = (-1, _SAMPLES, 3)
+        moved = {}
+        if self._sampled:
+            moved |= _moved(self._sampled, self._points.reshape(shape), there.reshape(shape))
+        for count in {len(rows) for rows in self._rows.values()}:
+            alike = {name: rows for name, rows in self._rows.items() if len(rows) == count}
+            own = np.array(list(alike.values()))
+            moved |= _moved(alike, self._before[own], after[own])
         return moved
+
+
+def _moved(
+    names: Iterable[str], before: np.ndarray, after: np.ndarray
+) -> Iterable[tuple[str, tuple[np.ndarray, np.ndarray]]]:
+    motions = fit_rigid_all(before, after)
+    turns = motions.rotation.as_quat(scalar_first=True)
+    return zip(names, zip(turns, motions.translation, strict=True), strict=True)

@@ -65,10 +65,9 @@ class Scene:
         self.skin.vertices = view.skin.astype(np.float32)
         self._lines()
         with self._server.atomic():
-            for name, motion in self._poses.at(view.surgery.landmarks_after).items():
-                x, y, z, w = motion.rotation.as_quat()
-                self._bones[name].wxyz = (w, x, y, z)
-                self._bones[name].position = tuple(motion.translation)
+            for name, (turn, shift) in self._poses.at(view.surgery.landmarks_after).items():
+                self._bones[name].wxyz = turn
+                self._bones[name].position = shift
         plan = view.surgery.plan
         for level in self._case.landmarks_before.vertebrae():
             if level in self._bones:
