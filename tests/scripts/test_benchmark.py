@@ -121,7 +121,7 @@ def test_newton_comes_nearer_with_the_tolerance(precision: str) -> None:
         if record.status == "CONVERGED":
             assert record.max_error_mm <= 2.0 * there(record.tolerance_mm) + floor
     errors = [record.max_error_mm for record in records]
-    assert errors[-1] < 0.01 * errors[0]
+    assert errors[-1] < 0.01 * errors[0] + 0.1 * floor  # the first may lie at that rounding already
     assert records[-1].tolerance_mm == min(there(record.tolerance_mm) for record in records)
 
 

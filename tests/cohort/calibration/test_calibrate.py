@@ -74,7 +74,7 @@ def test_what_is_believed_is_that_of_bands() -> None:
     free = [FreeConstant(name="fat.youngs_modulus", start=2.5), FreeConstant(name="ribs.recovery", start=0.8)]
     prior = prior_of(free, True)
     assert prior.mean == pytest.approx([np.log(2.5), 0.8])
-    assert prior.sd == pytest.approx([np.log(1.6), 0.2])  # 0.6 to 1.0
+    assert prior.sd == pytest.approx([np.log(1.6), 0.15])  # 0.7 to 1.0
     assert (prior.low[1], prior.high[1]) == (0.0, 1.0)
     assert (prior_of(free, False).information == 0.0).all()
 
