@@ -13,9 +13,9 @@ from .reduction import adder, keep_largest
 
 CHANGE, LONGEST, SUM = range(3)
 """Columns of the extent of a solution."""
-LONG, LEFT, CHANGED, BENT, NORM = range(5)
+LONG, LEFT, CHANGED, BENT, NORM, ITERATIONS = range(6)
 """What is told of a solution: its longest vector, the error that may be left in one, the last change [mm], 1 where
-a search direction of negative curvature was met, and the square root of g . M^-1 g."""
+a search direction of negative curvature was met, the square root of g . M^-1 g, and the iterations it took."""
 SLOWEST = wp.constant(0.95)
 """Changes are taken to shrink at least this fast from window to window."""
 
@@ -193,6 +193,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         outcome[BENT] = wp.float64(0.0)
         if bent:
             outcome[BENT] = wp.float64(1.0)
+        outcome[ITERATIONS] = wp.float64(iteration[0])
         outcome[NORM] = wp.sqrt(wp.max(start, wp.float64(0.0)))
         limit = wp.max(limits[0], limits[1] * longest)
         fallen = now <= limits[1] * limits[1] * start

@@ -11,7 +11,7 @@ vec8i = wp.types.vector(8, wp.int32)
 STRIP = 16
 """Rows of the dense product that one item of the CPU adds up."""
 LANES = 32
-"""Threads that share a grid vertex, or a row of the dense product, on CUDA."""
+"""Threads that share a row of the dense product on CUDA; most that share a grid vertex."""
 
 
 @cache
@@ -22,20 +22,21 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     vec8 = wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
     strip = wp.types.vector(STRIP, scalar)
-    lanes = wp.constant(LANES if cuda else 1)
+    row_lanes = wp.constant(LANES if cuda else 1)
 
     @wp.kernel(module="unique", enable_backward=False)
     def restrict_kernel(
         first: int,
         end: int,
         slab: int,
+        lanes: int,
         row_start: wp.array(dtype=wp.int32),
         point: wp.array(dtype=wp.int32),
         weight: wp.array(dtype=scalar),
         residual: wp.array(dtype=vec3),
         coarse_residual: wp.array(dtype=vec3),
     ):
-        """P^T r: every grid vertex gathers the residual of the points it reaches, over LANES threads on CUDA."""
+        """P^T r: every grid vertex gathers the residual of the points it reaches, over `lanes` threads."""
         i = first + wp.tid()
         v = i // lanes
         total = vec3()
@@ -133,15 +134,15 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         residual: wp.array(dtype=scalar),
         solution: wp.array(dtype=scalar),
     ):
-        """A dense product, for CUDA: `lanes` threads share a row, and neighbours read neighbouring numbers."""
+        """A dense product, for CUDA: LANES threads share a row, and neighbours read neighbouring numbers."""
         item = first + wp.tid()
-        i = item // lanes
+        i = item // row_lanes
         value = scalar(0.0)
         if item < end:
-            for k in range(item % lanes, size, lanes):
+            for k in range(item % row_lanes, size, row_lanes):
                 value += inverse[i, k] * residual[k]
-        value = add_lanes(value, lanes)
-        if item < end and item % lanes == 0:
+        value = add_lanes(value, row_lanes)
+        if item < end and item % row_lanes == 0:
             solution[i] = value
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -13,7 +13,7 @@ ROW_LANES = 8
 
 @cache
 def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `multiply` and `invert_diagonal` in one precision."""
+    """The kernels `multiply`, `mirror` and `invert_diagonal` in one precision."""
     add, add_lanes = adder(cuda), lane_adder(scalar)
     lanes = wp.constant(ROW_LANES if cuda else 1)
     vec3 = wp.types.vector(3, scalar)
@@ -64,7 +64,22 @@ def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             shift = scalar(1.0e-6) * wp.trace(block) + scalar(1.0e-30)
             inverse[i] = factor * wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
 
+    @wp.kernel(module="unique", enable_backward=False)
+    def mirror_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        lower: wp.array(dtype=wp.int32),
+        mirrored: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33, ndim=2),
+    ):
+        """Sets the blocks below the diagonal to the transposed ones above it."""
+        i = first + wp.tid()
+        if i < end:
+            blocks[0, lower[i]] = wp.transpose(blocks[0, mirrored[i]])
+
     return SimpleNamespace(
+        mirror=mirror_kernel,
         multiply=multiply_kernel,
         invert_diagonal=invert_diagonal_kernel,
     )

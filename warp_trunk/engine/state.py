@@ -43,6 +43,8 @@ class State:
             [(start or self).inverted, self.displacement],
             [self._slabs, self.inverted, self.sums],
         )
+        self._bones = model.order[model.prescribed]
+        self._held = wp.empty(len(self._bones), dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda)
         self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
 
     def evaluate(self) -> None:
@@ -78,9 +80,8 @@ class State:
 
     def hold(self, displacement: np.ndarray) -> None:
         """Sets the prescribed nodes alone, as `place`."""
-        bones = displacement[self.model.order[self.model.prescribed]]
-        held = self.model.array(bones, self.model.vec3)
-        wp.copy(self.displacement, held, dest_offset=self.model.prescribed.start, count=len(bones))
+        self._held.numpy()[:] = displacement[self._bones]
+        wp.copy(self.displacement, self._held, dest_offset=self.model.prescribed.start, count=len(self._bones))
 
     def place(self, displacement: np.ndarray) -> None:
         """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""

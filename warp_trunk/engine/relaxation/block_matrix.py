@@ -44,6 +44,8 @@ class BlockMatrix:
         self._add_positive = model.over_tets(kernels.curvature, at, [self.blocks])
         self._add_true = model.over_tets(kernels.true_curvature, at, [self.blocks])
         self._gather = record(slab_kernels(mat33).gather, size, [ranges], [self.blocks])
+        at = self.sparsity.lower, self.sparsity.mirrored
+        self._mirror = record(sparse_kernels(*model.variant).mirror, len(at[0]), at, [self.blocks])
         self._invert_diagonal = model.over_free(
             sparse_kernels(*model.variant).invert_diagonal,
             [self.sparsity.diagonal, self.blocks, model.scalar(1.0)],
@@ -64,6 +66,7 @@ class BlockMatrix:
         add()
         if self.model.parallel.ranges > 1:
             self._gather()
+        self._mirror()
 
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""

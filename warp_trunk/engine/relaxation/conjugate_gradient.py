@@ -11,6 +11,7 @@ import warp as wp
 
 from warp_trunk.kernels.conjugate_gradient import (
     BENT,
+    ITERATIONS,
     LEFT,
     LONG,
     NORM,
@@ -77,7 +78,8 @@ class ConjugateGradient:
         self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
-        self._limits, self._outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 5)
+        self._limits, self._outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 6)
+        self._limited: tuple[float, ...] = ()
         extent = model.zeros(wp.float64, ranges, PADDING)
         r_dot_z, p_dot_q = self._r_dot_z.products, self._p_dot_q.products
         kernels = conjugate_gradient_kernels(*model.variant)
@@ -106,11 +108,14 @@ class ConjugateGradient:
         have come. It also ends at a search direction of negative curvature, where the matrix has no least energy
         (Steihaug 1983).
         """
-        self._limits.assign(np.array([absolute, relative, least]))
+        limits = (absolute, relative, least)
+        if limits != self._limited:
+            self._limits.assign(np.array(limits))
+            self._limited = limits
         self._run()
         outcome = self._outcome.numpy()
         return LinearSolution(
-            iterations=int(self._iteration.numpy()[0]),
+            iterations=int(outcome[ITERATIONS]),
             longest=float(outcome[LONG]),
             left=float(outcome[LEFT]),
             bent=bool(outcome[BENT]),

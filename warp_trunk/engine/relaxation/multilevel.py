@@ -95,11 +95,13 @@ class Multilevel:
 
     def _restrict(self, level: _Level, residual: wp.array) -> Launch:
         """Records P^T r."""
-        parallel = self.model.parallel
+        parallel, lanes = self.model.parallel, 1
+        while parallel.is_cuda and lanes < LANES and 2 * lanes * len(level.residual) <= 8 * level.points:
+            lanes *= 2  # a vertex reaches 8 points for each that it has
         return parallel.record(
             multilevel_kernels(*self.model.variant).restrict,
-            len(level.residual) * (LANES if parallel.is_cuda else 1),
-            [*level.transfer.by_vertex, residual],
+            len(level.residual) * lanes,
+            [lanes, *level.transfer.by_vertex, residual],
             [level.residual],
             least=1024,  # a vertex gathers from tens of points
         )

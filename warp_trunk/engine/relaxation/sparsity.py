@@ -24,7 +24,12 @@ class Sparsity:
     diagonal: wp.array
     """The diagonal block of each row, shape (free,), int32."""
     block_of: wp.array
-    """The block of corner pair (row, column) of each tetrahedron, -1 with a prescribed corner; (tets,), vec16i."""
+    """The block of corner pair (row, column) of each tetrahedron, -1 with a prescribed corner or where it is below
+    the diagonal; (tets,), vec16i."""
+    lower: wp.array
+    """The blocks below the diagonal, shape (lower,), int32."""
+    mirrored: wp.array
+    """The block above the diagonal that each of them is the transpose of, likewise."""
     row_bounds: np.ndarray
     """Ranges of rows with equally many blocks, for the threads, shape (ranges + 1,)."""
 
@@ -42,7 +47,11 @@ def find_sparsity(model: Model) -> Sparsity:
     row_of_corner = np.minimum(model.corners, size - 1)
     block_of = row_start[row_of_corner][:, :, None] + found["place"].astype(np.int32).reshape(-1, 4, 4) - 1
     block_of[found["place"].reshape(-1, 4, 4) == 0] = -1
-    own = np.flatnonzero(columns == np.repeat(np.arange(size), np.diff(row_start)))
+    block_of[model.corners[:, :, None] > model.corners[:, None, :]] = -1
+    row = np.repeat(np.arange(size), np.diff(row_start))
+    own, lower = np.flatnonzero(columns == row), np.flatnonzero(columns < row)
+    upper = np.flatnonzero(columns > row)
+    mirrored = upper[np.argsort(columns[upper], kind="stable")]  # in the order of the lower ones
     bounds = np.searchsorted(row_start, np.linspace(0, len(columns), model.parallel.ranges + 1)).clip(0, size)
     bounds[0], bounds[-1] = 0, size
     return Sparsity(
@@ -50,6 +59,8 @@ def find_sparsity(model: Model) -> Sparsity:
         columns=model.array(columns, wp.int32),
         diagonal=model.array(own.astype(np.int32), wp.int32),
         block_of=model.array(block_of.reshape(-1, 16), vec16i),
+        lower=model.array(lower.astype(np.int32), wp.int32),
+        mirrored=model.array(mirrored.astype(np.int32), wp.int32),
         row_bounds=bounds,
     )
 
