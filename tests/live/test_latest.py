@@ -43,3 +43,13 @@ def test_what_was_not_taken_before_the_end_is_not_done() -> None:
     place.put("late")
     place.close()
     assert place.take() is None
+
+
+def test_a_pause_ends_where_it_is_closed() -> None:
+    """The first value is there at once; who waits for the next one, however long that may be, hears of the end."""
+    place: Latest[int] = Latest(pause=1e6)
+    place.put(1)
+    assert place.take() == 1
+    place.put(2)
+    threading.Timer(0.05, place.close).start()
+    assert place.take() is None

@@ -25,3 +25,11 @@ def test_a_corner_on_a_plane_leaves_no_hole_and_no_nan() -> None:
     ends = relief_lines(flat, np.array([[0, 2, 1]]))
     assert np.isfinite(ends).all()
     assert set(ends[:, 0, 1] - 0.6) == {STEP, 2.0 * STEP}
+
+
+def test_float32_is_enough() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=98.0)
+    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
+    drawn = relief_lines(vertices.astype(np.float32), faces)
+    assert drawn.dtype == np.float32
+    np.testing.assert_allclose(drawn, relief_lines(vertices, faces), atol=1e-3)

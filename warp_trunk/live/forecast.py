@@ -37,9 +37,9 @@ class Forecast:
             return field
         steps = np.array([(self._landmarks[row] - start).ravel() for row in others])
         doubt = landmarks.size * _DOUBT**2 * np.eye(len(others))
-        weights = np.linalg.solve(steps @ steps.T + doubt, steps @ (landmarks - start).ravel())
-        found = (1.0 - weights.sum()) * field
-        for weight, row in zip(weights.tolist(), others, strict=True):
+        weights = np.linalg.solve(steps @ steps.T + doubt, steps @ (landmarks - start).ravel()).tolist()
+        found = (1.0 - sum(weights)) * field
+        for weight, row in zip(weights, others, strict=True):
             found += weight * self._fields[row]
         return found
 

@@ -32,16 +32,17 @@ class Image:
 class Images:
     """The image for any plan of one patient.
 
-    The displacement by the spline is a product with a matrix made once (`spline_response`). On top of it goes
-    what relaxation adds, foretold from the plans that were relaxed before (`Forecast`). The estimate of the error
+    The displacement by the spline is a product with a matrix made once (`spline_response`), in float32: memory is
+    what such a product waits for, and what is not relaxed is off by far more. On top of it goes what relaxation
+    adds, foretold from the plans that were relaxed before (`Forecast`). The estimate of the error
     is the way of the landmarks from the nearest of those, times the largest error for each mm of it seen of late,
     and the error of the skin relaxed last.
     """
 
     def __init__(self, case: Case) -> None:
         self._before = case.landmarks_before.points
-        self._skin = case.skin.vertices
-        self._response = spline_response(self._before, self._skin)
+        self._skin = case.skin.vertices.astype(np.float32)
+        self._response = spline_response(self._before, case.skin.vertices).astype(np.float32)
         self._added = Forecast(self._before, np.zeros_like(self._skin))
         self._ratios: list[float] = []
         self._error = 0.0
@@ -60,7 +61,7 @@ class Images:
         if way > 0.0:
             off = np.linalg.norm(carried + self._added.at(landmarks.points) - skin, axis=1).max()
             self._ratios = [*self._ratios[1 - _REMEMBERED :], float(off) / way]
-        self._added.learn(landmarks.points, skin - carried)
+        self._added.learn(landmarks.points, skin.astype(np.float32) - carried)
 
     def _carried(self, landmarks: Landmarks) -> np.ndarray:
-        return self._skin + self._response @ (landmarks.points - self._before)
+        return self._skin + self._response @ (landmarks.points - self._before).astype(np.float32)

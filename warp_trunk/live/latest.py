@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -11,7 +12,9 @@ T = TypeVar("T")
 class Latest(Generic[T]):
     """Nothing queues in it: who takes gets the latest, and what came before is gone."""
 
-    def __init__(self) -> None:
+    def __init__(self, pause: float = 0.0) -> None:
+        """Empty; from one value taken to the next at least so long goes by [s]."""
+        self._pause, self._taken = pause, -pause
         self._changed = threading.Condition()
         self._value: T | None = None
         self._closed = False
@@ -25,7 +28,9 @@ class Latest(Generic[T]):
     def take(self) -> T | None:
         """Waits for a value and takes it; None when closed."""
         with self._changed:
+            self._changed.wait_for(lambda: self._closed, self._taken + self._pause - time.monotonic())
             self._changed.wait_for(lambda: self._value is not None or self._closed)
+            self._taken = time.monotonic()
             value, self._value = self._value, None
             return None if self._closed else value
 

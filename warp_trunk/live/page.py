@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,11 +13,13 @@ from warp_trunk.measures import measure
 
 from .controls import WishControls
 from .kept import KeptPlans
+from .latest import Latest
 from .loopback import LoopbackServer
 from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
 from .session import Measured, Refusal, Session, View
 from .wish import first_wish, spine_before
+from .worker import worker
 
 if TYPE_CHECKING:
     import viser
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
 
 NOTHING = "nothing"
 """What to compare with, at first."""
+PAUSE = 0.1
+"""From one table of numbers to the next [s]: nobody reads faster, and a browser lays each of them out anew."""
 
 
 class Page:
@@ -55,6 +60,8 @@ class Page:
         self._refusal: Refusal | None = None
         self._measures = self._before
         self._drawing = threading.Lock()
+        self._told: Latest[Callable[[], str]] = Latest(PAUSE)
+        self._writer = worker("writing", self._write_numbers, self._fail)
         self.server = LoopbackServer(port, case.name)
         """The server; it is on `server.address`."""
         self._session = Session(patient, plan, self._show, self._fail)
@@ -76,12 +83,15 @@ class Page:
         self._first = wish
 
     def __enter__(self) -> Page:
+        self._writer.start()
         self._session.__enter__()
         self._session.ask(self._first)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._session.__exit__()
+        self._told.close()
+        self._writer.join()
         self.server.stop()
 
     @property
@@ -122,7 +132,7 @@ class Page:
 
     def _show(self, told: View | Refusal | Measured) -> None:
         """Draws what the session tells; it tells one after another."""
-        with self._drawing:
+        with self._drawing, self.server.atomic():
             if isinstance(told, Measured):
                 self._measures = told.measures
             elif isinstance(told, Refusal):
@@ -138,13 +148,18 @@ class Page:
                     self._measures = told.measures
                     self.kept.improve(told)
             self._write()
+        self.server.flush()  # else it waits for the next sixtieth of a second
 
     def _write(self) -> None:
         self._status.content = status_html(self._view, self._refusal)
         if self._view is not None:
             kept = self.kept.get(self._other.value)
             named = None if kept is None else (self._other.value, kept)
-            self._numbers.content = numbers_html(self._before, self._view, self._measures, named)
+            self._told.put(partial(numbers_html, self._before, self._view, self._measures, named))
+
+    def _write_numbers(self) -> None:
+        while (numbers := self._told.take()) is not None:
+            self._numbers.content = numbers()
 
     def _keep(self) -> None:
         view = self._view

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import warp as wp
 
 from warp_trunk.bone_motion.path_faults import colliding_bones
 from warp_trunk.engine.relaxation import RelaxStatus
@@ -55,10 +56,11 @@ class LiveRelaxation:
     def __init__(self, patient: Patient) -> None:
         self._patient = patient
         self._before = patient.case.landmarks_before.points
+        self._scalar = wp.dtype_to_numpy(patient.model.scalar)
         self._response = None
         if patient.options.bones != "follow":
-            self._response = spline_response(self._before, patient.trunk.nodes)
-        still = np.zeros_like(patient.trunk.nodes)
+            self._response = spline_response(self._before, patient.trunk.nodes).astype(self._scalar)
+        still = np.zeros(patient.trunk.nodes.shape, self._scalar)
         self._added = Forecast(self._before, still)
         self._case, self._carried, self._lost = patient.case, still, False
         self._state.place(still)
@@ -69,7 +71,7 @@ class LiveRelaxation:
         if self._response is None:
             self._carried = self._path().at(1.0)
         else:
-            self._carried = self._response @ (landmarks - self._before)
+            self._carried = self._response @ (landmarks - self._before).astype(self._scalar)
         self._state.place(self._carried + self._added.at(landmarks))
 
     def relax(self, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
@@ -91,7 +93,7 @@ class LiveRelaxation:
             self._lost = _is_lost(relaxation)
         displacement = self._state.host_displacement()
         if not self._lost:
-            added = displacement - self._carried
+            added = displacement.astype(self._scalar) - self._carried
             added[patient.trunk.prescribed] = 0.0
             self._added.learn(self._case.planned_landmarks.points, added)
         held = colliding_bones(patient.trunk, self._path()) if confirm or self._lost else []

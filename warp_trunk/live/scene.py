@@ -15,6 +15,7 @@ from .relief_lines import relief_lines
 if TYPE_CHECKING:
     import viser
 
+    from warp_trunk.bone_motion.plan import PlannedSurgery
     from warp_trunk.case import Case
 
     from .session import View
@@ -37,6 +38,7 @@ class Scene:
     def __init__(self, server: viser.ViserServer, case: Case) -> None:
         self._server, self._case = server, case
         self._poses = BonePoses(case)
+        self._surgery: PlannedSurgery | None = None
         scene, skin = server.scene, case.skin
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
@@ -61,14 +63,19 @@ class Scene:
         camera.position, camera.look_at = self.eye("Behind"), self._middle
 
     def show(self, view: View) -> None:
-        """Draws the skin and the bones of a view."""
-        self.skin.vertices = view.skin.astype(np.float32)
-        self._lines()
+        """Draws the skin and the bones of a view; browsers get all of it at once."""
         with self._server.atomic():
-            for name, (turn, shift) in self._poses.at(view.surgery.landmarks_after).items():
-                self._bones[name].wxyz = turn
-                self._bones[name].position = shift
-        plan = view.surgery.plan
+            self.skin.vertices = view.skin.astype(np.float32)
+            self._lines()
+            if view.surgery is not self._surgery:  # bones are where the image had them when the skin is relaxed
+                self._surgery = view.surgery
+                self._move_bones(view.surgery)
+
+    def _move_bones(self, surgery: PlannedSurgery) -> None:
+        for name, (turn, shift) in self._poses.at(surgery.landmarks_after).items():
+            self._bones[name].wxyz = turn
+            self._bones[name].position = shift
+        plan = surgery.plan
         for level in self._case.landmarks_before.vertebrae():
             if level in self._bones:
                 fused = rank(plan.uiv) <= rank(level) <= rank(plan.liv)

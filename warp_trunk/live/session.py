@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from warp_trunk.run.warnings import curve_warnings
 from .image import Images
 from .latest import Latest
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
+from .worker import worker
 
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan, PlannedSurgery
@@ -33,7 +33,8 @@ FIRST = {"cpu": 1.0, "cuda": 0.1}
 """What a relaxation comes to while sliders may still move, by the kind of device [mm]."""
 REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
-_log = logging.getLogger("warp_trunk")
+PAUSE = 0.1
+"""From one skin that is measured to the next [s]: measuring takes its time from planning and drawing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,7 @@ class _Job:
     number: int
     wish: Wish
     surgery: PlannedSurgery
+    warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,18 +112,19 @@ class Session:
             tell_error: told where a thread ended by a fault of the program.
         """
         self._patient, self._base = patient, base
-        self._tell_show, self._tell_error = show, tell_error
+        self._tell_show = show
         self._wishes: Latest[Wish] = Latest()
         self._jobs: Latest[_Job] = Latest()
-        self._relaxed: Latest[View] = Latest()
+        self._relaxed: Latest[View] = Latest(PAUSE)
         self._asides: deque[_Aside] = deque()
         self._images, self._planner = Images(patient.case), Planner(patient.case)
+        self._on_gpu = patient.model.device.startswith("cuda")
         self._lock = threading.Lock()
         self._newest = 0
         self._current: _Job | None = None
         self._shown: View | None = None
         self._threads = [
-            threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
+            worker(name, work, tell_error)
             for name, work in (
                 ("planning", self._plan),
                 ("relaxing", self._relax),
@@ -159,20 +162,13 @@ class Session:
         Raises:
             InputError: no spine can meet it.
         """
-        job = _Job(0, wish, self._planner.plan(plan))
+        job = _job(0, wish, self._planner.plan(plan))
         with self._lock:
             image = self._images.of(job.surgery.landmarks_after)
-        tell(_view(job, image.skin, image.error, _warnings(job.surgery)))
+        tell(_view(job, image.skin, image.error))
         self._asides.append(_Aside(job, tell))
         if self._current is not None:
             self._jobs.put(self._current)  # wakes who relaxes
-
-    def _guarded(self, work: Callable[[], None]) -> None:
-        try:
-            work()
-        except Exception as error:
-            _log.exception("the planning page ends")
-            self._tell_error(f"{type(error).__name__}: {error}")
 
     def _plan(self) -> None:
         while (wish := self._wishes.take()) is not None:
@@ -184,17 +180,19 @@ class Session:
                 continue
             with self._lock:
                 self._newest += 1
-                self._current = job = _Job(self._newest, wish, surgery)
+                self._current = job = _job(self._newest, wish, surgery)
+                if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
+                    self._jobs.put(job)
                 self._show_current_image()
-            self._jobs.put(job)
+            if not self._on_gpu:
+                self._jobs.put(job)
 
     def _show_current_image(self) -> None:
         job = self._current
         if job is None:
             return
         image = self._images.of(job.surgery.landmarks_after)
-        view = _view(job, image.skin, image.error, _warnings(job.surgery))
-        self._show(view)
+        self._show(_view(job, image.skin, image.error))
 
     def _show(self, view: View) -> None:
         self._shown = view
@@ -204,7 +202,7 @@ class Session:
         case = self._patient.case
         tissue = LiveRelaxation(self._patient)
         tolerance = self._patient.options.simulation.relax.tolerance
-        first = max(FIRST[self._patient.model.device.partition(":")[0]], tolerance)
+        first = max(FIRST["cuda" if self._on_gpu else "cpu"], tolerance)
 
         while (job := self._jobs.take()) is not None:
             tissue.go(job.surgery.planned_case(case))
@@ -227,21 +225,19 @@ class Session:
         end = tissue.relax(
             self._patient.options.simulation.relax.tolerance, confirm=True, newer=lambda: self._jobs.waits
         )
-        view = _view(
-            job, end.skin, end.error, (*_warnings(job.surgery), *end.warnings), relaxed=True, settled=True
-        )
+        view = _view(job, end.skin, end.error, end.warnings, relaxed=True, settled=True)
         measures = measure(Surface(end.skin, before.faces), job.surgery.landmarks_after, before)
         aside.tell(replace(view, measures=measures))
 
     def _learn(self, job: _Job, relaxed: Relaxed, *, settled: bool) -> None:
         """Shows a relaxed skin, or where sliders have moved on what it makes of their image; it is measured."""
-        warnings = (*_warnings(job.surgery), *relaxed.warnings)
-        view = _view(job, relaxed.skin, relaxed.error, warnings, relaxed=True, settled=settled)
+        view = _view(job, relaxed.skin, relaxed.error, relaxed.warnings, relaxed=True, settled=settled)
         with self._lock:
-            self._images.learn(job.surgery.landmarks_after, relaxed.skin, relaxed.error)
-            if self._is_current(job):
+            current = self._is_current(job)
+            if current:
                 self._show(view)
-            else:
+            self._images.learn(job.surgery.landmarks_after, relaxed.skin, relaxed.error)
+            if not current:
                 self._show_current_image()
         self._relaxed.put(view)
 
@@ -263,13 +259,15 @@ def _view(
     job: _Job,
     skin: np.ndarray,
     error: float | None,
-    warnings: tuple[str, ...],
+    warnings: tuple[str, ...] = (),
     *,
     relaxed: bool = False,
     settled: bool = False,
 ) -> View:
+    warnings = (*job.warnings, *warnings)
     return View(job.number, job.wish, job.surgery, skin, relaxed, error, None, warnings, settled)
 
 
-def _warnings(surgery: PlannedSurgery) -> tuple[str, ...]:
-    return (*surgery.warnings, *curve_warnings(surgery.landmarks_before, surgery.landmarks_after))
+def _job(number: int, wish: Wish, surgery: PlannedSurgery) -> _Job:
+    curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
+    return _Job(number, wish, surgery, (*surgery.warnings, *curves))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from warp_trunk.measures.sagittal import kyphosis, lordosis
@@ -70,7 +71,7 @@ class PlannedSurgery:
     warnings: tuple[str, ...]
     """What the surgeon should look at, in sentences."""
 
-    @property
+    @cached_property
     def measures(self) -> dict[str, tuple[float, float]]:
         """The whole spine before and after: angles from the side [degrees], plumb lines and height [mm]."""
         each = [_of_spine(marks) for marks in (self.landmarks_before, self.landmarks_after)]
