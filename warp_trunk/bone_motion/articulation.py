@@ -50,8 +50,8 @@ def bone_motions(
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
       two iliac spines alone leave the turn about the line between them open; it is taken as none.
     - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`) of what these do
-      against the pelvis. Where the patient bends sideways, the cage leans as one with the thoracic spine, and the
-      shares are of what vertebrae do beside that.
+      against the pelvis. Where the patient bends sideways, the cage leans as one with the thoracic spine, the
+      shares are of what vertebrae do beside that, and no turn is forced by screws.
     - Costal cartilages and clavicles: each end goes with its neighbour; about the line between the ends they
       turn with the spline.
     - All others, such as vertebrae without landmarks: the rigid motion nearest to the spline's.
@@ -91,7 +91,8 @@ def bone_motions(
         if bone not in motions and bone in VERTEBRAE:
             motions[bone] = fit_rigid(bones[bone].vertices, spline(bones[bone].vertices))
     frame = _leaning(bones, motions) if pose == "bending" else _still(motions, pelvis)
-    motions |= _cage(bones, (landmarks_before, landmarks_after), motions, frame, shares or RibShares())
+    coupled = coupled_turns(landmarks_before, landmarks_after) if pose == "surgery" else {}
+    motions |= _cage(bones, landmarks_before, motions, frame, shares or RibShares(), coupled=coupled)
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
         motions[bone] = _between_neighbours(bone, bones, motions, spline)
     return {bone: motions[bone] for bone in bones}
@@ -137,17 +138,18 @@ def _leaning(bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform]
 
 def _cage(
     bones: Mapping[str, Surface],
-    landmarks: tuple[Landmarks, Landmarks],
+    landmarks: Landmarks,
     motions: Mapping[str, RigidTransform],
     frame: RigidTransform,
     shares: RibShares,
+    *,
+    coupled: Mapping[str, float],
 ) -> dict[str, RigidTransform]:
     """Motions of ribs, sternum and shoulder blades, of which some may be known already; shares are of what
     vertebrae do against a frame."""
     against = {name: frame.inv() * motion for name, motion in motions.items()}
-    coupled = coupled_turns(*landmarks)
     vertebrae = {
-        name: split(against[name], *_body(landmarks[0], name, bones[name]), coupled.get(name))
+        name: split(against[name], *_body(landmarks, name, bones[name]), coupled.get(name))
         for name in VERTEBRAE
         if name in bones and name in against
     }
