@@ -115,31 +115,31 @@ CONTINUUM_CASES: dict[str, Callable[[], Case]] = {
 }
 
 
-CONTINUUM_NOT_CONVERGED = {
-    "edge lengths 1 : 1e4": RelaxStatus.STALLED,
-    "gravity 1e3 m/s^2": RelaxStatus.STALLED,
-    "gravity 1e5 m/s^2, collapse": RelaxStatus.STALLED,
-    "bones crush the tissue, 1 increment": RelaxStatus.STALLED,
+INVERTED = {
+    "bones crush the tissue, 1 increment": 30,  # as at the start
+    "gravity 1e3 m/s^2": 6,
+    "gravity 1e5 m/s^2, collapse": 22,
 }
+"""Tetrahedra that have no room between bones, or of 10 kPa under a hundred times their weight and more."""
 
 
 @pytest.mark.parametrize("name", CONTINUUM_CASES)
 def test_a_continuum_ends_in_a_true_way(name: str) -> None:
     """Also from the mirror image of the trunk, which the energy itmsm cannot leave."""
     ending = check_ending(replace(CONTINUUM_CASES[name](), energy="neo-hookean"))
-    assert ending.relaxation.status is CONTINUUM_NOT_CONVERGED.get(name, RelaxStatus.CONVERGED)
-    if ending.relaxation.status is RelaxStatus.CONVERGED:
-        assert ending.relaxation.inverted_tets == 0
+    status = RelaxStatus.STEP_LIMIT if "collapse" in name else RelaxStatus.CONVERGED
+    assert ending.relaxation.status is status
+    assert ending.relaxation.inverted_tets == INVERTED.get(name, 0)
 
 
 def check_ending(case: Case) -> Ending:
-    """Ends finite and within its steps, tells no lie, and inverts nothing."""
+    """Ends finite and within its steps, tells no lie, and the energy itmsm inverts nothing."""
     ending = end(case)
     relaxation = ending.relaxation
     assert np.isfinite(ending.displacement).all()
     assert np.isfinite(relaxation.energy.total)
     assert relaxation.steps <= case.most_steps
-    assert ending.new_inversions == 0
+    assert case.energy != "itmsm" or ending.new_inversions == 0
     assert relaxation.inverted_tets == pytest.approx(
         (volumes(case.trunk.nodes + ending.displacement, case.trunk.tets) <= 0.0).sum(), abs=2
     )

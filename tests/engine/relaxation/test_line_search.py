@@ -10,7 +10,7 @@ from warp_trunk.engine.relaxation.line_search import Trial, search
 from warp_trunk.engine.relaxation.products import Products
 
 
-def trial(length: float, energy: float, slope: float, newly_inverted: int = 0) -> Trial:
+def trial(length: float, energy: float, slope: float, forbidden: int = 0) -> Trial:
     products = Products(
         slope=slope,
         gradient_squared=slope**2,
@@ -19,7 +19,7 @@ def trial(length: float, energy: float, slope: float, newly_inverted: int = 0) -
         previous_slope=0.0,
         previous_squared=0.0,
     )
-    return Trial(length, Energy({"distance": energy}), newly_inverted, newly_inverted, products)
+    return Trial(length, Energy({"distance": energy}), forbidden, forbidden, products)
 
 
 def along(

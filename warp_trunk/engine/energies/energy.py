@@ -35,6 +35,9 @@ class TetEnergy(Protocol):
     """Unit of the energy."""
     columns: ClassVar[dict[str, int]]
     """The column of the sums in which its kernels add each of its terms."""
+    rights_inverted: ClassVar[bool]
+    """Whether its forces turn an inverted tetrahedron back. A step may then invert some: one that has no room
+    between bones would hold up all others. Where they do not, no step inverts any."""
 
     @property
     def kernels(self) -> SimpleNamespace:

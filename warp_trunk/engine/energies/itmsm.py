@@ -26,6 +26,8 @@ class Itmsm:
     """Unit of the energy, that of the first tissue."""
     columns: ClassVar[dict[str, int]] = {"distance": DISTANCE, "area": AREA, "volume": VOLUME, "gravity": GRAVITY}
     """The column of the sums of each term."""
+    rights_inverted: ClassVar[bool] = False
+    """Edges and faces are at rest in the mirror image, too."""
     kernels: SimpleNamespace
     """`gradient` and `curvature` of the terms that the scene uses."""
     terms: tuple[str, ...]

@@ -25,6 +25,8 @@ class NeoHookean:
     """Unit of the energy: N/mm^2 times mm^3."""
     columns: ClassVar[dict[str, int]] = {"volume": VOLUME, "gravity": GRAVITY, "shape": SHAPE}
     """The column of the sums of each term."""
+    rights_inverted: ClassVar[bool] = True
+    """It is stable: defined for inverted tetrahedra, with no rest among them."""
     kernels: SimpleNamespace
     """`gradient` and `curvature`, with gravity if the scene has it."""
     terms: tuple[str, ...]

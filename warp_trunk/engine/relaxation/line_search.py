@@ -25,15 +25,15 @@ class Trial:
     """Energy there."""
     inverted: int
     """Tetrahedra without positive volume there."""
-    newly_inverted: int
-    """Those of them that had one at the start of the search."""
+    forbidden: int
+    """Those of them that had one at the start of the search and must keep it."""
     products: Products
     """Products of the gradient there with the direction and the gradient at the start."""
 
     @property
     def allowed(self) -> bool:
-        """Finite, and no tetrahedron inverted that was not inverted before."""
-        return self.newly_inverted == 0 and math.isfinite(self.energy.total + self.products.slope)
+        """Finite, and no tetrahedron inverted that must not be."""
+        return self.forbidden == 0 and math.isfinite(self.energy.total + self.products.slope)
 
 
 def search(
@@ -45,7 +45,7 @@ def search(
     *,
     rounding: float = 1e-9,
 ) -> tuple[Trial | None, int]:
-    """A length along a descent direction that lowers the energy and inverts nothing.
+    """A length along a descent direction that lowers the energy and is allowed.
 
     Args:
         attempt: evaluates the point at a length.

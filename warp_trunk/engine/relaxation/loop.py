@@ -82,12 +82,12 @@ class Relaxer:
     ) -> Relaxation:
         """Relaxes `state` until it is known to be nearer to an equilibrium, no saddle, than the tolerance [mm].
 
-        The energy falls at every accepted step (over ten for `gradient`), no tetrahedron is inverted
-        that was not inverted at the start, and the number of steps is bounded. `watch` is told of each
-        accepted step and sees the state after it, to read and not to change. Without `confirm` it ends, NEAR, as
-        soon as the distance before the last step is estimated to be below the tolerance: what is on the way to
-        something else need not be known so well. `near` tells that the state is likely some tolerances from its
-        end, which saves work where it is so.
+        The energy falls at every accepted step (over ten for `gradient`), no tetrahedron is inverted that was not
+        inverted at the start unless the energy rights inverted ones, and the number of steps is bounded. `watch`
+        is told of each accepted step and sees the state after it, to read and not to change. Without `confirm` it
+        ends, NEAR, as soon as the distance before the last step is estimated to be below the tolerance: what is on
+        the way to something else need not be known so well. `near` tells that the state is likely some tolerances
+        from its end, which saves work where it is so.
         """
         tolerance = self.options.tolerance if tolerance is None else tolerance
         self.state.evaluate()
@@ -169,4 +169,5 @@ class Relaxer:
         self._step()
         self._trial.evaluate()
         energy, inverted, newly_inverted = self._trial.read()
-        return Trial(length, energy, inverted, newly_inverted, self._trial_products.read())
+        forbidden = 0 if self.model.elements.rights_inverted else newly_inverted
+        return Trial(length, energy, inverted, forbidden, self._trial_products.read())
