@@ -70,16 +70,21 @@ def test_curves_of_one_spine_have_their_own_parts() -> None:
     assert abs(found["L2"]) < np.radians(1.5)
 
 
+def without(name: str, *curves: SpineCurve) -> list[Landmarks]:
+    """Spines without the landmarks of that name."""
+    spines = [spine(curve) for curve in curves]
+    rows = [row for row, other in enumerate(spines[0].names) if not other.startswith(name)]
+    return [Landmarks(tuple(one.names[row] for row in rows), one.points[rows]) for one in spines]
+
+
 def test_without_a_curve_or_iliac_spines_it_cannot_be_told() -> None:
     curve = SpineCurve(cobb=50.0)
     assert coupled(SpineCurve(cobb=6.0), SpineCurve(cobb=3.0)) == {}
-    spines = [spine(one) for one in (curve, curve.corrected(0.5))]
-    rows = [row for row, name in enumerate(spines[0].names) if not name.startswith("asis")]
-    assert coupled_turns(*(Landmarks(tuple(one.names[r] for r in rows), one.points[rows]) for one in spines)) == {}
+    before, after = without("asis", curve, curve.corrected(0.5))
+    assert coupled_turns(before, after) == {}
 
 
 def test_a_vertebra_without_pedicles_is_left_out() -> None:
-    spines = [spine(one) for one in (SpineCurve(cobb=50.0), SpineCurve(cobb=20.0))]
-    rows = [row for row, name in enumerate(spines[0].names) if not name.startswith("T8_left_pedicle")]
-    few = [Landmarks(tuple(one.names[r] for r in rows), one.points[rows]) for one in spines]
-    assert coupled_turns(*spines).keys() - coupled_turns(*few).keys() == {"T8"}
+    curves = SpineCurve(cobb=50.0), SpineCurve(cobb=20.0)
+    before, after = without("T8_left_pedicle", *curves)
+    assert {name for name in coupled(*curves) if name not in coupled_turns(before, after)} == {"T8"}

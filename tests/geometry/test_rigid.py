@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_all, misfit, part_of
+from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_adjoint, fit_rigid_all, misfit, on_line, part_of
 
 RNG = np.random.default_rng(5)
 UP = np.array([0.0, 0.0, 1.0])
@@ -88,3 +88,26 @@ def test_many_bodies_at_once_are_as_each_alone() -> None:
     after[2] *= [-1.0, 1.0, 1.0]
     for one, there, body in zip(fit_rigid_all(before, after).as_matrix(), after, before, strict=True):
         np.testing.assert_allclose(one, fit_rigid(body, there).as_matrix(), atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 12])
+def test_the_derivative_of_a_fit_against_differences_of_it(count: int) -> None:
+    before = POINTS[:count]
+    after = fit_rigid(POINTS, POINTS + RNG.normal(scale=30.0, size=POINTS.shape)).apply(before)
+    after += RNG.normal(scale=5.0, size=after.shape)  # the fit leaves something over
+    turn, shift = RNG.normal(size=(2, 4, 3))
+    fitted, step = fit_rigid(before, after), 1e-5
+    for way_before, way_after in RNG.normal(size=(3, 2, count, 3)):
+        ends = [fit_rigid(before + s * way_before, after + s * way_after) for s in (step, -step)]
+        turns, shifts = zip(*[np.split((end * fitted.inv()).as_exp_coords(), 2) for end in ends], strict=True)
+        wanted = (turn @ (turns[0] - turns[1]) + shift @ (shifts[0] - shifts[1])) / (2.0 * step)
+        by_before, by_after = fit_rigid_adjoint(before, after, turn, shift)
+        found = np.einsum("kni,ni->k", by_before, way_before) + np.einsum("kni,ni->k", by_after, way_after)
+        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-6)
+
+
+def test_what_leaves_a_turn_open() -> None:
+    assert on_line(POINTS[:2], POINTS[:2])
+    assert on_line(POINTS[:1], POINTS[:1])
+    assert on_line(POINTS, np.outer(np.arange(12.0), UP))
+    assert not on_line(POINTS[:3], POINTS[:3])

@@ -16,7 +16,8 @@ from warp_trunk.geometry.spline import Spline, fit_spline
 
 from .coupled_turn import coupled_turns
 from .rib_cage import ends, follow
-from .vertebra_motion import split
+from .steps import Steps
+from .vertebra_motion import VertebraMotion, split
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -40,6 +41,7 @@ def bone_motions(
     shares: RibShares | None = None,
     *,
     pose: Pose = "surgery",
+    steps: Steps | None = None,
 ) -> dict[str, RigidTransform]:
     """How each bone moves rigidly from before to after surgery, or from standing to bending sideways.
 
@@ -63,6 +65,7 @@ def bone_motions(
         bones_after: surfaces after, of all, some or none of the bones; vertex for vertex those of `bones`.
         shares: what of a vertebra's motion reaches its ribs; the default ones when left out.
         pose: what lies between before and after.
+        steps: how steps are taken; `RememberedSteps` of the same landmarks can then differentiate the motions.
 
     Returns:
         A motion for each of the bones [mm].
@@ -70,6 +73,7 @@ def bone_motions(
     Raises:
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
+    steps = steps or Steps()
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
     owners = np.array([bone_of(name, (*bones, *_PELVIS)) or "" for name in landmarks_before.names])
     motions: dict[str, RigidTransform] = {
@@ -79,7 +83,8 @@ def bone_motions(
     def by_landmarks(owned: tuple[str, ...]) -> RigidTransform | None:
         own = np.isin(owners, owned)
         if _hold(landmarks_before.points[own]) or (owned == _PELVIS and own.any()):
-            return fit_rigid(landmarks_before.points[own], landmarks_after.points[own])
+            rows = np.flatnonzero(own)
+            return steps.fit(*[steps.rows(one.points, rows) for one in (landmarks_before, landmarks_after)])
         return None
 
     pelvis = by_landmarks(_PELVIS)
@@ -89,28 +94,40 @@ def bone_motions(
             motions[bone] = own
     for bone in bones:
         if bone not in motions and bone in VERTEBRAE:
-            motions[bone] = fit_rigid(bones[bone].vertices, spline(bones[bone].vertices))
-    frame = _leaning(bones, motions) if pose == "bending" else _still(motions, pelvis)
-    coupled = coupled_turns(landmarks_before, landmarks_after) if pose == "surgery" else {}
-    motions |= _cage(bones, landmarks_before, motions, frame, shares or RibShares(), coupled=coupled)
+            motions[bone] = steps.fit(bones[bone].vertices, steps.carried(spline, bones[bone].vertices))
+    frame = _leaning(bones, motions, steps) if pose == "bending" else _still(motions, pelvis)
+    coupled = coupled_turns(landmarks_before, landmarks_after, steps=steps) if pose == "surgery" else {}
+    shares = shares or RibShares()
+    motions |= _cage(bones, landmarks_before, motions, shares, frame=frame, coupled=coupled, steps=steps)
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
-        motions[bone] = _between_neighbours(bone, bones, motions, spline)
+        motions[bone] = _between_neighbours(bone, bones, motions, spline, steps)
     return {bone: motions[bone] for bone in bones}
 
 
 def _between_neighbours(
-    bone: str, bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], spline: Spline
+    bone: str, bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], spline: Spline, steps: Steps
 ) -> RigidTransform:
     """Each end with the neighbour that moves already, else with the spline; what ends leave open by the spline."""
     vertices = bones[bone].vertices
     first, second = _neighbours(bone)
-    by_spline = fit_rigid(vertices, spline(vertices))
+    by_spline = steps.fit(vertices, steps.carried(spline, vertices))
     if first not in motions:
         return by_spline
-    points = ends(vertices, bones[first].vertices)
-    there = motions[second].apply(points[1:]) if second in motions else spline(points[1:])
-    goals = np.vstack([motions[first].apply(points[:1]), there])
-    return fit_rigid(by_spline.apply(points), goals) * by_spline
+    joints = ends(vertices, bones[first].vertices)
+    goals = [
+        steps(_moved, motions[first], joints[:1]),
+        steps(_moved, motions[second], joints[1:]) if second in motions else steps.carried(spline, joints[1:]),
+    ]
+    return steps(_held_at_ends, by_spline, joints, *goals)
+
+
+def _moved(motion: RigidTransform, points: np.ndarray) -> np.ndarray:
+    return motion.apply(points)
+
+
+def _held_at_ends(motion: RigidTransform, joints: np.ndarray, *goals: np.ndarray) -> RigidTransform:
+    """The motion, turned and shifted by as little as brings the joints nearest to their goals."""
+    return fit_rigid(motion.apply(joints), np.vstack(goals)) * motion
 
 
 def _still(motions: Mapping[str, RigidTransform], pelvis: RigidTransform | None) -> RigidTransform:
@@ -121,15 +138,22 @@ def _still(motions: Mapping[str, RigidTransform], pelvis: RigidTransform | None)
     return RigidTransform.identity() if found is None else found
 
 
-def _leaning(bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform]) -> RigidTransform:
+def _leaning(bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], steps: Steps) -> RigidTransform:
     """The rigid motion in the coronal plane that is nearest to that of the middles of the thoracic vertebrae."""
-    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+    from scipy.spatial.transform import RigidTransform  # heavy
 
     levels = [level for level in _THORACIC if level in bones and level in motions]
     if len(levels) < 2:
         return RigidTransform.identity()
-    before = np.array([bones[level].vertices.mean(axis=0) for level in levels])
-    after = np.array([motions[level].apply(point) for level, point in zip(levels, before, strict=True)])
+    middles = np.array([bones[level].vertices.mean(axis=0) for level in levels])
+    return steps(_in_coronal_plane, middles, *[motions[level] for level in levels])
+
+
+def _in_coronal_plane(before: np.ndarray, *motions: RigidTransform) -> RigidTransform:
+    """The rigid motion in the coronal plane that is nearest to those of some bodies, by a point of each."""
+    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+
+    after = np.array([motion.apply(point) for motion, point in zip(motions, before, strict=True)])
     (x, _, z), (u, _, w) = (before - before.mean(axis=0)).T, (after - after.mean(axis=0)).T
     lean = Rotation.from_rotvec([0.0, math.atan2(u @ z - w @ x, u @ x + w @ z), 0.0])
     way = after.mean(axis=0) - lean.apply(before.mean(axis=0))
@@ -140,31 +164,43 @@ def _cage(
     bones: Mapping[str, Surface],
     landmarks: Landmarks,
     motions: Mapping[str, RigidTransform],
-    frame: RigidTransform,
     shares: RibShares,
     *,
+    frame: RigidTransform,
     coupled: Mapping[str, float],
+    steps: Steps,
 ) -> dict[str, RigidTransform]:
     """Motions of ribs, sternum and shoulder blades, of which some may be known already; shares are of what
     vertebrae do against a frame."""
-    against = {name: frame.inv() * motion for name, motion in motions.items()}
+    back = steps(_inverse, frame)
+    against = {name: steps.product(back, motion) for name, motion in motions.items()}
     vertebrae = {
-        name: split(against[name], *_body(landmarks, name, bones[name]), coupled.get(name))
+        name: steps(_split, against[name], _body(landmarks, name, bones[name], steps), coupled.get(name))
         for name in VERTEBRAE
         if name in bones and name in against
     }
-    return {name: frame * motion for name, motion in follow(bones, vertebrae, shares, against).items()} | {
+    followed = follow(bones, vertebrae, shares, against, steps=steps)
+    return {name: steps.product(frame, motion) for name, motion in followed.items()} | {
         name: motions[name] for name in motions
     }
 
 
-def _body(landmarks: Landmarks, vertebra: str, bone: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """The centre of a vertebra's body and its own axis, upward; of the bone and vertical without landmarks."""
-    top, bottom = (f"{vertebra}_{end}_endplate" for end in ("superior", "inferior"))
-    if top in landmarks.names and bottom in landmarks.names:
-        ends = landmarks.point(top), landmarks.point(bottom)
-        return 0.5 * (ends[0] + ends[1]), ends[0] - ends[1]
-    return bone.vertices.mean(axis=0), np.array([0.0, 0.0, 1.0])
+def _inverse(motion: RigidTransform) -> RigidTransform:
+    return motion.inv()
+
+
+def _body(landmarks: Landmarks, vertebra: str, bone: Surface, steps: Steps) -> np.ndarray:
+    """The upper and lower end of a vertebra's own axis through the centre of its body, shape (2, 3); of the bone
+    and vertical without landmarks."""
+    ends = [f"{vertebra}_{end}_endplate" for end in ("superior", "inferior")]
+    if set(ends) <= set(landmarks.names):
+        return steps.rows(landmarks.points, np.array([landmarks.index(end) for end in ends]))
+    return bone.vertices.mean(axis=0) + np.array([[0.0, 0.0, 0.5], [0.0, 0.0, -0.5]])
+
+
+def _split(motion: RigidTransform, ends: np.ndarray, coupled: float | None) -> VertebraMotion:
+    """`split` by the ends of a vertebra's own axis."""
+    return split(motion, 0.5 * (ends[0] + ends[1]), ends[0] - ends[1], coupled)
 
 
 def _neighbours(bone: str) -> tuple[str, str]:

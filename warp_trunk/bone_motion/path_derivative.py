@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.geometry.spline_derivative import SplineDerivative
 
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
+from .small_changes import ARM
 
-STEP = 1e-3
-"""How far a landmark is moved to either side where bones move rigidly [mm]."""
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+
+    from .steps import RememberedSteps
 
 PathDerivative = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From dN/d(place of each bone node), (numbers, bone nodes, 3), to dN/d(landmarks before) and after, each of shape
@@ -31,29 +35,26 @@ def spline_derivative(nodes: np.ndarray, before: Landmarks, after: Landmarks) ->
     return SplineDerivative(before.points, after.points, nodes).adjoint
 
 
-def difference_derivative(
-    end: Callable[[Landmarks, Landmarks], np.ndarray], before: Landmarks, after: Landmarks
+def rigid_derivative(
+    trunk: TrunkMesh, motions: Mapping[str, RigidTransform], steps: RememberedSteps
 ) -> PathDerivative:
-    """For any other path, by central differences of it: no tissue is relaxed for them.
+    """For bones that move rigidly (`rigid_path`); of each step by differences of that step alone.
 
     Args:
-        end: displacement of the bone nodes at the end of the path of some landmarks [mm], shape (bone nodes, 3).
-        before: landmarks before surgery.
-        after: the same after.
+        trunk: the mesh, whose nodes on bone know which bone that is.
+        motions: of each of its bones.
+        steps: those by which the motions were found.
     """
+    bone = trunk.bone[trunk.prescribed]
+    nodes = trunk.nodes[trunk.prescribed]
+    moved = {name: motions[name].apply(nodes[bone == number]) for number, name in enumerate(trunk.bone_names)}
 
     def by_landmarks(by_node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = np.zeros((2, len(by_node), *before.points.shape))
-        for which in (0, 1):
-            for row, axis in np.ndindex(before.points.shape):
-                ends = []
-                for sign in (1.0, -1.0):
-                    pair = [before, after]
-                    points = pair[which].points.copy()
-                    points[row, axis] += sign * STEP
-                    pair[which] = type(before)(before.names, points)
-                    ends.append(end(*pair))
-                found[which, :, row, axis] = np.einsum("kbi,bi->k", by_node, ends[0] - ends[1]) / (2.0 * STEP)
-        return found[0], found[1]
+        weights = []
+        for number, points in enumerate(moved.values()):
+            pull = by_node[:, bone == number]
+            turn = np.cross(points, pull).sum(axis=1) / ARM
+            weights.append(np.hstack([turn, pull.sum(axis=1)]))
+        return steps.adjoint([motions[name] for name in moved], weights)
 
     return by_landmarks

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.rigid import fit_rigid, part_of
+
+from .steps import Steps
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -37,16 +40,14 @@ _MARGIN = 0.3
 cartilages, which slide along each other."""
 _FACET = 3.0
 """A head leaves its facet by at most this much where screws turn the vertebra [mm]."""
-_ROUNDS = 20
-"""A rib is turned towards the sternum at most so often; its tip is then a hundredth of a millimetre off."""
 
 
 @dataclass(frozen=True)
 class _Rib:
     """A rib before."""
 
-    vertebra: VertebraMotion
-    """How its vertebra moves."""
+    vertebra: str
+    """Its vertebra."""
     head: np.ndarray
     """Where it meets its vertebra [mm], shape (3,)."""
     tip: np.ndarray
@@ -62,6 +63,7 @@ def follow(
     known: Mapping[str, RigidTransform] | None = None,
     *,
     growing: bool = False,
+    steps: Steps | None = None,
 ) -> dict[str, RigidTransform]:
     """How ribs, sternum and shoulder blades move as the vertebrae do, the pelvis at rest.
 
@@ -80,35 +82,43 @@ def follow(
             follow them.
         growing: whether a curve grows, and bone and cartilage with it, as where it is imposed on straight
             anatomy: the costal margin then takes any length, and floating ribs keep their attitude as others do.
+        steps: how steps are taken; just so when left out.
 
     Returns:
         A motion for each rib that has a vertebra; for the sternum where three ribs reach it, and for each
         shoulder blade that lies on three ribs [mm].
     """
-    known = known or {}
+    known, steps = known or {}, steps or Steps()
     ribs = _ribs(bones, vertebrae)
     depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in ribs.values()), default=1.0)
     motions = {
-        name: known[name] if name in known else _turned(rib, shares, depth, growing) for name, rib in ribs.items()
+        name: known[name]
+        if name in known
+        else steps(_turned, vertebrae[rib.vertebra], rib, shares, depth, growing)
+        for name, rib in ribs.items()
     }
     true = {name: rib for name, rib in ribs.items() if rib.number <= _TRUE_RIBS}
     if "sternum" in bones and ("sternum" in known or len(true) >= 3):
-        tips = np.array([rib.tip for rib in true.values()]).reshape(-1, 3)
-        gone = np.array([motions[name].apply(rib.tip) for name, rib in true.items()]).reshape(-1, 3)
-        motions["sternum"] = known["sternum"] if "sternum" in known else fit_rigid(tips, gone)
+        tips = [rib.tip[None] for rib in true.values()]
+        by_ribs = [motions[name] for name in true]
+        motions["sternum"] = known["sternum"] if "sternum" in known else steps(_as_one, tips, *by_ribs)
         for name, rib in true.items():
             if name not in known:
                 anchor = _nearest(bones["sternum"].vertices, rib.tip)
-                motions[name] = _reaching(motions[name], rib, anchor, motions["sternum"])
+                motions[name] = steps(_reaching, motions[name], rib, anchor, motions["sternum"])
     for name, rib in ribs.items() if not growing else ():
         above = f"{name[:-2]}{rib.number - 1:02d}"
         if rib.number in _FALSE_RIBS and name not in known and above in ribs:
-            motions[name] = _reaching(motions[name], rib, ribs[above].tip, motions[above], _MARGIN)
+            motions[name] = steps(_reaching, motions[name], rib, ribs[above].tip, motions[above], _MARGIN)
     for side in ("left", "right"):
         under = [name for number in _UNDER_SCAPULA if (name := f"rib_{side}_{number:02d}") in motions]
         if (blade := f"scapula_{side}") in bones and (blade in known or len(under) >= 3):
-            ridden = known[blade] if blade in known else _as_one(bones, motions, under)
-            motions[blade] = ridden if blade in known else part_of(ridden, shares.scapula)
+            vertices = [bones[name].vertices for name in under]
+            motions[blade] = (
+                known[blade]
+                if blade in known
+                else steps(_ridden, vertices, shares.scapula, *[motions[name] for name in under])
+            )
     return motions
 
 
@@ -129,15 +139,14 @@ def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, VertebraMotion])
         vertebra = f"T{int(match[2])}" if match else ""
         if match and vertebra in bones and vertebra in vertebrae:
             head, tip = ends(bone.vertices, bones[vertebra].vertices)
-            found[name] = _Rib(vertebrae[vertebra], head, tip, int(match[2]))
+            found[name] = _Rib(vertebra, head, tip, int(match[2]))
     return found
 
 
-def _turned(rib: _Rib, shares: RibShares, depth: float, growing: bool) -> RigidTransform:
+def _turned(vertebra: VertebraMotion, rib: _Rib, shares: RibShares, depth: float, growing: bool) -> RigidTransform:
     """The rib's motion by its shares, before the sternum has a say."""
     from scipy.spatial.transform import RigidTransform  # heavy
 
-    vertebra = rib.vertebra
     lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))
     turn = (
         shares.recovery * shares.turn * (vertebra.turn - vertebra.direct) + shares.direct * vertebra.direct + lag
@@ -145,7 +154,7 @@ def _turned(rib: _Rib, shares: RibShares, depth: float, growing: bool) -> RigidT
     below = 0.0 if growing else max(0.0, (rib.number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS))
     rotation = vertebra.share(turn=turn, tilt=shares.recovery * shares.tilt + below * shares.floating)
     facet = vertebra.motion.apply(rib.head)
-    behind = vertebra.without((1.0 - shares.direct) * vertebra.direct).apply(rib.head) - facet
+    behind = vertebra.without((1.0 - shares.direct) * vertebra.direct, rib.head) - facet
     goal = facet + behind * min(1.0, _FACET / max(float(np.linalg.norm(behind)), 1e-9))
     return RigidTransform.from_components(goal - rotation.apply(rib.head), rotation)
 
@@ -157,27 +166,29 @@ def _reaching(
     from scipy.spatial.transform import RigidTransform, Rotation  # heavy
 
     length = float(np.linalg.norm(rib.tip - anchor))
-    least, most = (1.0 - give) * length, (1.0 + give) * length
-    pin, goal = motion.apply(rib.head), sternum.apply(anchor)
-    for _ in range(_ROUNDS):
-        end = motion.apply(rib.tip)
-        now = float(np.linalg.norm(end - goal))
-        wanted = float(np.clip(now, least, most))
-        if abs(now - wanted) < 1e-2 or now == 0.0:
-            break
-        there = goal + (end - goal) * (wanted / now)
-        turn = Rotation.align_vectors((there - pin)[None], (end - pin)[None])[0]
-        motion = RigidTransform.from_components(pin - turn.apply(pin), turn) * motion
-    return motion
+    pin, goal, end = motion.apply(rib.head), sternum.apply(anchor), motion.apply(rib.tip)
+    now = float(np.linalg.norm(end - goal))
+    wanted = float(np.clip(now, (1.0 - give) * length, (1.0 + give) * length))
+    across = np.cross(goal - pin, end - pin)
+    if wanted == now or not across.any():
+        return motion
+    # in the plane of the rib and the goal, by the law of cosines; as near as it goes where it cannot reach
+    far, long = float(np.linalg.norm(goal - pin)), float(np.linalg.norm(end - pin))
+    angle = math.acos(np.clip((far**2 + long**2 - wanted**2) / (2.0 * far * long), -1.0, 1.0))
+    angle -= math.atan2(float(np.linalg.norm(across)), float((goal - pin) @ (end - pin)))
+    turn = Rotation.from_rotvec(angle * across / np.linalg.norm(across))
+    return RigidTransform.from_components(pin - turn.apply(pin), turn) * motion
 
 
-def _as_one(
-    bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], names: list[str]
-) -> RigidTransform:
-    """The rigid motion nearest to those of some bones together."""
-    before = [bones[name].vertices for name in names]
-    after = [motions[name].apply(points) for name, points in zip(names, before, strict=True)]
-    return fit_rigid(np.vstack(before), np.vstack(after))
+def _as_one(points: list[np.ndarray], *motions: RigidTransform) -> RigidTransform:
+    """The rigid motion nearest to those of some bodies together, by points of each."""
+    after = [motion.apply(those) for motion, those in zip(motions, points, strict=True)]
+    return fit_rigid(np.vstack(points), np.vstack(after))
+
+
+def _ridden(points: list[np.ndarray], share: float, *motions: RigidTransform) -> RigidTransform:
+    """A share of it."""
+    return part_of(_as_one(points, *motions), share)
 
 
 def _nearest(points: np.ndarray, to: np.ndarray) -> np.ndarray:

@@ -42,13 +42,13 @@ class VertebraMotion:
 
         return after * Rotation.from_rotvec([0.0, 0.0, turn]) * before.inv()
 
-    def without(self, turn: float) -> RigidTransform:
-        """The motion less a turn about the vertebra's own axis through its middle [rad]."""
-        from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+    def without(self, turn: float, point: np.ndarray) -> np.ndarray:
+        """Where a point (3,) goes by the motion less a turn about the vertebra's own axis [rad, mm]."""
+        from scipy.spatial.transform import Rotation  # heavy
 
-        before = _attitude(*self.leaning)
-        back = before * Rotation.from_rotvec([0.0, 0.0, -turn]) * before.inv()
-        return self.motion * RigidTransform.from_components(self.middle - back.apply(self.middle), back)
+        axis = _attitude(*self.leaning).apply([0.0, 0.0, 1.0])
+        back = Rotation.from_rotvec(-turn * axis)
+        return self.motion.apply(self.middle + back.apply(point - self.middle))
 
 
 def split(

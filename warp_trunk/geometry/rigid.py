@@ -42,10 +42,48 @@ def fit_rigid(before: np.ndarray, after: np.ndarray) -> RigidTransform:
     from_centre, to_centre = before.mean(axis=0), after.mean(axis=0)
     a, b = before - from_centre, after - to_centre
     U, extents, Vt = np.linalg.svd(a.T @ b)
-    if extents[1] <= _LINE * extents[0]:  # on a line, or one point
+    if _on_line(extents):
         a, b = U[:, :1].T, Vt[:1]
     rotation = Rotation.align_vectors(b, a)[0] if extents[0] > 0.0 else Rotation.identity()
     return RigidTransform.from_components(to_centre - rotation.apply(from_centre), rotation)
+
+
+def on_line(before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether points (n, 3) and their places after leave a turn of `fit_rigid` open: on a line, or one point."""
+    spread = (before - before.mean(axis=0)).T @ (after - after.mean(axis=0))
+    return _on_line(np.linalg.svd(spread, compute_uv=False))
+
+
+def _on_line(extents: np.ndarray) -> bool:
+    return bool(extents[1] <= _LINE * extents[0])
+
+
+def fit_rigid_adjoint(
+    before: np.ndarray, after: np.ndarray, turn: np.ndarray, shift: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The derivatives of sums over a fit's small turn and shift in the places before and after.
+
+    With a the places before as the fit carries them, b those after, from their means, S = sum(a b^T) is symmetric.
+    As places after move by d, the fit turns on by P^-1 sum(a x d), P = tr(S) - S, and goes with their mean. Turned
+    round, it carries those after to those before: so for these the same holds with b for a, the other way.
+
+    Args:
+        before: as in `fit_rigid`, not on one line (`on_line`).
+        after: likewise.
+        turn: weights of the small turn about the origin that follows the fit [per rad], shape (sums, 3).
+        shift: weights of the shift after it [per mm], shape (sums, 3).
+
+    Returns:
+        Shape (sums, n, 3) each [per mm].
+    """
+    rotation, to_centre = fit_rigid(before, after).rotation, after.mean(axis=0)
+    a, b = rotation.apply(before - before.mean(axis=0)), after - to_centre
+    spread = a.T @ b
+    spread = 0.5 * (spread + spread.T)
+    about_centre = turn - np.cross(to_centre, shift)
+    pull = np.linalg.solve(np.trace(spread) * np.eye(3) - spread, about_centre.T).T[:, None]
+    straight = shift[:, None] / len(before)
+    return -(np.cross(pull, b) + straight) @ rotation.as_matrix(), np.cross(pull, a) + straight
 
 
 def misfit(before: np.ndarray, after: np.ndarray) -> float:

@@ -72,7 +72,7 @@ def spine_of(landmarks: Landmarks) -> Spine:
     )
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _rows_of(names: tuple[str, ...], levels: tuple[str, ...]) -> _Rows:
     """Found once for landmarks of these names, of which a patient has many sets."""
     bones: dict[str, dict[str, int]] = {}

@@ -13,6 +13,7 @@ from .options import RunOptions
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
+    from warp_trunk.bone_motion.steps import Steps
     from warp_trunk.case import Case
     from warp_trunk.engine.trunk_mesh import TrunkMesh
 
@@ -25,8 +26,8 @@ def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
     return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)
 
 
-def motions_of(case: Case) -> dict[str, RigidTransform]:
-    """How each bone of a case moves rigidly, known ones first."""
+def motions_of(case: Case, steps: Steps | None = None) -> dict[str, RigidTransform]:
+    """How each bone of a case moves rigidly, known ones first; see `bone_motions`."""
     return bone_motions(
         case.bones,
         case.landmarks_before,
@@ -34,4 +35,5 @@ def motions_of(case: Case) -> dict[str, RigidTransform]:
         case.bones_after,
         case.rib_shares,
         pose=case.study.pose,
+        steps=steps,
     )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.bone_path import rigid_displacement
-from warp_trunk.bone_motion.path_derivative import PathDerivative, difference_derivative, spline_derivative
+from warp_trunk.bone_motion.path_derivative import PathDerivative, rigid_derivative, spline_derivative
+from warp_trunk.bone_motion.steps import RememberedSteps
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
@@ -141,15 +141,10 @@ def from_adjoints(
 def landmark_derivative(case: Case, prepared: Prepared, options: RunOptions) -> PathDerivative:
     """How the nodes on bone follow the landmarks on the path that these options choose."""
     trunk, before, after = prepared.trunk, case.landmarks_before, case.planned_landmarks
-    held = trunk.prescribed
     if options.bones == "spline":
-        return spline_derivative(trunk.nodes[held], before, after)
-
-    def end(before: Landmarks, after: Landmarks) -> np.ndarray:
-        moved = replace(case, landmarks_before=before, landmarks_after=after)
-        return rigid_displacement(trunk, motions_of(moved))[held]
-
-    return difference_derivative(end, before, after)
+        return spline_derivative(trunk.nodes[trunk.prescribed], before, after)
+    steps = RememberedSteps(before.points, after.points)
+    return rigid_derivative(trunk, motions_of(case, steps), steps)
 
 
 def _numbers(
