@@ -258,17 +258,15 @@ def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> dict[
                 f"{volume / 1000:.3g} cm3; turn them round"
             )
     depths: dict[str, float] = {}
-    ends = np.cumsum([len(bone.vertices) for bone in case.bones.values()])
-    outside = SurfaceDistance(case.skin).at(np.concatenate([bone.vertices for bone in case.bones.values()]))
-    for (name, bone), out in zip(case.bones.items(), np.split(outside, ends[:-1]), strict=True):
-        worst = int(np.argmax(out))
-        if not out[worst] <= options.bone_outside_skin:
+    outermost = SurfaceDistance(case.skin).outermost([bone.vertices for bone in case.bones.values()])
+    for (name, bone), (worst, out) in zip(case.bones.items(), outermost, strict=True):
+        if not out <= options.bone_outside_skin:
             at = ", ".join(f"{x:.1f}" for x in bone.vertices[worst])
             raise InputError(
-                f"{source.name(name)}: reaches {out[worst]:.1f} mm outside {source.name('skin')} at ({at}), "
+                f"{source.name(name)}: reaches {out:.1f} mm outside {source.name('skin')} at ({at}), "
                 f"{options.bone_outside_skin:g} mm is allowed; bring both into one frame or correct the bone"
             )
-        depths[name] = -float(out[worst])
+        depths[name] = -out
     return depths
 
 

@@ -99,9 +99,10 @@ def check_tissue(tissue: np.ndarray, tets: int, name: str) -> None:
 
 def tet_volumes(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Signed volumes [mm^3] of tetrahedra, 1/6 P_ji . (P_ki x P_li), shape (tets,)."""
-    corners = np.take(nodes, tets, axis=0)
-    ji, ki, li = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
-    return np.einsum("ti,ti->t", ji, np.cross(ki, li)) / 6.0
+    along = np.ascontiguousarray(nodes.T)  # NumPy works several times as fast on long rows
+    i, *others = (along.take(corner, axis=1) for corner in tets.T)
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (other - i for other in others)
+    return (ax * (by * cz - bz * cy) + az * (bx * cy - by * cx) + ay * (bz * cx - bx * cz)) / 6.0  # bits of einsum
 
 
 def oriented(nodes: np.ndarray, tets: np.ndarray) -> np.ndarray:

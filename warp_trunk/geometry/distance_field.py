@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from .surface import Surface
 
 Box = tuple[slice, slice, slice]
 """The nodes of a block of a grid."""
+_CELL = 12.0
+"""Size of a neighbourhood, of which one point is searched first [mm]."""
 _NEAREST: tuple[Any, ...] = (wp.float32, wp.int32, wp.vec3)
 
 
@@ -72,6 +75,29 @@ class SurfaceDistance:
     def at(self, points: np.ndarray, reach: float | None = None) -> np.ndarray:
         """Signed distance [mm] of points (n, 3); NaN where the surface is farther away than reach [mm]."""
         return self.nearest(points, reach).distance
+
+    def outermost(self, groups: Sequence[np.ndarray]) -> list[tuple[int, float]]:
+        """Of each group of points (n, 3) the one farthest outside, or least deep: its row, signed distance [mm].
+
+        From one point to another the distance changes by no more than the way between them: points are searched
+        from where one of their neighbourhood reaches as far out as the best that is known.
+        """
+        points = np.concatenate(groups)
+        group = np.repeat(np.arange(len(groups)), [len(one) for one in groups])
+        cell = np.column_stack([group, np.floor((points - points.min(axis=0)) / _CELL)]).astype(int)
+        _, sample, own = np.unique(cell, axis=0, return_index=True, return_inverse=True)
+        own = own.reshape(-1)  # of another shape in NumPy 2.0
+        distance = np.full(len(points), -np.inf)
+        distance[sample] = self.at(points[sample])
+        best = np.full(len(groups), -np.inf)
+        np.maximum.at(best, group[sample], distance[sample])
+        way = np.linalg.norm(points - points[sample[own]], axis=1)
+        hopeful = distance[sample[own]] + way >= best[group] - 1e-3
+        hopeful[sample] = False
+        distance[hopeful] = self.at(points[hopeful])
+        starts = np.cumsum([0, *map(len, groups)])
+        rows = [int(np.argmax(distance[start:end])) for start, end in pairwise(starts)]
+        return [(row, float(distance[start + row])) for start, row in zip(starts[:-1], rows, strict=True)]
 
     def nearest(self, points: np.ndarray, reach: float | None = None) -> Nearest:
         """Where the surface is nearest to points (n, 3), if within reach [mm]."""

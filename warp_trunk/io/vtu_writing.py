@@ -16,6 +16,8 @@ import numpy as np
 
 _BLOCK = 32768
 """Bytes that are packed as one; readers need not unpack more for the first number."""
+LEVEL = 1
+"""Of packing: of a trunk the highest saves 2 % of the file and takes three times as long."""
 _TYPE = {3: 5, 4: 10}
 """VTK's number of the kind of cell, by corners."""
 
@@ -48,7 +50,7 @@ def write_vtu(
     groups = {"Points": {"Points": points}, "Cells": topology, "PointData": point_data, "CellData": cell_data}
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # packing lets go of the interpreter
         packed = {
-            group: {name: pool.map(zlib.compress, _blocks(values)) for name, values in arrays.items()}
+            group: {name: pool.map(_pack, _blocks(values)) for name, values in arrays.items()}
             for group, arrays in groups.items()
         }
         written = [
@@ -64,6 +66,10 @@ def write_vtu(
             written.append(f"</{group}>\n".encode())
     written.append(b"</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
     path.write_bytes(b"".join(written))
+
+
+def _pack(block: bytes) -> bytes:
+    return zlib.compress(block, LEVEL)
 
 
 def _blocks(values: np.ndarray) -> list[bytes]:
