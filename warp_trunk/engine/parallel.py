@@ -21,6 +21,8 @@ import warp as wp
 
 from warp_trunk.errors import InputError
 
+from .turns import Turns
+
 Launch = Callable[[], None]
 """A recorded launch, to call many times."""
 LEAST_SPLIT = 4096
@@ -62,6 +64,8 @@ class Parallel:
         self.least_split = least_split
         self.is_cuda = self.device.startswith("cuda")
         self.ranges = 1 if self.is_cuda else choose_threads(threads)
+        self.turns: Turns | None = None
+        """Those in which several threads work here at the moment, if they do."""
         self._workers = [_Worker() for _ in range(self.ranges - 1)]
 
     def split(self, size: int) -> np.ndarray:
@@ -117,6 +121,31 @@ class Parallel:
                 worker.finish()
 
         return launch
+
+    def reader(self, array: wp.array) -> Callable[[], np.ndarray]:
+        """Reads an array as it is when all launched before is done, again and again into the same host memory.
+
+        For small arrays that are read often: on CUDA a third of the time of `wp.array.numpy`, which waits for
+        every stream of the device.
+        """
+        if not self.is_cuda:
+            return array.numpy
+        copy = wp.empty(array.shape, dtype=array.dtype, device="cpu", pinned=True)
+        values = copy.numpy()
+
+        def read() -> np.ndarray:
+            wp.copy(copy, array)
+            self.wait()
+            return values
+
+        return read
+
+    def wait(self) -> None:
+        """Waits until all that this thread has launched is done."""
+        if self.turns is not None:
+            self.turns.wait()
+        elif self.is_cuda:
+            wp.synchronize_stream(self.device)
 
     def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
         """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""

@@ -15,6 +15,7 @@ from warp_trunk.errors import InputError, expect
 from warp_trunk.kernels.loop import loop_kernels
 
 from .model import Model
+from .parallel import Launch
 from .relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStep
 from .state import State, to_mesh_order
 
@@ -67,14 +68,13 @@ class Increment:
         *,
         seconds: float,
     ) -> None:
-        """An increment that was simulated, of `from_rest` on the device or as it was stored."""
+        """An increment that was simulated, of `from_rest` on the device or the host."""
         self.number = number
         self.load_factor = load_factor
         self.relaxation = relaxation
         self.seconds = seconds
         self._model = model
-        on_device = isinstance(from_rest, wp.array)
-        self._on_device = from_rest if on_device else model.array(from_rest, model.vec3)
+        self._from_rest = from_rest
 
     @cached_property
     def displacement(self) -> np.ndarray:
@@ -82,7 +82,7 @@ class Increment:
 
         Copied from the device when first asked for.
         """
-        return to_mesh_order(self._model, self._on_device)
+        return to_mesh_order(self._model, self.from_rest)
 
     @property
     def from_rest(self) -> np.ndarray:
@@ -90,7 +90,7 @@ class Increment:
 
         This and those of the increments before are all that the next increment starts from.
         """
-        return self._on_device.numpy()
+        return self._from_rest if isinstance(self._from_rest, np.ndarray) else self._from_rest.numpy()
 
 
 def simulate(
@@ -117,12 +117,7 @@ def simulate(
             of another model or other options.
     """
     options = options or SimulationOptions()
-    shape = bone_path.at(1.0).shape
-    if shape != (len(model.order), 3):
-        raise InputError(
-            f"bone_path: has {shape[0]} nodes but the trunk has {len(model.order)}; "
-            "make the path from the nodes of this trunk"
-        )
+    check_path(model, bone_path)
     if [increment.number for increment in done] != list(range(1, len(done) + 1)) or (
         len(done) >= options.increments or any(len(one.from_rest) != len(model.order) for one in done)
     ):
@@ -130,26 +125,53 @@ def simulate(
             f"done: must be increments 1, 2, ... of fewer than {options.increments}, of {len(model.order)} nodes; "
             "give those that this simulation yielded"
         )
-    if relaxer is None:
-        relaxer = Relaxer(model, options.relax)
-    elif relaxer.model is not model or relaxer.options != options.relax:
-        raise InputError(
-            "relaxer: is of another model or of other options; make one of this model, or leave it out"
-        )
+    relaxer = relaxer_for(model, options, relaxer)
     predictor = Predictor(relaxer.state, bone_path)
     if done:
         predictor.go_on(done)
     for number in range(len(done) + 1, options.increments + 1):
         start = time.perf_counter()
-        load_factor = number / options.increments
-        predictor.move(load_factor)  # phi_t of eq. 4.5
-        final = number == options.increments
-        tolerance = options.relax.tolerance * (1.0 if final else 10.0)
-        relaxation = relaxer.relax(tolerance, watch, confirm=final, near=number > 1)  # phi~ of eq. 4.3
-        predictor.arrived(relaxation)
+        relaxation = go_on(relaxer, predictor, options, number, watch)
         displacement = wp.clone(relaxer.state.displacement)
         seconds = time.perf_counter() - start
-        yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
+        yield Increment(model, number, number / options.increments, displacement, relaxation, seconds=seconds)
+
+
+def go_on(
+    relaxer: Relaxer,
+    predictor: Predictor,
+    options: SimulationOptions,
+    number: int,
+    watch: Callable[[RelaxStep, State], None] | None = None,
+) -> Relaxation:
+    """One increment, from where the relaxer's state is to where that ends."""
+    final = number == options.increments
+    predictor.move(number / options.increments)  # phi_t of eq. 4.5
+    tolerance = options.relax.tolerance * (1.0 if final else 10.0)
+    relaxation = relaxer.relax(tolerance, watch, confirm=final, near=number > 1)  # phi~ of eq. 4.3
+    predictor.arrived(relaxation)
+    return relaxation
+
+
+def check_path(model: Model, bone_path: BonePath) -> None:
+    """InputError where a path is not one of the model's nodes."""
+    shape = bone_path.at(1.0).shape
+    if shape != (len(model.order), 3):
+        raise InputError(
+            f"bone_path: has {shape[0]} nodes but the trunk has {len(model.order)}; "
+            "make the path from the nodes of this trunk"
+        )
+
+
+def relaxer_for(model: Model, options: SimulationOptions, relaxer: Relaxer | None) -> Relaxer:
+    """The relaxer given, made where there is none; InputError where it is of another model or other options."""
+    if relaxer is None:
+        return Relaxer(model, options.relax)
+    if relaxer.model is not model or relaxer.options != options.relax:
+        raise InputError(
+            "relaxer: is of another model or of other options; make one of this model, or leave it out"
+        )
+    return relaxer
 
 
 class Predictor:
@@ -162,15 +184,8 @@ class Predictor:
     """
 
     def __init__(self, state: State, bone_path: BonePath) -> None:
-        model = state.model
         self.state, self.bone_path = state, bone_path
         self._moves, self._steps = 0, 0
-        self._share, self._part = (model.zeros(wp.float64, 1) for _ in range(2))
-        self._foresee = model.over_free(
-            loop_kernels(*model.variant).foresee,
-            [self._share, self._part],
-            [state.displacement, model.scanned(), model.free_vectors(), model.free_vectors()],
-        )
 
     def go_on(self, done: Sequence[Increment]) -> None:
         """Sets the state to where the increments done so far, at least one, have led."""
@@ -193,9 +208,20 @@ class Predictor:
         """Takes note of how the trunk was relaxed where it was moved to."""
         self._moves, self._steps = self._moves + 1, relaxation.steps
 
+    @cached_property
+    def _foresee(self) -> Launch:
+        """The launch that moves them, with what it remembers; not needed where there is one increment."""
+        model, state = self.state.model, self.state
+        self._share, self._part = (model.zeros(wp.float64, 1) for _ in range(2))
+        return model.over_free(
+            loop_kernels(*model.variant).foresee,
+            [self._share, self._part],
+            [state.displacement, model.scanned(), model.free_vectors(), model.free_vectors()],
+        )
+
     def _expect(self) -> None:
         """Moves the free nodes on from where the last increment led."""
-        changes = self._moves - 1
+        changes, foresee = self._moves - 1, self._foresee
         self._share.fill_(max(LEAST_SHARE, 1.0 / changes) if changes else 0.0)
         self._part.fill_(1.0 if self._steps == 1 else 0.0)
-        self._foresee()
+        foresee()

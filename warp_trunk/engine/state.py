@@ -45,6 +45,7 @@ class State:
         )
         self._bones = model.order[model.prescribed]
         self._held = wp.empty(len(self._bones), dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda)
+        self._read_sums = model.parallel.reader(self.sums)
         self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
 
     def evaluate(self) -> None:
@@ -66,7 +67,7 @@ class State:
 
     def read(self) -> tuple[Energy, int, int]:
         """Energies, inverted and newly inverted tetrahedra of the last evaluation; reads the device once."""
-        sums = self.sums.numpy().sum(axis=0)
+        sums = self._read_sums().sum(axis=0)
         elements = self.model.elements
         terms = {name: float(sums[elements.columns[name]]) for name in elements.terms}
         if "gravity" in terms:
@@ -76,7 +77,7 @@ class State:
 
     def host_displacement(self) -> np.ndarray:
         """Displacement from before surgery in the mesh's own order [mm], shape (nodes, 3), float64."""
-        return to_mesh_order(self.model, self.displacement)
+        return to_mesh_order(self.model, self.displacement.numpy())
 
     def hold(self, displacement: np.ndarray) -> None:
         """Sets the prescribed nodes alone, as `place`."""
@@ -91,8 +92,8 @@ class State:
         self.displacement.assign(moved.astype(wp.dtype_to_numpy(self.model.scalar)))
 
 
-def to_mesh_order(model: Model, values: wp.array) -> np.ndarray:
-    """Displacements from rest (nodes,) on the device as those from before surgery in mesh order (nodes, 3)."""
+def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:
+    """Displacements from rest in model order as those from before surgery in mesh order, (nodes, 3) both."""
     result = np.empty((len(model.order), 3))
-    result[model.order] = values.numpy() if model.scan is None else values.numpy() - model.scan
+    result[model.order] = values if model.scan is None else values - model.scan
     return result

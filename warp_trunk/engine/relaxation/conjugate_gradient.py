@@ -80,6 +80,9 @@ class ConjugateGradient:
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
         self._limits, self._outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 6)
         self._limited: tuple[float, ...] = ()
+        self._read_outcome, self._read_products = (
+            model.parallel.reader(array) for array in (self._outcome, self._r_dot_z.products)
+        )
         extent = model.zeros(wp.float64, ranges, PADDING)
         r_dot_z, p_dot_q = self._r_dot_z.products, self._p_dot_q.products
         kernels = conjugate_gradient_kernels(*model.variant)
@@ -113,7 +116,7 @@ class ConjugateGradient:
             self._limits.assign(np.array(limits))
             self._limited = limits
         self._run()
-        outcome = self._outcome.numpy()
+        outcome = self._read_outcome()
         return LinearSolution(
             iterations=int(outcome[ITERATIONS]),
             longest=float(outcome[LONG]),
@@ -125,7 +128,7 @@ class ConjugateGradient:
     def norm(self) -> float:
         """The square root of g . M^-1 g for the gradient as it is now; `solution` is zero after it."""
         self._begin()
-        return max(0.0, float(self._r_dot_z.products.numpy()[0].sum())) ** 0.5
+        return max(0.0, float(self._read_products()[0].sum())) ** 0.5
 
     def _begin(self) -> None:
         """d = 0, r = -g, z = M^-1 r."""

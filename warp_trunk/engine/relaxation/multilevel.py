@@ -10,7 +10,8 @@ surgical plan of a patient.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,18 @@ class Multilevel:
             if last:
                 self._inverse = _inverse(matrix, grid, points)
                 self._solve_dense = record_dense_product(model, self._inverse, level.residual, level.correction)
+
+    def of(self, matrix: BlockMatrix) -> Multilevel:
+        """The same grids for another matrix of this trunk, with vectors of their own."""
+        other = copy(self)
+        other._inverse_diagonal = matrix.inverse_diagonal
+        other._levels = [
+            replace(level, residual=wp.zeros_like(level.residual), correction=wp.zeros_like(level.correction))
+            for level in self._levels
+        ]
+        last = other._levels[-1]
+        other._solve_dense = record_dense_product(self.model, self._inverse, last.residual, last.correction)
+        return other
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""

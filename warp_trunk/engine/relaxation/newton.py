@@ -49,12 +49,16 @@ class Newton:
     distance: float
     """How far the equilibrium is estimated to be [mm]; infinite where a direction leads down from a saddle."""
 
-    def __init__(self, state: State) -> None:
-        """For a state at rest: the preconditioner is made of the curvature there."""
+    def __init__(self, state: State, like: Newton | None = None) -> None:
+        """For a state at rest: the preconditioner is made of the curvature there, or shared with another's."""
         self._state = state
-        self._matrix = BlockMatrix(state)
-        self._matrix.assemble()
-        self._preconditioner = Multilevel(self._matrix)
+        if like is None:
+            self._matrix = BlockMatrix(state)
+            self._matrix.assemble()
+            self._preconditioner = Multilevel(self._matrix)
+        else:
+            self._matrix = BlockMatrix(state, like._matrix.sparsity)
+            self._preconditioner = like._preconditioner.of(self._matrix)
         self._solver = ConjugateGradient(self._matrix, self._preconditioner, state.gradient)
         self._confirmation = Confirmation(state, self._matrix, self._preconditioner)
         self.begin(math.inf, 0.0)

@@ -44,6 +44,7 @@ class ProductReader:
     def __init__(self, state: State, direction: wp.array, previous: wp.array) -> None:
         model = state.model
         self._products = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
+        self._read = model.parallel.reader(self._products)
         self._launch = model.over_free(
             loop_kernels(*model.variant).products, [state.gradient, direction, previous], [self._products]
         )
@@ -52,7 +53,7 @@ class ProductReader:
         """The products as they are now; changes none of the vectors."""
         self._products.zero_()
         self._launch()
-        sums = self._products.numpy().sum(axis=0)
+        sums = self._read().sum(axis=0)
         return Products(
             slope=float(sums[SLOPE]),
             gradient_squared=float(sums[GRADIENT_SQUARED]),
