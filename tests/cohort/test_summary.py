@@ -124,6 +124,10 @@ def test_files(tmp_path: Path):
     assert "1 are virtual, of nobody" in text
     assert "failed: e" in text
     page = (tmp_path / "cohort.html").read_text()
+    for table, columns in (("Errors of back surface rotation by level", 3), ("Every case", 4)):  # of 6 and of 8
+        assert f'aria-label="{table}" style="--columns: {columns}"' in page, (
+            "on a phone values stand under their heads"
+        )
     for said in (
         "Virtual: nobody",
         "&lt;open&gt;",

@@ -105,7 +105,7 @@ def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure
         ):
             if value is not None:
                 axes.axhline(value, color=INK, linewidth=0.9, linestyle=style)
-                axes.annotate(f"{name} {value:+.1f}".strip(), (1.0, value), xycoords=("axes fraction", "data"),
+                axes.annotate(f"{name} {value:+z.1f}".strip(), (1.0, value), xycoords=("axes fraction", "data"),
                               ha="right", va="bottom", fontsize=8.0)  # fmt: skip
     axes.grid()
     axes.set_xlabel("mean of predicted and actual back surface rotation [degrees]")
