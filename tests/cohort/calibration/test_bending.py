@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import check_bending
 import numpy as np
 import pytest
 
@@ -16,6 +17,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.study import Pose, Study
 from warp_trunk.case.tissue_file import read_tissue_file, with_constants
 from warp_trunk.cli import main
+from warp_trunk.cohort.calibration.one_fit import CaseFit
 
 HIDDEN = {"poisson_ratio": 0.40, "ribs.recovery": 0.3}
 MODEL = {"energy": "neo-hookean", "bones": "follow", "layers": "none"}
@@ -81,3 +83,14 @@ def test_her_bending_finds_her_constants_and_predicts_her_surgery(cases: Path, t
     before = back_mm(cases / "planned", tmp_path / "default")
     after = back_mm(cases / "planned", tmp_path / "hers", "--tissue-file", str(file))
     assert after < 0.2 * before
+
+
+def test_the_script_tells_what_her_constants_are_worth(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (cases / "truth.json").write_text(json.dumps({"planned": {"constants": HIDDEN}}))
+    run = replace(cohort_options(threads=1).run, **MODEL)
+    (one,) = check_bending.main(
+        check_bending.Options(cases=cases, free=("poisson_ratio", "ribs.recovery"), workers=1, run=run)
+    )
+    back = {name: fit.skin_mm for name, fit in one.fits.items() if isinstance(fit, CaseFit)}
+    assert back["truth"] < back["hers"] < 0.5 * back["start"]
+    assert f"skin_mm: nearer by {back['start'] - back['hers']:.3f} with hers" in capsys.readouterr().out
