@@ -70,7 +70,9 @@ def main(options: Options) -> list[Checked]:
         connected(options.workers, None, options.run.device) as client,
         ThreadPoolExecutor(len(client.scheduler_info()["workers"])) as pool,
     ):
-        done = list(pool.map(lambda pair: checked(client, *pair, known.get(pair[1].name, {})), patients))
+        done = list(
+            pool.map(lambda both: checked(client, both[0], both[1], known.get(both[1].name, {})), patients)
+        )
     for one in done:
         print(one.patient)
         for name, fit in one.fits.items():

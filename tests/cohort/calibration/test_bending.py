@@ -92,5 +92,5 @@ def test_the_script_tells_what_her_constants_are_worth(cases: Path, capsys: pyte
         check_bending.Options(cases=cases, free=("poisson_ratio", "ribs.recovery"), workers=1, run=run)
     )
     back = {name: fit.skin_mm for name, fit in one.fits.items() if isinstance(fit, CaseFit)}
-    assert back["truth"] < back["hers"] < 0.5 * back["start"]
+    assert back["truth"] < back["hers"] < 0.8 * back["start"]  # what is believed before holds her back
     assert f"skin_mm: nearer by {back['start'] - back['hers']:.3f} with hers" in capsys.readouterr().out
