@@ -29,6 +29,7 @@ from finite_elements.linear import available
 from finite_elements.newton import equilibrium
 from finite_elements.solid import Solid
 from marked import write_into
+from peers.other_work import cores_of_others, taken
 from peers.registry import ENTRIES, OURS, Entry
 from peers.rows import Row, read_rows, write_rows
 from peers.table import markdown
@@ -49,13 +50,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def measure(given: argparse.Namespace) -> None:
     """Every peer asked for on every problem; writes after each."""
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: given.cores])
-    load = os.getloadavg()[0]
     be_quiet()
     rows: list[Row] = []
     for what in given.problems:
         name, _, tets = what.partition("=")
         problem = mesh_case(load_case(name), int(tets or 86_500))
-        for row in compare(replace(problem, energy="neo-hookean"), given, load):
+        for row in compare(replace(problem, energy="neo-hookean"), given):
             rows.append(row)
             write_rows(given.json, rows)
             print(row.peer, row.why_not or row.best(ACCURACY), f"apart {row.apart_mm}", flush=True)
@@ -71,7 +71,7 @@ def table(given: argparse.Namespace) -> None:
         write_into(given.page, "peers", text)
 
 
-def compare(problem: Problem, given: argparse.Namespace, load: float) -> Iterator[Row]:
+def compare(problem: Problem, given: argparse.Namespace) -> Iterator[Row]:
     """One problem, one peer after another."""
     task = make_task(problem)
     truths = {ENTRIES[0].law: task.truth}
@@ -86,7 +86,6 @@ def compare(problem: Problem, given: argparse.Namespace, load: float) -> Iterato
             law=entry.law.__name__,
             favour=entry.favour,
             hardware=hardware("cpu"),
-            load=load,
         )
         missing = entry.missing()
         if missing:
@@ -128,12 +127,14 @@ def answered(row: Row, entry: Entry, task: Task, ours: np.ndarray, given: argpar
         write_task(asked, task)
         command = [*entry.command, "-m", f"peers.{entry.module}", str(asked), str(answer)]
         command += ["--rounds", str(given.rounds), "--limit", str(given.limit)]
+        before = taken()
         try:
             made = subprocess.run(
                 command, env=environment, capture_output=True, text=True, timeout=given.timeout, check=False
             )
         except subprocess.TimeoutExpired:
             return replace(row, why_not=f"no answer within {given.timeout:g} s")
+        row = replace(row, others=round(cores_of_others(before, taken()), 2))
         if made.returncode or not answer.exists():
             last = [line for line in made.stderr.strip().splitlines() if line][-1:] or [
                 f"status {made.returncode}"

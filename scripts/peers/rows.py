@@ -39,8 +39,8 @@ class Row:
     """Why there is no answer."""
     hardware: str
     """Processor, and cores."""
-    load: float
-    """Other work on the machine as it began: running processes in the last minute."""
+    others: float | None = None
+    """Cores that other programs kept busy meanwhile, on average; None where that was not measured."""
 
     def best(self, accuracy: float) -> Run | None:
         """The way that solves fastest, of those near enough; of all the nearest, where none is."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
+from .other_work import BUSY
 from .registry import OURS
 from .rows import Row
 
@@ -41,8 +42,8 @@ def ratios(row: Row, ours: Row, accuracy: float) -> tuple[float, float] | None:
 
 def _machine(rows: list[Row]) -> str:
     """Where it was measured, and whether that was busy with something else."""
-    busy = max(row.load for row in rows)
-    return rows[0].hardware + (f", busy (load {busy:.0f} as it began)" if busy > 1.0 else "")
+    others = max((row.others for row in rows if row.others is not None), default=0.0)
+    return rows[0].hardware + (f", other programs kept {others:.1f} cores busy" if others > BUSY else "")
 
 
 def _line(row: Row, of_problem: list[Row], accuracy: float) -> str:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -51,6 +51,29 @@ class Peer:
     """After `solve`, in the order of the task, shape (nodes, 3) [mm]."""
     converges: bool = True
     """Whether its end without being stopped is worth waiting for."""
+
+
+class Solver(Protocol):
+    """What a set-up makes, where it solves by itself."""
+
+    displacement: np.ndarray
+    """As far as it has come, shape (nodes, 3) [mm]."""
+
+    def solve(self, enough: Callable[[np.ndarray], bool] | None) -> dict[str, float]:
+        """As `Peer.solve`."""
+        ...
+
+
+def peer_of(task: Task, version: str, ways: Mapping[str, Callable[[], Solver]], *, converges: bool) -> Peer:
+    """A peer whose ways make solvers that show displacements in the order of the task."""
+    return Peer(
+        version,
+        ways,
+        lambda made, enough: made.solve(enough),
+        task.error,
+        lambda made: made.displacement,
+        converges=converges,
+    )
 
 
 def measure(

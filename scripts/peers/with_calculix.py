@@ -7,13 +7,12 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from finite_elements.neo_hookean import Isochoric
 
 from .task import Task
-from .timing import Peer, main
+from .timing import Peer, main, peer_of
 
 FIRST = "iteration 1"
 """The line with which set-up ends."""
@@ -89,15 +88,8 @@ def read_displacement(path: Path, nodes: int) -> np.ndarray:
 def make(task: Task) -> Peer:
     """The peer."""
     told = subprocess.run(["ccx", "-v"], capture_output=True, text=True, check=False).stdout.split()
-    ways: dict[str, Callable[[], Any]] = {"SPOOLES": partial(_Made, task)}
-    return Peer(
-        f"CalculiX {told[-1] if told else ''}".strip(),
-        ways,
-        _Made.solve,
-        task.error,
-        lambda made: made.displacement,
-        converges=False,
-    )
+    version = f"CalculiX {told[-1] if told else ''}".strip()
+    return peer_of(task, version, {"SPOOLES": partial(_Made, task)}, converges=False)
 
 
 if __name__ == "__main__":

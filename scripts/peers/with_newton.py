@@ -19,7 +19,7 @@ from benchmarking.process import be_quiet
 from finite_elements.neo_hookean import WithoutLogarithm
 
 from .task import Task
-from .timing import Peer, main
+from .timing import Peer, main, peer_of
 
 MODULUS = 1.0
 """Where all that moves is prescribed any modulus gives the same; this one suits its thresholds [N/mm^2]."""
@@ -86,15 +86,8 @@ class _Made:
 def make(task: Task) -> Peer:
     """The peer."""
     be_quiet()
-    ways: dict[str, Callable[[], Any]] = {"one sweep a step, Nesterov": partial(_Made, task)}
-    return Peer(
-        f"Newton SolverVBD {version('newton')}, Warp {version('warp-lang')}",
-        ways,
-        _Made.solve,
-        task.error,
-        lambda made: made.displacement,
-        converges=False,
-    )
+    named = f"Newton SolverVBD {version('newton')}, Warp {version('warp-lang')}"
+    return peer_of(task, named, {"one sweep a step, Nesterov": partial(_Made, task)}, converges=False)
 
 
 if __name__ == "__main__":

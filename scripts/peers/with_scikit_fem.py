@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 from finite_elements.linear import Pardiso
@@ -14,7 +13,7 @@ from finite_elements.newton import equilibrium
 from finite_elements.solid import Solid
 
 from .task import Task
-from .timing import TIGHT, Peer, main
+from .timing import TIGHT, Peer, main, peer_of
 
 KEEP = (0.3, 0.7, 0.0)
 """When factors serve another step (see `equilibrium`)."""
@@ -54,14 +53,9 @@ class _Made:
 
 def make(task: Task) -> Peer:
     """The peer."""
-    ways: dict[str, Callable[[], Any]] = {f"keep {keep:g}": partial(_Made, task, keep) for keep in KEEP}
-    return Peer(
-        f"scikit-fem {version('scikit-fem')}, MKL {version('mkl')}",
-        ways,
-        _Made.solve,
-        task.error,
-        lambda made: made.displacement,
-    )
+    ways = {f"keep {keep:g}": partial(_Made, task, keep) for keep in KEEP}
+    named = f"scikit-fem {version('scikit-fem')}, MKL {version('mkl')}"
+    return peer_of(task, named, ways, converges=True)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -19,7 +18,7 @@ from warp_trunk import BonePath, RelaxOptions, SimulationOptions, Tissue, TrunkM
 from warp_trunk.engine.relaxation import Relaxer
 
 from .task import Task
-from .timing import Peer, main
+from .timing import Peer, main, peer_of
 
 WAYS = ((1, 1.0), (2, 1.0), (1, 10.0), (1, 100.0))
 """Parts of the motion, and the distance that is asked for, in parts of the accuracy."""
@@ -64,18 +63,12 @@ def as_trunk(task: Task) -> TrunkMesh:
 def make(task: Task) -> Peer:
     """The peer."""
     be_quiet()
-    ways: dict[str, Callable[[], Any]] = {
+    ways = {
         f"{count} increment{'s' * (count > 1)}, {asked * task.accuracy:g} mm": partial(_Made, task, count, asked)
         for count, asked in WAYS
     }
-    return Peer(
-        f"warp_trunk {version('warp-trunk')}, Warp {wp.config.version}",
-        ways,
-        _Made.solve,
-        task.error,
-        lambda made: made.displacement,
-        converges=False,
-    )
+    named = f"warp_trunk {version('warp-trunk')}, Warp {wp.config.version}"
+    return peer_of(task, named, ways, converges=False)
 
 
 if __name__ == "__main__":

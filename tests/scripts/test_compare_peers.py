@@ -5,6 +5,8 @@ A peer that is installed solves a small trunk and ends where this program does; 
 
 import argparse
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -18,6 +20,7 @@ from benchmarking.problem import Problem
 from compare_peers import ACCURACY, compare, make_task
 from finite_elements.neo_hookean import NeoHookean
 from marked import begin, end, replaced
+from peers.other_work import Taken, cores_of_others, taken
 from peers.registry import ENTRIES, OURS, Entry
 from peers.rows import Row, read_rows, write_rows
 from peers.table import markdown, ratios
@@ -36,7 +39,7 @@ ROW = Row(
     law=NeoHookean.__name__,
     favour="none",
     hardware="two cores",
-    load=0.2,
+    others=0.02,
 )
 
 
@@ -141,7 +144,24 @@ def test_table(tmp_path: Path) -> None:
     assert "| slow | 1.00 | 60.00 | 2 |  |  |  | a: none |" in text
     assert "| CalculiX | | | | | | | not installed: `apt-get install calculix-ccx` |" in text
     assert "busy" not in text
-    assert "busy (load 9 as it began)" in markdown([replace(ours, load=9.0)], ACCURACY)
+    assert "busy" not in markdown([replace(ours, others=None)], ACCURACY)
+    assert "other programs kept 1.5 cores busy" in markdown([ours, replace(peer, others=1.46)], ACCURACY)
+
+
+def test_the_work_of_others_is_what_is_neither_idle_nor_ones_own() -> None:
+    before = Taken(clock=100.0, machine=5000.0, own=30.0)
+    assert cores_of_others(before, Taken(clock=104.0, machine=5007.0, own=34.0)) == pytest.approx(0.75)
+    assert cores_of_others(before, Taken(clock=104.0, machine=5003.9, own=34.0)) == 0.0  # clocks tick apart
+
+
+def test_a_program_that_was_started_is_ones_own() -> None:
+    before = taken()
+    spin = "import time\nwhile time.process_time() < 0.3: pass"
+    subprocess.run([sys.executable, "-c", spin], check=True)
+    after = taken()
+    assert after.own - before.own >= 0.25
+    assert after.machine - before.machine >= 0.25
+    assert after.clock > before.clock
 
 
 def test_the_page_holds_the_table_between_its_marks(tmp_path: Path) -> None:
@@ -193,7 +213,7 @@ def test_peer(entry: Entry) -> None:
     if missing:
         pytest.skip(f"{entry.name} is not installed: {missing}")
     given = argparse.Namespace(peers=[entry.name], rounds=1, limit=1.0, timeout=300.0)
-    *_, row = compare(problem(), given, 0.0)
+    *_, row = compare(problem(), given)
     assert row.peer == entry.name
     assert not row.why_not
     best = row.best(ACCURACY)
@@ -209,16 +229,14 @@ def test_a_peer_that_fails_or_takes_too_long_is_a_row_that_says_so(monkeypatch: 
     wrong = replace(ENTRIES[0], name="wrong", module="no_such_module")
     monkeypatch.setattr(compare_peers, "ENTRIES", (wrong, replace(ENTRIES[0], name="slow")))
     given = argparse.Namespace(peers=["wrong", "slow"], rounds=1, limit=1.0, timeout=0.2)
-    rows = list(
-        compare(problem(), argparse.Namespace(**{**vars(given), "timeout": 60.0, "peers": ["wrong"]}), 0.0)
-    )
+    rows = list(compare(problem(), argparse.Namespace(**{**vars(given), "timeout": 60.0, "peers": ["wrong"]})))
     assert "No module named peers.no_such_module" in rows[0].why_not
-    assert [row.why_not for row in compare(problem(), given, 0.0)][1] == "no answer within 0.2 s"
+    assert [row.why_not for row in compare(problem(), given)][1] == "no answer within 0.2 s"
 
 
 def test_what_is_missing_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compare_peers, "ENTRIES", (replace(ENTRIES[1], missing=lambda: "`get it`"),))
     given = argparse.Namespace(peers=[ENTRIES[1].name], rounds=1, limit=1.0, timeout=60.0)
-    (row,) = compare(problem(), given, 0.0)
+    (row,) = compare(problem(), given)
     assert row.why_not == "not installed: `get it`"
     assert json.loads(json.dumps(vars(row), default=list))["runs"] == []
