@@ -44,7 +44,7 @@ from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.measures.skin_quality import skin_quality
+from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.preparation.deformity import correct, impose
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.run.options import RunOptions
@@ -89,6 +89,10 @@ class Row:
     """The least and the most length of an edge of the skin, over that before."""
     fold: float
     """By how much more any edge of the skin is folded [degrees]."""
+    most_edges: tuple[float, float]
+    """The lengths between which all edges are but a thousandth at either end."""
+    most_fold: float
+    """The fold that a thousandth of the edges passes [degrees]."""
     iterations: int
     """Linear iterations of all increments."""
     inverted: int
@@ -156,7 +160,8 @@ class Study:
             other = replace(case, landmarks_after=correct(self.straight, turned, 0.0))
             less = _rotations(_simulated(other, trunk, way)[1], other.planned_landmarks)
         increments, skin = _simulated(plan, trunk, way)
-        quality, end = skin_quality(case.skin, skin, case.landmarks_before), increments[-1].relaxation
+        quality, end = skin_change(case.skin, skin), increments[-1].relaxation
+        low, high = np.quantile(quality.stretch, [0.001, 0.999])
         return Row(
             patient=f"{curve.kind.replace('_', ' ')} {curve.cobb:g}",
             correction=correction,
@@ -165,8 +170,10 @@ class Study:
             before=_rotations(case.skin, case.landmarks_before),
             after=_rotations(skin, plan.planned_landmarks),
             less=less,
-            edges=(quality.least_stretch, quality.most_stretch),
-            fold=quality.fold,
+            edges=(float(quality.stretch.min()), float(quality.stretch.max())),
+            fold=float(quality.fold.max()),
+            most_edges=(float(low), float(high)),
+            most_fold=float(np.quantile(quality.fold, 0.999)),
             iterations=sum(one.relaxation.linear_iterations for one in increments),
             inverted=end.inverted_tets,
             status=end.status.name,
@@ -219,8 +226,8 @@ def by_patient(rows: list[Row]) -> str:
                 f"{abs(change[row.apex]) / row.derotation:.2f}",
                 "-" if row.less is None else f"{row.of_less:.1f}",
                 "; ".join(f"{change[LEVELS.index(level)]:+.1f}" for level in ("T1", "L3")),
-                f"{row.edges[0]:.2f} to {row.edges[1]:.2f}",
-                f"{row.fold:.0f}",
+                f"{row.edges[0]:.2f} to {row.edges[1]:.2f} ({row.most_edges[0]:.2f} to {row.most_edges[1]:.2f})",
+                f"{row.fold:.0f} ({row.most_fold:.0f})",
                 str(row.iterations),
                 str(row.inverted),
                 row.status,

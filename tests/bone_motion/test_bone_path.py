@@ -8,7 +8,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from support.synthetic import shell_trunk
 from warp_trunk.bone_motion.bone_path import composed_path, rigid_path, spline_path
 from warp_trunk.errors import InputError
-from warp_trunk.meshing.joints import free_joints
 
 RNG = np.random.default_rng(3)
 NAMES = tuple(f"m{i}" for i in range(40))
@@ -94,16 +93,3 @@ def test_a_bone_without_a_motion_is_named(jointed) -> None:
     trunk, motions = jointed
     with pytest.raises(InputError, match="'lower'"):
         rigid_path(trunk, {"upper": motions["upper"]})
-
-
-def test_no_held_triangle_joins_two_bones_whose_joint_is_free(jointed) -> None:
-    trunk, _ = jointed
-    bones = trunk.bone[trunk.bone_faces]
-    assert (bones.min(axis=1) != bones.max(axis=1)).any()  # they are merged
-    free = free_joints(trunk)
-    bones = free.bone[free.bone_faces]
-    assert ((bones.min(axis=1) == bones.max(axis=1)) | (bones.min(axis=1) < 0)).all()
-    freed = (trunk.bone >= 0) & (free.bone < 0)
-    assert freed.any()
-    assert np.abs(trunk.nodes[freed, 2]).max() < 20.0  # where they touch, at z = 0, and not elsewhere
-    assert set(free.bone[free.bone >= 0]) == {0, 1}

@@ -55,6 +55,20 @@ class SkinQuality:
         return tuple(found)
 
 
+@dataclass(frozen=True)
+class SkinChange:
+    """What happens at each edge of a skin, inner ones of a sheet."""
+
+    stretch: np.ndarray
+    """Length over that before, shape (edges,)."""
+    fold: np.ndarray
+    """By how much the angle between its triangles has grown, 0 degrees being flat [degrees], shape (edges,)."""
+    middle: np.ndarray
+    """Where it was before [mm], shape (edges, 3)."""
+    faces: np.ndarray
+    """The two triangles that share it, shape (edges, 2)."""
+
+
 def skin_quality(before: Surface, predicted: Surface, landmarks: Landmarks | None = None) -> SkinQuality:
     """Find the worst stretch and the worst fold of a predicted skin.
 
@@ -65,6 +79,29 @@ def skin_quality(before: Surface, predicted: Surface, landmarks: Landmarks | Non
         before: the skin before surgery [mm].
         predicted: the same triangles after [mm].
         landmarks: those before surgery, which name the nearest vertebra; only places are given when left out.
+
+    Raises:
+        InputError: see `skin_change`.
+    """
+    change = skin_change(before, predicted)
+    shortest, longest = int(change.stretch.argmin()), int(change.stretch.argmax())
+    sharpest = int(change.fold.argmax())
+    return SkinQuality(
+        least_stretch=float(change.stretch[shortest]),
+        least_stretch_at=_place(change.middle[shortest], landmarks),
+        most_stretch=float(change.stretch[longest]),
+        most_stretch_at=_place(change.middle[longest], landmarks),
+        fold=float(change.fold[sharpest]),
+        fold_at=_place(change.middle[sharpest], landmarks),
+    )
+
+
+def skin_change(before: Surface, predicted: Surface) -> SkinChange:
+    """How much each edge of a skin is stretched and folded.
+
+    Args:
+        before: the skin before surgery [mm].
+        predicted: the same triangles after [mm].
 
     Raises:
         InputError: skins of other triangles, or an edge that has no length before.
@@ -81,18 +118,8 @@ def skin_quality(before: Surface, predicted: Surface, landmarks: Landmarks | Non
     )
     if not (was > 0.0).all():
         raise InputError("skin quality: an edge of the skin before has no length; merge vertices that coincide")
-    stretch = now / was
-    bent = _angles(predicted, pairs) - _angles(before, pairs)
-    shortest, longest, sharpest = int(stretch.argmin()), int(stretch.argmax()), int(bent.argmax())
-    middle = before.vertices[edges].mean(axis=1)
-    return SkinQuality(
-        least_stretch=float(stretch[shortest]),
-        least_stretch_at=_place(middle[shortest], landmarks),
-        most_stretch=float(stretch[longest]),
-        most_stretch_at=_place(middle[longest], landmarks),
-        fold=float(bent[sharpest]),
-        fold_at=_place(middle[sharpest], landmarks),
-    )
+    fold = _angles(predicted, pairs) - _angles(before, pairs)
+    return SkinChange(now / was, fold, before.vertices[edges].mean(axis=1), pairs)
 
 
 def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,8 +1,9 @@
-"""Where bones are merged in the mesh: joints, which must not tear when each bone moves on its own."""
+"""Where bones touch in the mesh: joints, which must not tear or close when each bone moves on its own."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 _REACH = 4.0
 """How far from the border between two bones their joint reaches [mm]."""
+_GAP = 5.0
+"""Where a single tetrahedron bridges less than this between two bones, they touch [mm]."""
 
 
 def free_joints(trunk: TrunkMesh) -> TrunkMesh:
@@ -18,13 +21,29 @@ def free_joints(trunk: TrunkMesh) -> TrunkMesh:
     Bones nearer to each other than the grid resolves share one surface, such as a rib and its vertebra. Held
     by both, triangles that span two bones would be torn to several times their size and tetrahedra turned
     inside out, which relaxation cannot mend. A collar of a few millimetres is enough: with 8 mm a quarter of the
-    nodes on bone were loose, and the skin no smoother.
+    nodes on bone were loose, and the skin no smoother. Of bones just apart, a head of a rib and the vertebra above
+    its own, the nodes at both ends of a narrow gap are free: its tetrahedra, held at all corners, would close.
     """
     from scipy.spatial import KDTree  # heavy
 
-    edges = np.unique(np.sort(trunk.bone_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-    border = np.unique(edges[trunk.bone[edges[:, 0]] != trunk.bone[edges[:, 1]]])
-    if len(border) == 0:
-        return trunk
-    distance, _ = KDTree(trunk.nodes[border]).query(trunk.nodes, distance_upper_bound=_REACH)
-    return replace(trunk, bone=np.where(np.isfinite(distance), np.int32(-1), trunk.bone))
+    border = np.unique(_between(trunk, _edges(trunk.bone_faces)))
+    gaps = _between(trunk, _edges(trunk.tets))
+    narrow = np.linalg.norm(np.subtract(*trunk.nodes[gaps].swapaxes(0, 1)), axis=1) < _GAP
+    loose = np.zeros(len(trunk.nodes), dtype=bool)
+    loose[gaps[narrow]] = True
+    if len(border):
+        distance, _ = KDTree(trunk.nodes[border]).query(trunk.nodes, distance_upper_bound=_REACH)
+        loose |= np.isfinite(distance)
+    return replace(trunk, bone=np.where(loose, np.int32(-1), trunk.bone))
+
+
+def _edges(cells: np.ndarray) -> np.ndarray:
+    """The edges of triangles or tetrahedra, each once, shape (edges, 2)."""
+    ends = np.vstack([cells[:, list(pair)] for pair in combinations(range(cells.shape[1]), 2)])
+    return np.unique(np.sort(ends, axis=1), axis=0)
+
+
+def _between(trunk: TrunkMesh, edges: np.ndarray) -> np.ndarray:
+    """Those of the edges that lead from one bone to another, shape (edges, 2)."""
+    bone = trunk.bone[edges]
+    return edges[(bone >= 0).all(axis=1) & (bone[:, 0] != bone[:, 1])]

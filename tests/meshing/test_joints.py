@@ -1,0 +1,31 @@
+"""Joints: what is free where bones share a surface, and where a narrow gap parts them."""
+
+import numpy as np
+import pytest
+
+from support.meshes import block_with_bone
+from support.synthetic import shell_trunk
+from warp_trunk.meshing.joints import free_joints
+
+
+def test_no_held_triangle_joins_two_bones_whose_joint_is_free() -> None:
+    trunk = shell_trunk()  # two spheres that touch
+    bones = trunk.bone[trunk.bone_faces]
+    assert (bones.min(axis=1) != bones.max(axis=1)).any()  # they are merged
+    free = free_joints(trunk)
+    bones = free.bone[free.bone_faces]
+    assert ((bones.min(axis=1) == bones.max(axis=1)) | (bones.min(axis=1) < 0)).all()
+    freed = (trunk.bone >= 0) & (free.bone < 0)
+    assert freed.any()
+    assert np.abs(trunk.nodes[freed, 2]).max() < 20.0  # where they touch, at z = 0, and not elsewhere
+    assert set(free.bone[free.bone >= 0]) == {0, 1}
+
+
+@pytest.mark.parametrize(("cell", "loose"), [(4.0, 8), (8.0, 0)])
+def test_only_the_two_faces_of_a_narrow_gap_are_free(cell: float, loose: int) -> None:
+    trunk = block_with_bone((5, 5, 5), cell, holes=((1, 2, 2), (3, 2, 2)))  # a cell apart
+    free = free_joints(trunk)
+    freed = (trunk.bone >= 0) & (free.bone < 0)
+    assert freed.sum() == loose
+    np.testing.assert_allclose(trunk.nodes[freed, 0], 2.5 * cell, atol=0.61 * cell)
+    np.testing.assert_array_equal(free.bone[~freed], trunk.bone[~freed])
