@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -138,12 +139,8 @@ def _run(
     if held:
         progress.message(f"warning: {held[0]}; tissue cannot follow there")
     before = measure(case.skin, case.landmarks_before)
-    recording = None
-    if options.record:
-        with progress.stage("record", "opening the recording"):
-            path = partial(folder / RECORDING)
-            recording = _recording(path, case, prepared, before, options=options, live=live)
-    try:
+    path = partial(folder / RECORDING)
+    with _opened(path, case, prepared, before, options=options, live=live, progress=progress) as recording:
         increments, after = _simulate(case, prepared, patient, _Watchers(recording, checkpoint, progress))
         last = increments[-1]
         warnings = [
@@ -155,9 +152,6 @@ def _run(
             if found is not None:
                 recording.bands(found.bands)
             recording.finish(markdown(case, last, before, after, [*warnings, *_faults(case, prepared, last)]))
-    finally:
-        if recording is not None:
-            recording.close()
     summary = write_result(
         folder,
         case,
@@ -204,20 +198,31 @@ class _Clock:
         return {**own, "total": own.get("load", 0.0) + time.perf_counter() - self._start}
 
 
-def _recording(
-    path: Path, case: Case, prepared: Prepared, before: TrunkMeasures, *, options: RunOptions, live: str | None
-) -> Recording:
-    return Recording(
-        path,
-        case,
-        prepared.trunk,
-        before,
-        prepared.bone_path,
-        model=prepared.model,
-        colours=options.record_colours,
-        steps=options.record_steps,
-        live=live,
-    )
+def _opened(
+    path: Path,
+    case: Case,
+    prepared: Prepared,
+    before: TrunkMeasures,
+    *,
+    options: RunOptions,
+    live: str | None,
+    progress: Progress,
+) -> AbstractContextManager[Recording | None]:
+    """The recording of a run, closed where the block ends; None where none is wanted."""
+    if not options.record:
+        return nullcontext()
+    with progress.stage("record", "opening the recording"):
+        return Recording(
+            path,
+            case,
+            prepared.trunk,
+            before,
+            prepared.bone_path,
+            model=prepared.model,
+            colours=options.record_colours,
+            steps=options.record_steps,
+            live=live,
+        )
 
 
 def _bands(
