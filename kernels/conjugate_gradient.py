@@ -37,6 +37,21 @@ def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int):
     return value
 
 
+@wp.func
+def turning(
+    r_dot_z: wp.array2d(dtype=wp.float64), p_dot_q: wp.array2d(dtype=wp.float64), iteration: int, ranges: int
+):
+    """beta of p = z + beta p, 0 at the first iteration, and whether p is kept, as one of negative curvature."""
+    beta = wp.float64(0.0)
+    bent = False
+    if iteration > 0:
+        bent = total(p_dot_q, iteration - 1, ranges) < wp.float64(0.0)
+        last = total(r_dot_z, iteration - 1, ranges)
+        if last > wp.float64(0.0):
+            beta = total(r_dot_z, iteration, ranges) / last
+    return beta, bent
+
+
 @cache
 def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels of the loop, in its order, in one precision."""
@@ -100,19 +115,12 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         preconditioned: wp.array(dtype=run),
         search: wp.array(dtype=run),
     ):
-        """p = z + beta p, with beta = 0 at the first iteration; a direction of negative curvature is kept."""
+        """p = z + beta p; a direction of negative curvature is kept."""
         i = first + wp.tid()
-        j = iteration[0]
-        bent = False
-        if j > 0:
-            bent = total(p_dot_q, j - 1, ranges) < wp.float64(0.0)
-        if i < end and not bent:
-            beta = scalar(0.0)
-            if j > 0:
-                last = total(r_dot_z, j - 1, ranges)
-                if last > wp.float64(0.0):
-                    beta = scalar(total(r_dot_z, j, ranges) / last)
-            search[i] = preconditioned[i] + beta * search[i]
+        if i < end:
+            beta, bent = turning(r_dot_z, p_dot_q, iteration[0], ranges)
+            if not bent:
+                search[i] = preconditioned[i] + scalar(beta) * search[i]
 
     @wp.kernel(module="unique", enable_backward=False)
     def count_kernel(iteration: wp.array(dtype=wp.int32)):

@@ -1,51 +1,43 @@
-"""Transfers between the levels of the preconditioner, and the matrices of its grids."""
+"""Transfers between levels of the preconditioner on the CPU (for CUDA: `all_grids`), and matrices of its grids."""
 
 from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
 
-from .reduction import adder, lane_adder
+from .reduction import adder
 
 vec8i = wp.types.vector(8, wp.int32)
 STRIP = 16
 """Rows of the dense product that one item of the CPU adds up."""
-LANES = 32
-"""Threads that share a row of the dense product on CUDA; most that share a grid vertex."""
 
 
 @cache
-def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels of the preconditioner, in one precision."""
-    add, add_lanes = adder(cuda), lane_adder(scalar)
+def multilevel_kernels(scalar: type) -> SimpleNamespace:
+    """The kernels of the preconditioner, in one precision; those that apply it are for the CPU."""
+    add = adder(False)
     vec3 = wp.types.vector(3, scalar)
     vec8 = wp.types.vector(8, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
     strip = wp.types.vector(STRIP, scalar)
-    row_lanes = wp.constant(LANES if cuda else 1)
 
     @wp.kernel(module="unique", enable_backward=False)
     def restrict_kernel(
         first: int,
         end: int,
         slab: int,
-        lanes: int,
         row_start: wp.array(dtype=wp.int32),
         point: wp.array(dtype=wp.int32),
         weight: wp.array(dtype=scalar),
         residual: wp.array(dtype=vec3),
         coarse_residual: wp.array(dtype=vec3),
     ):
-        """P^T r: every grid vertex gathers the residual of the points it reaches, over `lanes` threads."""
-        i = first + wp.tid()
-        v = i // lanes
-        total = vec3()
-        if i < end:
-            for k in range(row_start[v] + i % lanes, row_start[v + 1], lanes):
+        """P^T r: every grid vertex gathers the residual of the points it reaches."""
+        v = first + wp.tid()
+        if v < end:
+            total = vec3()
+            for k in range(row_start[v], row_start[v + 1]):
                 total += weight[k] * residual[point[k]]
-        if wp.static(cuda):
-            total = vec3(add_lanes(total[0], lanes), add_lanes(total[1], lanes), add_lanes(total[2], lanes))
-        if i < end and i % lanes == 0:
             coarse_residual[v] = total
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -125,27 +117,6 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                             )
 
     @wp.kernel(module="unique", enable_backward=False)
-    def dense_lanes_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        size: int,
-        inverse: wp.array(dtype=scalar, ndim=2),
-        residual: wp.array(dtype=scalar),
-        solution: wp.array(dtype=scalar),
-    ):
-        """A dense product, for CUDA: LANES threads share a row, and neighbours read neighbouring numbers."""
-        item = first + wp.tid()
-        i = item // row_lanes
-        value = scalar(0.0)
-        if item < end:
-            for k in range(item % row_lanes, size, row_lanes):
-                value += inverse[i, k] * residual[k]
-        value = add_lanes(value, row_lanes)
-        if item < end and item % row_lanes == 0:
-            solution[i] = value
-
-    @wp.kernel(module="unique", enable_backward=False)
     def dense_strip_kernel(
         first: int,
         end: int,
@@ -155,7 +126,7 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         residual: wp.array(dtype=scalar),
         solution: wp.array(dtype=strip),
     ):
-        """STRIP rows of a dense product, for the CPU: one vector register of sums, read from front to back."""
+        """STRIP rows of a dense product: one vector register of sums, read from front to back."""
         b = first + wp.tid()
         if b < end:
             total = strip()
@@ -168,6 +139,5 @@ def multilevel_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         prolong=prolong_kernel,
         grid_diagonal=grid_diagonal_kernel,
         grid_matrix=grid_matrix_kernel,
-        dense_lanes=dense_lanes_kernel,
         dense_strip=dense_strip_kernel,
     )

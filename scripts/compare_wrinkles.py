@@ -9,14 +9,12 @@ evenly, and what folds beyond that is the energy's own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from benchmarking.process import be_quiet
 from benchmarking.tables import markdown
 from scipy.spatial import Delaunay
 
-from warp_trunk import Surface, build_model, simulate
+from warp_trunk import BonePath, Surface, build_model, simulate
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
@@ -30,18 +28,6 @@ INSIDE = np.array([24.0, 16.0])
 """How far from the held sides folds are told [mm]."""
 FLAT = 0.01
 """Tetrahedra of less than this part of the usual volume are left out."""
-
-
-@dataclass(frozen=True)
-class Shortened:
-    """A path that moves all nodes evenly towards the middle."""
-
-    displacement: np.ndarray
-    """At load factor 1 [mm], shape (nodes, 3)."""
-
-    def at(self, load_factor: float) -> np.ndarray:
-        """Displacement at a load factor [mm]."""
-        return load_factor * self.displacement
 
 
 def layer(spacing: float) -> TrunkMesh:
@@ -73,7 +59,7 @@ def fold(trunk: TrunkMesh, energy: EnergyName, part: float) -> float:
     """The largest fold of the free face away from its sides [degrees]."""
     way = np.zeros_like(trunk.nodes)
     way[:, 0] = -part * (trunk.nodes[:, 0] - 0.5 * SIZE[0])
-    increments = list(simulate(build_model(trunk, energy=energy), Shortened(way), SimulationOptions(increments=5)))
+    increments = list(simulate(build_model(trunk, energy=energy), BonePath(way), SimulationOptions(increments=5)))
     before = trunk.nodes[trunk.skin_nodes]
     after = before + increments[-1].displacement[trunk.skin_nodes]
     change = skin_change(Surface(before, trunk.skin_faces), Surface(after, trunk.skin_faces))

@@ -89,6 +89,17 @@ def test_rigid_bones_keep_their_shape_at_every_increment(jointed) -> None:
     np.testing.assert_array_equal(path.at(0.4)[trunk.bone == 1], 0.0)
 
 
+def test_the_path_of_some_nodes_is_that_of_all(jointed) -> None:
+    trunk, motions = jointed
+    path = rigid_path(trunk, motions)
+    nodes = np.random.default_rng(4).permutation(len(trunk.nodes))[: len(trunk.nodes) // 2]
+    assert {-1, 0} <= set(trunk.bone[nodes])
+    for t in (0.3, 1.0):
+        np.testing.assert_allclose(path.of(nodes).at(t), path.at(t)[nodes], atol=1e-12)
+    only_tissue = np.flatnonzero(trunk.bone < 0)
+    np.testing.assert_array_equal(path.of(only_tissue).at(0.3), 0.3 * path.displacement[only_tissue])
+
+
 def test_a_bone_without_a_motion_is_named(jointed) -> None:
     trunk, motions = jointed
     with pytest.raises(InputError, match="'lower'"):

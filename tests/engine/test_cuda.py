@@ -12,7 +12,11 @@ from support.meshes import block_with_bone, rotation
 from support.reference import Reference
 from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus, multilevel
+from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
+from warp_trunk.engine.relaxation.conjugate_gradient import WINDOW, ConjugateGradient
+from warp_trunk.engine.relaxation.dots import Dots
+from warp_trunk.engine.relaxation.multilevel import Multilevel
 from warp_trunk.engine.relaxation.outcome import Method
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.state import State
@@ -68,6 +72,60 @@ def test_energies_of_a_layered_continuum_are_those_of_numpy(
     found, wanted = np.empty_like(TRUNK.nodes), reference.gradient(displacement)
     found[model.order] = state.gradient.numpy()
     np.testing.assert_allclose(found, wanted, atol=tolerance * np.abs(wanted).max())
+
+
+def stretched(device: str, precision: str) -> tuple[State, BlockMatrix]:
+    """A block whose nodes are not at rest, and its curvature."""
+    state = State(build_model(TRUNK, device=device, precision=precision))
+    state.place(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
+    state.evaluate()
+    matrix = BlockMatrix(state)
+    matrix.assemble()
+    return state, matrix
+
+
+ONE_GRID_OR_MORE = pytest.mark.parametrize("finest_spacing", [1.15, 0.3])
+
+
+@ONE_GRID_OR_MORE
+@pytest.mark.skipif("cpu" not in map(str, wp.get_devices()), reason="Warp has no CPU device on this machine")
+def test_cpu_and_cuda_solve_alike(finest_spacing: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same solution to the last digits, and as much work for it."""
+    monkeypatch.setattr(multilevel, "FINEST_SPACING", finest_spacing)
+    solutions, iterations = [], []
+    for device in ("cpu", "cuda:0"):
+        state, matrix = stretched(device, "float64")
+        solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
+        iterations.append(solver.solve(1e-9, 0.0).iterations)
+        solutions.append(solver.solution.numpy())
+    assert np.abs(solutions[0] - solutions[1]).max() < 1e-8
+    assert abs(iterations[0] - iterations[1]) <= WINDOW
+
+
+@ONE_GRID_OR_MORE
+@pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-5), ("float64", 1e-6)])
+def test_the_preconditioner_is_symmetric_and_positive(
+    precision: str, tolerance: float, finest_spacing: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(multilevel, "FINEST_SPACING", finest_spacing)
+    state, matrix = stretched("cuda:0", precision)
+    model, generator = state.model, np.random.default_rng(3)
+    r, z = model.free_vectors(), model.free_vectors()
+    dots = Dots.unread(model)
+    apply = Multilevel(matrix).apply(r, z, dots)
+    given = [generator.normal(size=(model.free_nodes, 3)) for _ in range(2)]
+    found, products = [], []
+    for vectors in given:
+        r.assign(vectors)
+        dots.products.zero_()
+        apply()
+        found.append(z.numpy().astype(float))
+        products.append(float(dots.products.numpy().sum()))
+    across = [float(np.vdot(given[i], found[1 - i])) for i in range(2)]
+    assert across[0] == pytest.approx(across[1], abs=tolerance * products[0])
+    for vectors, solved, product in zip(given, found, products, strict=True):
+        assert product > 0.0
+        assert product == pytest.approx(float(np.vdot(vectors, solved)), rel=tolerance)
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

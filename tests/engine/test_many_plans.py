@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,11 +35,15 @@ class Late:
     """A path that knows where it goes only up to a load factor."""
 
     until: float
+    whole: BonePath = WHOLE
 
     def at(self, load_factor: float) -> np.ndarray:
         if load_factor > self.until and load_factor < 1.0:
             raise InputError(f"late: nothing is known at {load_factor:.1f}")
-        return WHOLE.at(load_factor)
+        return self.whole.at(load_factor)
+
+    def of(self, nodes: np.ndarray) -> Late:
+        return replace(self, whole=self.whole.of(nodes))
 
 
 def paths(*shares: float) -> list[BonePath]:
@@ -151,7 +155,7 @@ def test_those_left_are_given_up_and_the_next_begin_anew(device: str) -> None:
     with pytest.raises(InputError, match="still go on"):
         next(simulate_all(model, paths(1.0), OPTIONS))
     begun.close()
-    assert threading.active_count() == threads
+    assert threading.active_count() <= threads  # those of a test before may have ended
     (end,) = ends(simulate_all(model, paths(1.0), OPTIONS, relaxer=relaxer))
     far = np.abs(end.displacement - alone(model, WHOLE).displacement).max()
     assert far <= (0.0 if device == "cpu" else 2.0 * OPTIONS.relax.tolerance)

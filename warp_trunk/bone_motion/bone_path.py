@@ -50,6 +50,14 @@ class BonePath:
             moved[bone.nodes] = part_of(bone.motion, load_factor).apply(bone.rest) - bone.rest
         return moved
 
+    def of(self, nodes: np.ndarray) -> BonePath:
+        """The path of some nodes alone, shape (k,), none of them twice, in their order."""
+        place = np.full(len(self.displacement), -1)
+        place[nodes] = np.arange(len(nodes))
+        kept = [(bone, place[bone.nodes] >= 0) for bone in self.rigid_bones]
+        bones = [RigidBone(place[bone.nodes][is_kept], bone.rest[is_kept], bone.motion) for bone, is_kept in kept]
+        return BonePath(self.displacement[nodes], tuple(bone for bone in bones if len(bone.nodes)))
+
 
 def spline_path(
     nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks, device: str = "cpu"

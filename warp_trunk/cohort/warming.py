@@ -29,6 +29,10 @@ class _Shift:
         """The displacement of every node [mm], shape (nodes, 3)."""
         return np.full((self._nodes, 3), [load_factor, 0.0, 0.0])
 
+    def of(self, nodes: np.ndarray) -> _Shift:
+        """That of some nodes alone."""
+        return _Shift(len(nodes))
+
 
 def warm(options: RunOptions) -> None:
     """Relaxes a small cube with these options, so that Warp's cache holds the kernels for the cases."""

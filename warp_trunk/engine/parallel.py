@@ -155,6 +155,16 @@ class Parallel:
         return command.launch  # pyright: ignore[reportOptionalMemberAccess]  (recorded launches are returned)
 
 
+def in_turn(*launches: Launch) -> Launch:
+    """Several launches as one, in their order."""
+
+    def launch() -> None:
+        for each in launches:
+            each()
+
+    return launch
+
+
 class _Worker:
     """A thread that runs one launch at a time, woken by a lock: a third of a thread pool's delay."""
 

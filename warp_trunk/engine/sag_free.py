@@ -87,6 +87,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
             continue
         newton.begin(tolerance, 0.0, confirm=True, near=True)
         spent += newton.propose(None, 1.0)[1]
+        products.take()
         arrived, more = newton.arrives(0.0, products.read())
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())

@@ -30,6 +30,10 @@ class BonePath(Protocol):
         """Displacement from before surgery at a load factor in [0, 1] [mm], in mesh order, shape (nodes, 3)."""
         ...
 
+    def of(self, nodes: np.ndarray) -> BonePath:
+        """The path of some nodes alone, shape (k,), in their order."""
+        ...
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationOptions:
@@ -197,16 +201,21 @@ class Predictor:
 
     def move(self, load_factor: float) -> None:
         """Changes the state to the expected one."""
-        path = self.bone_path.at(load_factor)
         if self._moves:
             self._expect()
-            self.state.hold(path)
+            self.state.hold(self._bones.at(load_factor))
         else:
-            self.state.place(path)
+            self.state.place(self.bone_path.at(load_factor))
 
     def arrived(self, relaxation: Relaxation) -> None:
         """Takes note of how the trunk was relaxed where it was moved to."""
         self._moves, self._steps = self._moves + 1, relaxation.steps
+
+    @cached_property
+    def _bones(self) -> BonePath:
+        """The path of the prescribed nodes in model order."""
+        model = self.state.model
+        return self.bone_path.of(model.order[model.prescribed])
 
     @cached_property
     def _foresee(self) -> Launch:

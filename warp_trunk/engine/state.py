@@ -38,14 +38,15 @@ class State:
         self.gradient = self._slabs[0]
         self.inverted = model.zeros(wp.int8, len(model.corners))
         self.sums = model.zeros(wp.float64, ranges, COLUMNS)
+        self._read_sums = model.parallel.reader(self.sums)
         self._evaluate = model.over_tets(
             model.elements.kernels.gradient,
             [(start or self).inverted, self.displacement],
             [self._slabs, self.inverted, self.sums],
         )
-        self._bones = model.order[model.prescribed]
-        self._held = wp.empty(len(self._bones), dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda)
-        self._read_sums = model.parallel.reader(self.sums)
+        bones = model.nodes - model.free_nodes
+        self._held = wp.empty(bones, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda)
+        self._held_values = self._held.numpy()
         self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
 
     def evaluate(self) -> None:
@@ -80,13 +81,13 @@ class State:
         return to_mesh_order(self.model, self.displacement.numpy())
 
     def hold(self, displacement: np.ndarray) -> None:
-        """Sets the prescribed nodes alone, as `place`."""
-        self._held.numpy()[:] = displacement[self._bones]
-        wp.copy(self.displacement, self._held, dest_offset=self.model.prescribed.start, count=len(self._bones))
+        """Sets the displacement of the prescribed nodes in model order [mm], shape (prescribed nodes, 3)."""
+        self._held_values[:] = displacement
+        wp.copy(self.displacement, self._held, dest_offset=self.model.free_nodes, count=len(self._held))
 
     def place(self, displacement: np.ndarray) -> None:
         """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""
-        moved = displacement[self.model.order]
+        moved = np.take(displacement, self.model.order, axis=0)  # faster than by an index
         if self.model.scan is not None:
             moved = moved + self.model.scan
         self.displacement.assign(moved.astype(wp.dtype_to_numpy(self.model.scalar)))

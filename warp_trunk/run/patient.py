@@ -126,6 +126,9 @@ class _PathOf:
     def at(self, load_factor: float) -> np.ndarray:
         return self._path.at(load_factor)
 
+    def of(self, nodes: np.ndarray) -> BonePath:
+        return self._path.of(nodes)
+
     @cached_property
     def _path(self) -> BonePath:
         self._patient.check(self._case)

@@ -39,7 +39,8 @@ class BlockMatrix:
         size = self.sparsity.blocks
         self.blocks = model.zeros(mat33, ranges, size)
         self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
-        self._clear = record(slab_kernels(mat33).clear, size, [ranges], [self.blocks])
+        clear = record(slab_kernels(mat33).clear, size, [ranges], [self.blocks])
+        self._clear = self.blocks.zero_ if model.parallel.is_cuda else clear
         kernels, at = model.elements.kernels, [self.sparsity.block_of, state.displacement]
         self._add_positive = model.over_tets(kernels.curvature, at, [self.blocks])
         self._add_true = model.over_tets(kernels.true_curvature, at, [self.blocks])
@@ -76,6 +77,16 @@ class BlockMatrix:
             s.row_bounds * (ROW_LANES if self.model.parallel.is_cuda else 1),
             [s.row_start, s.columns, self.blocks, p_dot_q.iteration, p],
             [q, p_dot_q.products],
+        )
+
+    def turn_and_multiply(self, z: wp.array, p: wp.array, q: wp.array, r_dot_z: Dots, p_dot_q: Dots) -> Launch:
+        """Records p = z + beta p and q = H p with p . q in one launch, on CUDA; see `multiply`."""
+        s = self.sparsity
+        return self.model.parallel.record(
+            sparse_kernels(*self.model.variant).turn_and_multiply,
+            self.model.free_nodes * ROW_LANES,
+            [s.row_start, s.columns, self.blocks, p_dot_q.iteration, r_dot_z.products, z],
+            [p, q, p_dot_q.products],
         )
 
     def multiply_columns(self, columns: Columns, p: wp.array, q: wp.array, p_dot_q: wp.array) -> Launch:

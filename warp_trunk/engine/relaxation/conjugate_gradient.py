@@ -20,7 +20,7 @@ from warp_trunk.kernels.conjugate_gradient import (
 )
 
 from ..model import Model
-from ..parallel import Launch
+from ..parallel import Launch, in_turn
 from .block_matrix import BlockMatrix
 from .device_loop import record_loop
 from .dots import PADDING, Dots
@@ -89,8 +89,12 @@ class ConjugateGradient:
         over_free, record_undivided = model.over_free, model.parallel.record_undivided
         self._start = over_free(kernels.start, [gradient], [self.solution, r, p, self._earlier])
         scalars = [ranges, self._iteration, r_dot_z, p_dot_q]
-        self._turn = over_runs(model, kernels.turn, [*scalars, runs_of_z], [runs_of_p])
-        self._multiply = matrix.multiply(p, q, self._p_dot_q)
+        if model.parallel.is_cuda:
+            self._turn_and_multiply = matrix.turn_and_multiply(z, p, q, self._r_dot_z, self._p_dot_q)
+        else:
+            turn = over_runs(model, kernels.turn, [*scalars, runs_of_z], [runs_of_p])
+            multiply = matrix.multiply(p, q, self._p_dot_q)
+            self._turn_and_multiply = in_turn(turn, multiply)
         self._advance = over_runs(model, kernels.advance, [*scalars, runs_of_p, runs_of_q], [runs_of_x, runs_of_r])
         self._count = record_undivided(kernels.count, 1, [], [self._iteration])
         self._precondition = preconditioner.apply(r, z, self._r_dot_z)
@@ -111,11 +115,19 @@ class ConjugateGradient:
         have come. It also ends at a search direction of negative curvature, where the matrix has no least energy
         (Steihaug 1983).
         """
+        self.start(absolute, relative, least)
+        return self.ended()
+
+    def start(self, absolute: float, relative: float, least: float = 0.0) -> None:
+        """Begins what `solve` does; `ended` waits for it."""
         limits = (absolute, relative, least)
         if limits != self._limited:
             self._limits.assign(np.array(limits))
             self._limited = limits
         self._run()
+
+    def ended(self) -> LinearSolution:
+        """How the solve that was started last ended."""
         outcome = self._read_outcome()
         return LinearSolution(
             iterations=int(outcome[ITERATIONS]),
@@ -141,8 +153,7 @@ class ConjugateGradient:
     def _advance_window(self) -> None:
         """WINDOW iterations and a look at how far they moved the solution."""
         for _ in range(WINDOW):
-            self._turn()  # p = z + beta p
-            self._multiply()  # q = H p
+            self._turn_and_multiply()  # p = z + beta p, q = H p
             self._advance()  # d += step p, r -= step q
             self._count()
             self._precondition()  # z = M^-1 r

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
-from warp_trunk.kernels.multilevel import LANES, STRIP, multilevel_kernels
+from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels
 
 from ..model import Model
 from ..parallel import Launch
@@ -18,35 +18,30 @@ BLOCKS = 32
 """Blocks of a row that one CUDA thread adds up for several columns."""
 
 
-def record_dense_product(model: Model, inverse: np.ndarray, residual: wp.array, solution: wp.array) -> Launch:
-    """Records solution = inverse residual.
+def dense_strips(model: Model, inverse: np.ndarray) -> wp.array:
+    """A matrix (3 n, 3 n) for products on the CPU, shape (strips, 3 n), of STRIP rows each."""
+    size = len(inverse)
+    padded = np.zeros((-(-size // STRIP) * STRIP, size), dtype=inverse.dtype)
+    padded[:size] = inverse
+    vector: Any = wp.types.vector(STRIP, model.scalar)
+    return model.array(padded.reshape(-1, STRIP, size).transpose(0, 2, 1), vector)
+
+
+def record_dense_product(model: Model, inverse: wp.array, residual: wp.array, solution: wp.array) -> Launch:
+    """Records solution = inverse residual, on the CPU.
 
     Args:
         model: where it runs.
-        inverse: symmetric, shape (3 n, 3 n), on the host.
+        inverse: symmetric, of n nodes, in `dense_strips`.
         residual: shape (n,), vec3.
         solution: shape (n + STRIP,), vec3: the last strip is written whole.
     """
-    size = len(inverse)
-    flat_residual = view(residual, model.scalar, size)
-    kernels = multilevel_kernels(*model.variant)
-    if model.parallel.is_cuda:
-        return model.parallel.record(
-            kernels.dense_lanes,
-            size * LANES,
-            [size, model.array(inverse, model.scalar), flat_residual],
-            [view(solution, model.scalar, size)],
-        )
-    strips = -(-size // STRIP)
-    padded = np.zeros((strips * STRIP, size), dtype=inverse.dtype)
-    padded[:size] = inverse
-    by_strip = padded.reshape(strips, STRIP, size).transpose(0, 2, 1)
-    vector: Any = wp.types.vector(STRIP, model.scalar)
+    strips, size = inverse.shape
     return model.parallel.record(
-        kernels.dense_strip,
+        multilevel_kernels(model.scalar).dense_strip,
         strips,
-        [size, model.array(by_strip, vector), flat_residual],
-        [view(solution, vector, strips)],
+        [size, inverse, view(residual, model.scalar, size)],
+        [view(solution, inverse.dtype, strips)],
         least=16,
     )
 

@@ -26,7 +26,7 @@ from .line_search import Trial, search
 from .multilevel import Multilevel
 from .newton import Newton
 from .outcome import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
-from .products import ProductReader
+from .products import ProductReader, Products
 
 ESTIMATE_EVERY = 50
 """Steps of a gradient method between two Newton solves that tell how far the equilibrium is."""
@@ -113,6 +113,7 @@ class Relaxer:
         """
         tolerance = self.options.tolerance if tolerance is None else tolerance
         self.state.evaluate()
+        self._begin(tolerance, confirm, near)
         energy, inverted, _ = self.state.read()
         course = Course(energy, inverted, ROUNDING[self.model.precision])
         if not math.isfinite(energy.total):
@@ -120,10 +121,11 @@ class Relaxer:
         if not self.model.free_nodes:
             return course.end(RelaxStatus.CONVERGED, 0.0)
         newton, method = self._newton, self._method
-        floor = self._begin(tolerance, confirm, near)
+        newton.floor = floor = self._floor()
         arrived = RelaxStatus.CONVERGED if confirm else RelaxStatus.NEAR
         products, length = None, 0.0
         for step in range(self.options.max_steps):
+            self._start(products, length)
             length, spent = method.propose(products, length)
             looks = method is newton or step % ESTIMATE_EVERY == 0
             if looks and method is not newton:
@@ -134,7 +136,7 @@ class Relaxer:
             course.linear_iterations += spent
             if looks and course.gets_nowhere(newton.distance, 1 if self._method is newton else ESTIMATE_EVERY):
                 return course.end(RelaxStatus.STALLED, newton.distance)
-            here = self._products.read()
+            here = self._products_here()
             trial = self._search(method, length, here.slope, course)
             if trial is not None:
                 self.state.copy_from(self._trial)
@@ -155,12 +157,39 @@ class Relaxer:
                 products = None
         return course.end(RelaxStatus.STEP_LIMIT, newton.distance)
 
-    def _begin(self, tolerance: float, confirm: bool, near: bool) -> float:
-        """Gets ready for a relaxation to a tolerance [mm]; returns what rounding leaves of every distance [mm]."""
-        self._trial.copy_from(self.state)  # the nodes that no step moves
-        floor = ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * self._largest_displacement()
-        self._newton.begin(tolerance, floor, confirm=confirm, near=near)
-        return floor
+    def _begin(self, tolerance: float, confirm: bool, near: bool) -> None:
+        """Begins a relaxation to a tolerance [mm], as far as the device can go without being asked."""
+        self._started = self._tried = False
+        if not self.model.free_nodes:
+            return
+        self._longest.zero_()
+        self._find_longest()
+        wp.copy(self._trial.displacement, self.state.displacement)  # the nodes that no step moves
+        self._newton.begin(tolerance, confirm=confirm, near=near)
+        self._start(None, 0.0)
+
+    def _floor(self) -> float:
+        """What rounding leaves of every distance [mm], by the largest displacement of a node from rest."""
+        largest = float(self._read_longest().max()) ** 0.5
+        return ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * largest
+
+    def _start(self, products: Products | None, length: float) -> None:
+        """Starts what a Newton step most likely is: its solve, and the trial at the end of it.
+
+        A device that waits for what it was asked to tell does nothing; so it is asked when all this is launched.
+        """
+        if self._method is self._newton and not self._started and self._newton.start(products, length):
+            self._products.take()
+            self._launch(1.0)
+            self._started = self._tried = True
+
+    def _products_here(self) -> Products:
+        """Products at the state with the direction that was proposed."""
+        if not (self._started and self._newton.as_started):
+            self._tried = False
+            self._products.take()
+        self._started = False
+        return self._products.read()
 
     def _search(
         self, method: Newton | Conjugate | Gradient, length: float, slope: float, course: Course
@@ -179,17 +208,18 @@ class Relaxer:
         course.evaluations += attempts
         return trial
 
-    def _largest_displacement(self) -> float:
-        """Largest displacement of a node from rest [mm]."""
-        self._longest.zero_()
-        self._find_longest()
-        return float(self._read_longest().max()) ** 0.5
-
     def _attempt(self, length: float) -> Trial:
         """Evaluates the trial at a length along the direction."""
-        self._length.fill_(length)
-        self._step()
-        self._trial.evaluate()
+        if not (self._tried and length == 1.0):
+            self._launch(length)
+        self._tried = False
         energy, inverted, newly_inverted = self._trial.read()
         forbidden = 0 if self.model.elements.rights_inverted else newly_inverted
         return Trial(length, energy, inverted, forbidden, self._trial_products.read())
+
+    def _launch(self, length: float) -> None:
+        """Begins to evaluate the trial at a length along the direction."""
+        self._length.fill_(length)
+        self._step()
+        self._trial.evaluate()
+        self._trial_products.take()

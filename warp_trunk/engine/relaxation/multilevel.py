@@ -11,22 +11,25 @@ surgical plan of a patient.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
-from warp_trunk.kernels.multilevel import LANES, STRIP, multilevel_kernels, vec8i
+from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels, vec8i
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..memo import Arrays, arrays_of
 from ..model import Model
-from ..parallel import Launch
+from ..parallel import Launch, in_turn
+from .all_grids import AllGrids
 from .block_matrix import BlockMatrix
 from .columns import Columns
-from .dense_inverse import invert, record_dense_columns, record_dense_product
+from .dense_inverse import dense_strips, invert, record_dense_columns, record_dense_product
 from .dots import Dots
 from .grid import CoarseGrid, Interpolation
 
@@ -46,88 +49,67 @@ class Multilevel:
         """Lays the grids over the free nodes at rest and takes the matrix onto them."""
         self.model = model = matrix.model
         self._inverse_diagonal = matrix.inverse_diagonal
-        self._unread = Dots.unread(model)
         points = model.rest[model.free]
         spacings = _spacings(model, points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
-        self._levels: list[_Level] = []
-        finer = points
-        for spacing in spacings:
-            grid = CoarseGrid.around(points, origin, spacing)
-            size = len(grid.positions)
-            transfer = _Transfer(model, grid.interpolate(finer))
-            last = spacing == spacings[-1]
-            diagonal = None
-            if not last:
-                whole = transfer if finer is points else _Transfer(model, grid.interpolate(points))
-                diagonal = grid_diagonal(matrix, whole, size, 1.0 / len(spacings))
-            level = _Level(
-                points=len(finer),
-                transfer=transfer,
-                residual=model.zeros(model.vec3, size),
-                correction=model.zeros(model.vec3, size + STRIP),  # room for a whole last strip
-                inverse_diagonal=diagonal,
+        self._grids = [CoarseGrid.around(points, origin, spacing) for spacing in spacings]
+        *finer, coarsest = self._grids
+        onto_nodes = [grid.interpolate(points) for grid in finer]
+        transfers = [_Transfer(model, whole) for whole in onto_nodes]
+        self._onto_finest = transfers[0] if transfers else _Transfer(model, coarsest.interpolate(points))
+        self._diagonals = [
+            grid_diagonal(matrix, transfer, len(grid.positions), 1.0 / len(spacings))
+            for transfer, grid in zip(transfers, finer, strict=True)
+        ]
+        self._inverse = _inverse(matrix, coarsest, points)
+        self._all_grids: AllGrids | None = None
+        if model.parallel.is_cuda:
+            onto_nodes.append(coarsest.interpolate(points))
+            self._all_grids = AllGrids(model, onto_nodes, self._diagonals, self._inverse)
+
+    @cached_property
+    def _levels(self) -> list[_Level]:
+        """The grids, each hanging on the one before."""
+        pairs = list(pairwise(self._grids))
+        transfers = [_Transfer(self.model, grid.interpolate(finer.positions)) for finer, grid in pairs]
+        points = [self.model.free_nodes, *(len(grid.positions) for grid in self._grids)]
+        return [
+            _Level(*level)
+            for level in zip(
+                points, points[1:], [self._onto_finest, *transfers], [*self._diagonals, None], strict=False
             )
-            self._levels.append(level)
-            finer = grid.positions
-            if last:
-                self._inverse = _inverse(matrix, grid, points)
-                self._solve_dense = record_dense_product(model, self._inverse, level.residual, level.correction)
+        ]
+
+    @cached_property
+    def _strips(self) -> wp.array:
+        """The dense inverse for the CPU."""
+        return dense_strips(self.model, self._inverse)
 
     def of(self, matrix: BlockMatrix) -> Multilevel:
         """The same grids for another matrix of this trunk, with vectors of their own."""
         other = copy(self)
         other._inverse_diagonal = matrix.inverse_diagonal
-        other._levels = [
-            replace(level, residual=wp.zeros_like(level.residual), correction=wp.zeros_like(level.correction))
-            for level in self._levels
-        ]
-        last = other._levels[-1]
-        other._solve_dense = record_dense_product(self.model, self._inverse, last.residual, last.correction)
         return other
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
-        fine = [self._inverse_diagonal, r, z]
-        dots = r_dot_z
+        if self._all_grids is not None:
+            return self._all_grids.apply(self._inverse_diagonal, r, z, r_dot_z)
+        model = self.model
+        kernels, record = multilevel_kernels(model.scalar), model.parallel.record
+        inverse_diagonal, dots = self._inverse_diagonal, r_dot_z
         down: list[Launch] = []
         up: list[Launch] = []
         for level in self._levels:
-            down.append(self._restrict(level, fine[1]))
-            up.append(self._prolong(level, fine, dots))
-            if level.inverse_diagonal is not None:
-                fine = [level.inverse_diagonal, level.residual, level.correction]
-                dots = self._unread
-        launches = [*down, self._solve_dense, *up[::-1]]
-
-        def apply() -> None:
-            for launch in launches:
-                launch()
-
-        return apply
-
-    def _restrict(self, level: _Level, residual: wp.array) -> Launch:
-        """Records P^T r."""
-        parallel, lanes = self.model.parallel, 1
-        while parallel.is_cuda and lanes < LANES and 2 * lanes * len(level.residual) <= 8 * level.points:
-            lanes *= 2  # a vertex reaches 8 points for each that it has
-        return parallel.record(
-            multilevel_kernels(*self.model.variant).restrict,
-            len(level.residual) * lanes,
-            [lanes, *level.transfer.by_vertex, residual],
-            [level.residual],
-            least=1024,  # a vertex gathers from tens of points
-        )
-
-    def _prolong(self, level: _Level, fine: list[wp.array], dots: Dots) -> Launch:
-        """Records z = D^-1 r + P z_coarse with r . z, of `fine`: D^-1, r and z of what the level hangs on."""
-        inverse_diagonal, residual, correction = fine
-        return self.model.parallel.record(
-            multilevel_kernels(*self.model.variant).prolong,
-            level.points,
-            [inverse_diagonal, *level.transfer.by_point, level.correction, residual],
-            [correction, dots.iteration, dots.products],
-        )
+            residual = model.zeros(model.vec3, level.vertices)
+            correction = model.zeros(model.vec3, level.vertices + STRIP)  # room for a whole last strip
+            gather = [*level.transfer.by_vertex, r]  # a vertex gathers from tens of points
+            down.append(record(kernels.restrict, level.vertices, gather, [residual], least=1024))
+            interpolate = [inverse_diagonal, *level.transfer.by_point, correction, r]
+            up.append(record(kernels.prolong, level.points, interpolate, [z, dots.iteration, dots.products]))
+            inverse_diagonal, dots = level.inverse_diagonal, Dots.unread(model)
+            r, z = residual, correction
+        return in_turn(*down, record_dense_product(model, self._strips, r, z), *up[::-1])
 
     def apply_columns(self, columns: Columns, r: wp.array, z: wp.array, r_dot_z: wp.array) -> Launch:
         """Records z = M^-1 r with r . z of each column, for fields of the free nodes; see `Columns`."""
@@ -136,7 +118,7 @@ class Multilevel:
         down: list[Launch] = []
         up: list[Launch] = []
         for level in self._levels:
-            size = len(level.residual)
+            size = level.vertices
             residual, correction = (columns.field(size) for _ in range(2))
             down.append(
                 columns.over_groups(kernels.restrict, size, [*level.transfer.by_vertex, r], [residual], stretch=1)
@@ -145,13 +127,7 @@ class Multilevel:
             up.append(columns.over_groups(kernels.prolong, level.points, interpolate, [z, dots]))
             inverse_diagonal, dots = level.inverse_diagonal, columns.products()
             r, z = residual, correction
-        launches = [*down, record_dense_columns(columns, self._inverse, r, z), *up[::-1]]
-
-        def apply() -> None:
-            for launch in launches:
-                launch()
-
-        return apply
+        return in_turn(*down, record_dense_columns(columns, self._inverse, r, z), *up[::-1])
 
 
 def _spacings(model: Model, points: np.ndarray) -> list[float]:
@@ -202,12 +178,10 @@ class _Level:
 
     points: int
     """Number of points."""
+    vertices: int
+    """Number of its vertices."""
     transfer: _Transfer
     """P, from its vertices to the points."""
-    residual: wp.array
-    """r of its vertices, shape (vertices,), vec3."""
-    correction: wp.array
-    """z of its vertices, shape (vertices + STRIP,), vec3."""
     inverse_diagonal: wp.array | None
     """D^-1 of its vertices, weighted, shape (vertices,), mat33; None for the coarsest, which is solved densely."""
 
@@ -218,7 +192,7 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int, weight: floa
     mat33 = wp.types.matrix((3, 3), model.scalar)
     diagonal = model.zeros(mat33, 1, size)
     wp.launch(
-        multilevel_kernels(*model.variant).grid_diagonal,
+        multilevel_kernels(model.scalar).grid_diagonal,
         dim=model.free_nodes,
         inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
         outputs=[diagonal[0]],
@@ -237,7 +211,7 @@ def grid_matrix(matrix: BlockMatrix, whole: _Transfer, size: int) -> np.ndarray:
     model = matrix.model
     dense = model.zeros(wp.float64, 3 * size, 3 * size)
     wp.launch(
-        multilevel_kernels(*model.variant).grid_matrix,
+        multilevel_kernels(model.scalar).grid_matrix,
         dim=model.free_nodes,
         inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
         outputs=[dense],

@@ -48,6 +48,10 @@ class Newton:
     """Energies the line search looks back on: the last one, so the energy falls at every step."""
     distance: float
     """How far the equilibrium is estimated to be [mm]; infinite where a direction leads down from a saddle."""
+    floor: float
+    """What rounding leaves of every distance [mm]; to be set before the first direction is asked for."""
+    as_started: bool
+    """Whether the direction last proposed is the end of a solve that `start` began."""
 
     def __init__(self, state: State, like: Newton | None = None) -> None:
         """For a state at rest: the preconditioner is made of the curvature there, or shared with another's."""
@@ -73,7 +77,7 @@ class Newton:
         """The line search takes the first decrease of a Newton step; down from a saddle it looks farther."""
         return 0.5 if math.isinf(self.distance) else None
 
-    def begin(self, tolerance: float, floor: float, *, confirm: bool = False, near: bool = False) -> None:
+    def begin(self, tolerance: float, floor: float = 0.0, *, confirm: bool = False, near: bool = False) -> None:
         """Begins a relaxation to a tolerance, where rounding leaves `floor` of every distance [mm].
 
         With `confirm` its end is to be confirmed; `near`, it begins some tolerances from there.
@@ -85,6 +89,7 @@ class Newton:
         self._length = self._shrink = math.inf
         self._norm = 0.0
         self._down: np.ndarray | None = None
+        self._started = False
         self.distance = math.inf
         self._confirmation.begin()
 
@@ -110,11 +115,13 @@ class Newton:
         if self._true:
             self._matrix.assemble_true()
 
-    def propose(self, products: Products | None, last_length: float) -> tuple[float, int]:
-        """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
+    def start(self, products: Products | None, last_length: float) -> bool:
+        """Begins to solve for the direction at the state, what `propose` with the same arguments then waits for.
+
+        Returns whether there is a solve, whose end will most likely be the direction.
+        """
         if self._down is not None:
-            self._go_down(np.zeros_like(self._down), self._down)
-            return 1.0, 0
+            return False
         whole = products is not None and last_length == 1.0
         self._cut = self._cut or (products is not None and last_length < 1.0 and self.distance < math.inf)
         was_true = self._true
@@ -125,17 +132,31 @@ class Newton:
         accuracy = TRUE_ACCURACY if self._true else ACCURACY
         least = self._longest_solve if self._cut else 0
         absolute = (ACCURACY if self._confirm else ON_THE_WAY) * self._tolerance
-        solution = self._solver.solve(absolute, accuracy, least)
+        self._solver.start(absolute, accuracy, least)
+        self._started, self._goes_on = True, whole and was_true and self._true
+        return True
+
+    def propose(self, products: Products | None, last_length: float) -> tuple[float, int]:
+        """Sets the direction at the state; returns the length to try first and the linear iterations spent."""
+        self.as_started = self._started
+        if self._down is not None:
+            self._go_down(np.zeros_like(self._down), self._down)
+            return 1.0, 0
+        if not self._started:
+            self.start(products, last_length)
+        self._started = False
+        solution = self._solver.ended()
         self._longest_solve = max(self._longest_solve, solution.iterations)
         if self._true and solution.bent:
             self._go_down(self._solver.solution.numpy(), self._solver.search.numpy())
+            self.as_started = False
             return 1.0, solution.iterations
         if self._true and math.isinf(solution.longest):  # of a preconditioner made too far away
             self.distance = math.inf
-            return 1.0, solution.iterations + self.propose(None, 1.0)[1]
+            return 1.0, solution.iterations + self.propose(None, 1.0)[1]  # as nothing has been started
         last = self._last_step(solution.norm)
         self._measure(solution)
-        if whole and was_true and self._true:
+        if self._goes_on:
             self._confirmation.saw(Step(last.length, max(last.left, self._length)))
         return 1.0, solution.iterations
 

@@ -49,10 +49,13 @@ class ProductReader:
             loop_kernels(*model.variant).products, [state.gradient, direction, previous], [self._products]
         )
 
-    def read(self) -> Products:
-        """The products as they are now; changes none of the vectors."""
+    def take(self) -> None:
+        """Computes the products of the vectors as they are now, on the device."""
         self._products.zero_()
         self._launch()
+
+    def read(self) -> Products:
+        """The products last taken; waits for the device."""
         sums = self._read().sum(axis=0)
         return Products(
             slope=float(sums[SLOPE]),
