@@ -26,7 +26,6 @@ BANDS = FOUND.bands
 def test_the_page_tells_it(tmp_path: Path) -> None:
     page = write_report(write_small_result(tmp_path, found=FOUND)).read_text()
     assert "How sure each number is" in page
-    assert "Left out: the weather." in page
     assert "section &lt;5.2&gt; of [2]" in page
     assert (tmp_path / "report" / "sure.png").stat().st_size > 5000
     assert "In 19 of 20 such operations the back would be turned at" in page

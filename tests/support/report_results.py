@@ -88,7 +88,6 @@ def small_bands(vertices: int) -> FoundBands:
         spine={"kyphosis_deg T5-T12": Band.of(30.0, 6.0), "trunk_shift_mm": Band.of(-2.0, 1.0)},
         exact={f"bsr {level}": Band.of(band.value, 0.5) for level, band in rotations.items()},
         sources=(source,),
-        left_out=("the weather",),
         skin_mean_mm=2.0,
         skin_max_mm=2.0,
         draws=32,

@@ -8,7 +8,7 @@ for the number (its adjoint l) gives its derivative in everything, since H is sy
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from .coupling import Coupling
 from .model import Model
 from .relaxation import Relaxer, RelaxStatus
 from .relaxation.column_gradient import ColumnGradient
+from .rest_derivative import pull_of_rest, rest_motions
 from .simulation import Increment
 from .state import State
 
@@ -67,7 +68,7 @@ class Linearization:
             )
         self.model, self._accuracy = model, accuracy
         self.iterations = 0
-        relaxer = relaxer or Relaxer(model)
+        self._relaxer = relaxer = relaxer or Relaxer(model)
         self._state = relaxer.state
         if not model.free_nodes:
             return
@@ -116,28 +117,32 @@ class Linearization:
     def pull(self, constant: Constant) -> np.ndarray:
         """dF/dc, what a constant adds to the gradient of every free node by its unit, shape (nodes, 3).
 
-        dN/dc is therefore -l . dF/dc. It is 0 on prescribed nodes.
-
-        Raises:
-            InputError: gravity and a rest state that was found for these constants (`sag_free`): it would move.
+        dN/dc is therefore -l . dF/dc. It is 0 on prescribed nodes. A rest state that was found for the constants
+        (`sag_free`) moves with them, which counts.
         """
-        self._refuse_sag_free()
-        return self._pull(weight_derivative(self.model, constant))
+        return self.pulls([weight_derivative(self.model, constant)])[0]
 
     def pull_of_parts(self, tets: np.ndarray, change: np.ndarray) -> np.ndarray:
         """The same where parts of tissues change in the tetrahedra of a mixture; see `parts_derivative`."""
-        self._refuse_sag_free()
-        return self._pull(parts_derivative(self.model, tets, change))
+        return self.pulls([parts_derivative(self.model, tets, change)])[0]
 
-    def _refuse_sag_free(self) -> None:
-        if self.model.scan is not None:
-            raise InputError(
-                "sensitivities: constants also move the rest state that gravity pulls into the scan, which is not "
-                "followed; leave the constants out, or take the scan as the rest state"
-            )
+    def pulls(self, derivatives: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
+        """The same of several changes of the weights, shape (changes, nodes, 3): see `weight_derivative`."""
+        model, scan = self.model, self.model.scan
+        if not derivatives or not model.free_nodes:
+            return np.zeros((len(derivatives), model.nodes, 3))
+        end = self._state.displacement.numpy().copy()
+        found = np.array([self._pull(each, end) for each in derivatives])
+        if scan is not None:
+            self._relaxer.true_curvature(model.array(scan, model.vec3))
+            there = np.array([self._pull(each, scan) for each in derivatives])
+            moved = rest_motions(model, there, self._solve_to, self._accuracy)
+            self._relaxer.true_curvature(model.array(end, model.vec3))
+            found += [pull_of_rest(model, end.astype(np.float64), each) for each in moved]
+        return self._in_mesh_order(found)
 
-    def _pull(self, derivative: Mapping[str, np.ndarray]) -> np.ndarray:
-        """The gradient of the energy with the derivative of its weights in their place, in mesh order."""
+    def _pull(self, derivative: Mapping[str, np.ndarray], displacement: np.ndarray) -> np.ndarray:
+        """The gradient of the energy with the derivative of its weights in their place, (free, 3)."""
         model = self.model
         elements = model.elements
         weights = {
@@ -146,11 +151,9 @@ class Linearization:
             if len(getattr(elements, name))
         }
         state = State(replace(model, elements=replace(elements, **weights)))
-        state.displacement.assign(self._state.displacement)
+        state.displacement.assign(displacement)
         state.evaluate()
-        gradient = state.gradient.numpy().astype(np.float64)
-        gradient[model.prescribed] = 0.0
-        return self._in_mesh_order(gradient)
+        return state.gradient.numpy()[model.free].astype(np.float64)
 
     def follow(self, bones: np.ndarray, pulls: np.ndarray | None = None) -> np.ndarray:
         """How all nodes move when bones move by a little (their nodes count), and F changes by `pulls` [mm].
@@ -185,6 +188,10 @@ class Linearization:
                 )
             found[part] = solution.columns
         return found
+
+    def _solve_to(self, force: np.ndarray, part: float) -> np.ndarray:
+        """The same, each field to a part of its longest vector."""
+        return self._solve(force, None, np.full(len(force), part))
 
     def _solver(self, count: int) -> ColumnGradient:
         """One with room for so many columns, made when first needed."""

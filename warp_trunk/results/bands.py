@@ -70,8 +70,6 @@ class Bands:
     landmark has the same error before and after: "this plan carried out exactly"."""
     sources: tuple[BandSource, ...]
     """What the bands come from, what matters most for back surface rotation first."""
-    left_out: tuple[str, ...]
-    """What could not be taken into account, a sentence each."""
     skin_mean_mm: float
     """Mean over the skin of the standard deviation of its places along the normal [mm]."""
     skin_max_mm: float

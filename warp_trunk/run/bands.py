@@ -86,7 +86,6 @@ def find_bands(
             spine=spine_bands(case, sources),
             exact=_bands(found, effects.sd(drawn.ratio, exact=True), np.ones_like(drawn.linear)),
             sources=_ranked(case, found, sources, effects.by_name),
-            left_out=_left_out(prepared, options),
             skin_mean_mm=float(skin_sd.mean()),
             skin_max_mm=float(skin_sd.max()),
             draws=draws,
@@ -204,14 +203,3 @@ def _ranked(
         )
         for name in order
     )
-
-
-def _left_out(prepared: Prepared, options: RunOptions) -> tuple[str, ...]:
-    said = []
-    if prepared.model.scan is not None:
-        said.append(
-            "the constants of the tissue: under gravity they move the rest state too, which is not followed"
-        )
-    if options.bones != "spline":
-        said.append("how ribs follow: it is known for bones that the spline carries")
-    return tuple(said)

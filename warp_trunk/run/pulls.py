@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.layers import NAMES, Layers
-from warp_trunk.engine.constants import Constant, constants_of
+from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.meshing.layers import thickness_derivatives
 
@@ -32,14 +32,11 @@ def constant_names(prepared: Prepared) -> dict[str, Constant]:
 def pulls_of(case: Case, prepared: Prepared, options: RunOptions, linear: Linearization) -> dict[str, np.ndarray]:
     """dF/dc by the name of each constant, see `Linearization.pull`, shape (nodes, 3).
 
-    None where the rest state under gravity was found for these constants: they would move it. Layers by depth have
-    their thickness in mm too, of skin and of fat, everywhere alike.
+    Layers by depth have their thickness in mm too, of skin and of fat, everywhere alike.
     """
-    if prepared.model.scan is not None:
-        return {}
-    pulls = {name: linear.pull(constant) for name, constant in constant_names(prepared).items()}
+    model, trunk = prepared.model, prepared.trunk
+    changes = {name: weight_derivative(model, constant) for name, constant in constant_names(prepared).items()}
     if layers_from(case, options) == "depth":
-        trunk = prepared.trunk
         for name, change in thickness_derivatives(trunk, case.layers or Layers()).items():
-            pulls[name.replace("_", ".")] = linear.pull_of_parts(trunk.tets, change)
-    return pulls
+            changes[name.replace("_", ".")] = parts_derivative(model, trunk.tets, change)
+    return dict(zip(changes, linear.pulls(list(changes.values())), strict=True))

@@ -55,8 +55,8 @@ class Sensitivity:
     """In the place of each node on bone after surgery [unit/mm], shape (nodes, 3); 0 on all other nodes."""
     constants: dict[str, float]
     """In each constant of the tissue and gravity [unit per its unit]; in layers `fat.youngs_modulus` and so on,
-    and in layers by depth `skin.thickness` and `fat.thickness` [unit/mm]. Empty where the rest state under gravity
-    was found for these constants (`sag_free`)."""
+    and in layers by depth `skin.thickness` and `fat.thickness` [unit/mm]. A rest state that was found for them
+    under gravity (`sag_free`) moves along."""
 
 
 def sensitivities(

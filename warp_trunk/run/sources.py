@@ -157,8 +157,6 @@ def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[Source]:
 
 def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
     """The tissue: each uncertain constant of the model; but for moduli, one varies in all layers at once."""
-    if prepared.model.scan is not None:
-        return
     by_kind: dict[str, dict[str, float]] = {}
     for name, constant in constant_names(prepared).items():
         spread = getattr(case.uncertainty, constant.name, None)
@@ -176,7 +174,7 @@ def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
 
 def _thickness(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
     """How thick skin and fat are, everywhere alike, where layers are told by depth."""
-    if prepared.model.scan is not None or layers_from(case, options) != "depth":
+    if layers_from(case, options) != "depth":
         return
     for layer in ("skin", "fat"):
         spread = getattr(case.uncertainty, f"{layer}_thickness")

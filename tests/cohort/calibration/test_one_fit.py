@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,11 @@ FREE = ("poisson_ratio", "fat.youngs_modulus", "ribs.recovery", "ribs.turn")
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> FitJob:
+    return made_job(tmp_path_factory, FREE)
+
+
+def made_job(tmp_path_factory: pytest.TempPathFactory, names: tuple[str, ...], **changed: Any) -> FitJob:
+    """A case in which T7 turns, and these constants free."""
     folder = tmp_path_factory.mktemp("fit") / "case"
     case = turned_case("fit", 2.0)
     marks = case.planned_landmarks
@@ -38,12 +44,21 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> FitJob:
         bones="follow",
         precision="float64",
         simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-6)),
+        **changed,
     )
-    free = tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in FREE)
+    free = tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in names)
     return FitJob(folder=folder, options=options, align_pelvis=False, refine=None, free=free)
 
 
 def test_derivatives_are_differences(job: FitJob) -> None:
+    check_derivatives(job)
+
+
+def test_under_gravity_constants_move_the_rest_state_too(tmp_path_factory: pytest.TempPathFactory) -> None:
+    check_derivatives(made_job(tmp_path_factory, ("fat.youngs_modulus",), gravity=9.81))
+
+
+def check_derivatives(job: FitJob) -> None:
     start = np.array([one.counted(one.start) for one in job.free])
     found = fit_case(job, start)
     assert found.derivative is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -93,8 +92,7 @@ class CaseFit:
 def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     """Simulates a case with constants, and compares it with its actual skin.
 
-    Derivatives come from one linear solve for each constant at the equilibrium. Under gravity with a rest state
-    that was found for the constants that is not possible: there each takes one simulation more.
+    Derivatives come from one linear solve for each constant at the equilibrium.
 
     Args:
         job: the case and what is free.
@@ -110,7 +108,7 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     scale = np.sqrt(WORTH / len(places)) / SKIN_SD
     derivative = None
     if job.derivative:
-        moved = _moved(now, job, counted)[:, places]
+        moved = _moved(now, job)[:, places]
         derivative = scale * np.einsum("vi,cvi->vc", direction, moved)
     judged = compare_skins(now.skin, now.kept.actual, now.case.planned_landmarks)
     back, rotation = judged.distance["back"], judged.bsr_error["T3-L5"]
@@ -202,10 +200,8 @@ def _distance(now: _Simulated, places: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return distance, direction
 
 
-def _moved(now: _Simulated, job: FitJob, counted: np.ndarray) -> np.ndarray:
+def _moved(now: _Simulated, job: FitJob) -> np.ndarray:
     """How the skin moves with each constant as it is counted [mm], shape (constants, vertices, 3)."""
-    if now.prepared.model.scan is not None:
-        return np.stack([_by_difference(now, job, counted, number) for number in range(len(job.free))])
     linear = now.linear
     none = np.zeros_like(now.prepared.trunk.nodes)
     bones = [_bones_moved(now, job, free) if free.of == RIBS else none for free in job.free]
@@ -242,15 +238,3 @@ def _without_own(case: Case, constant: str) -> Sequence[int]:
     """The layers that have a constant from the uniform tissue."""
     given: Mapping[str, Mapping[str, float]] = {} if case.layers is None else case.layers.constants
     return [n for n, layer in enumerate(NAMES) if constant not in {**CONSTANTS[layer], **given.get(layer, {})}]
-
-
-def _by_difference(now: _Simulated, job: FitJob, counted: np.ndarray, number: int) -> np.ndarray:
-    """The same from another simulation."""
-    free = job.free[number]
-    step = STEP * free.believed
-    if counted[number] + step > free.limits[1]:
-        step = -step
-    changed = counted.copy()
-    changed[number] += step
-    other = _simulated(now.kept, dataclasses.replace(job, derivative=False), changed)
-    return (other.skin.vertices - now.skin.vertices) / step
