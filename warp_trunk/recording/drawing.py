@@ -21,6 +21,10 @@ TEXT = (125, 125, 125)
 """Of labels. These four can be read on a dark and on a light ground: which of them it is, the reader chooses."""
 BAR = 0.26
 """Height of a bar, where levels are 1 apart and three bars share one."""
+NAMES, BETWEEN, ANGLES = 0.05, (0.1, 0.87), 0.93
+"""Where names, bars with their whiskers, and angles stand in a plot of bars, as parts of its width."""
+SPARE = 5.0
+"""Room for the whiskers on either side of the bars [degrees]; a usual rotation is known to 2 degrees."""
 
 
 def degrees(angle: float | None, sign: str = "+") -> str:
@@ -69,11 +73,11 @@ class BarPlot:
     """The whole plot is this wide, from 0."""
 
     @classmethod
-    def of(cls, *angles: Mapping[str, float | None]) -> BarPlot:
-        """The plot that holds angles by level, those of the first with its levels."""
+    def of(cls, *angles: Mapping[str, float | None], spare: float = 0.0) -> BarPlot:
+        """The plot that holds angles by level, those of the first with its levels, with degrees to spare."""
         levels = tuple(angles[0])
         known = [angle for each in angles for angle in each.values() if angle is not None]
-        low, high = min([0.0, *known]), max([1.0, *known])
+        low, high = min([0.0, *known]) - spare, max([1.0, *known]) + spare
         width = 1.45 * (len(levels) + 1)
         scale = 0.72 * width / (1.1 * (high - low))
         return cls(levels, 0.12 * width - 1.1 * low * scale, scale, width)
@@ -98,17 +102,19 @@ class BarPlot:
     def whiskers(self, ranges: Mapping[str, tuple[float, float]]) -> list[np.ndarray]:
         """Lines over the middle bars from one angle to another [degrees], with a stroke at either end.
 
+        What would run into the names or the angles ends there, without a stroke.
+
         Args:
             ranges: by level, the two angles.
 
         Returns:
-            For each level that is among the rows three lines, each (2, 2) float32.
+            For each level that is among the rows up to three lines, each (2, 2) float32.
         """
-        lines = []
+        lines, room = [], [part * self.width for part in BETWEEN]
         for row, level in enumerate(self.levels):
             if level in ranges:
                 low, high = (self.zero + self.scale * angle for angle in ranges[level])
                 half = 0.4 * BAR
-                lines.append([[low, row], [high, row]])
-                lines += [[[x, row - half], [x, row + half]] for x in (low, high)]
+                lines.append([[x, row] for x in np.clip([low, high], room[0], room[1])])
+                lines += [[[x, row - half], [x, row + half]] for x in (low, high) if room[0] <= x <= room[1]]
         return [np.array(line, np.float32) for line in lines]

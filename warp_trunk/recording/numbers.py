@@ -33,13 +33,16 @@ OTHER = (240, 228, 66)
 class Numbers:
     """Logs measures and relaxations; the levels are known by their names."""
 
-    def __init__(self, log: Log, before: TrunkMeasures, target: TrunkMeasures, target_name: str) -> None:
-        """Logs what never changes; the target's measures stand beside those of before and now."""
+    def __init__(
+        self, log: Log, before: TrunkMeasures, target: TrunkMeasures, target_name: str, *, whiskers: bool = False
+    ) -> None:
+        """Logs what never changes; the target's measures stand beside those of before and now, with room for
+        `whiskers` where there will be some."""
         import rerun as rr
 
         self._rr, self._log = rr, log
         self._before, self._target, self._target_name = before, target, target_name
-        self._plot = plot = drawing.BarPlot.of(before.bsr, target.bsr)
+        self._plot = plot = drawing.BarPlot.of(before.bsr, target.bsr, spare=drawing.SPARE if whiskers else 0.0)
         self._terms: list[str] = []
         log("error", rr.SeriesLines(names="error", colors=drawing.NOW, widths=2.0), static=True)
         log("bsr", rr.SeriesLines(names=list(before.bsr)), static=True)
@@ -48,7 +51,8 @@ class Numbers:
         rows = len(plot.levels)
         zero = rr.LineStrips2D([[[plot.zero, -0.7], [plot.zero, rows - 0.3]]], colors=drawing.TEXT)
         log("bars/zero", zero, static=True)
-        self._labels("bars/levels", 0.05, {level: level for level in plot.levels}, drawing.TEXT, static=True)
+        names = {level: level for level in plot.levels}
+        self._labels("bars/levels", drawing.NAMES, names, drawing.TEXT, static=True)
         legend = rr.Points2D(
             [[0.5 * plot.width, rows - 0.3], [0.5 * plot.width, rows + 0.9]],
             radii=0.0,
@@ -63,7 +67,7 @@ class Numbers:
         rr = self._rr
         self._log("bars/now", self._bars(now, drawing.NOW, 1))
         angles = {level: drawing.degrees(angle) for level, angle in now.bsr.items()}
-        self._labels("bars/angles", 0.93, angles, drawing.NOW)
+        self._labels("bars/angles", drawing.ANGLES, angles, drawing.NOW)
         self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in now.bsr.values()]))
         text = table(self._before, now, self._target, self._target_name, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))

@@ -53,6 +53,7 @@ class Recording:
         model: Model | None = None,
         colours: Sequence[FurtherColour] = (),
         steps: bool = False,
+        whiskers: bool = False,
         live: str | None = None,
         strict: bool = False,
     ) -> None:
@@ -67,6 +68,7 @@ class Recording:
             model: what is simulated: the colour `energy` asks for it, and its unit is shown.
             colours: choices for the colour of the skin beside its displacement, see `painters`.
             steps: record every step of the relaxations too, on a timeline `step`; see `watch`.
+            whiskers: leave room beside the bars of rotations for `bands`.
             live: URL of a viewer that listens, to show everything as it is recorded.
             strict: raise where Rerun would only warn.
 
@@ -97,7 +99,7 @@ class Recording:
         self._file, *self._viewer = open_streams(case.name, self.path, live, blueprint)
         self._streams = [self._file, *self._viewer]
         self._scene = Scene(self._log, case, trunk, before.worst_level, most)
-        self._numbers = Numbers(self._log, before, target, name)
+        self._numbers = Numbers(self._log, before, target, name, whiskers=whiskers)
         self._still(before, target if actual else None, target_skin, planned)
         self._at(increment=0, step=0 if steps else None)
         self._now(np.zeros_like(planned), before, 0.0)

@@ -221,6 +221,7 @@ def _opened(
             model=prepared.model,
             colours=options.record_colours,
             steps=options.record_steps,
+            whiskers=options.bands,
             live=live,
         )
 
