@@ -2,6 +2,7 @@
 
     python scripts/compare_ribs.py ANATOMY                              the tables
     python scripts/compare_ribs.py ANATOMY --page docs/ribs.md          into the page, between their marks
+    python scripts/compare_ribs.py ANATOMY --energy neo-hookean         the tables of a continuum
     python scripts/compare_ribs.py ANATOMY --pictures docs              the pictures
 
 ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. Curves are imposed on it and parts of them
@@ -33,6 +34,7 @@ from ribs.study import CORRECTIONS, PATIENTS, SHOWN, WAYS, Study
 from ribs.tables import by_bar, by_patient, by_share, imposed
 
 from warp_trunk.case.rib_shares import RANGES, RibShares
+from warp_trunk.engine.energies.by_name import ENERGIES
 
 
 def main() -> None:
@@ -45,9 +47,10 @@ def main() -> None:
     parser.add_argument("--part", default="0/1", help="which part of the rows this process makes: 0/4 to 3/4")
     parser.add_argument("--page", type=Path, help="the page whose tables are written anew")
     parser.add_argument("--pictures", type=Path, help="the folder for pictures, which are all that is made then")
+    parser.add_argument("--energy", choices=ENERGIES, default="itmsm", help="of the tissue")
     given = parser.parse_args()
     be_quiet()
-    study, shares = Study(given.anatomy, given.tets), RibShares(**json.loads(given.shares))
+    study, shares = Study(given.anatomy, given.tets, given.energy), RibShares(**json.loads(given.shares))
     if given.pictures:
         draw_cage(study, given.pictures / "ribs_cage.png")
         draw_flank(study, given.pictures / "ribs_flank.png")
@@ -59,7 +62,7 @@ def main() -> None:
     for curve, correction, way in plans[number::parts]:
         name = f"{curve.kind}{curve.cobb:g}_{correction:g}_{way}{'' if way == 'spline' else _other(shares)}"
         make = partial(study.row, curve, correction, way, shares)
-        rows.append(_kept(given.kept, f"{name}_{given.tets}", make))
+        rows.append(_kept(given.kept, f"{name}{_of(study)}", make))
     if parts > 1:
         return
     found = {"patients": by_patient(rows), "bars": by_bar(rows), "imposed": imposed(study)}
@@ -67,7 +70,7 @@ def main() -> None:
     for name, table in found.items():
         print(f"\n{table}")
         if given.page:
-            write_into(given.page, f"ribs {name}", table)
+            write_into(given.page, f"ribs {name}{'' if given.energy == 'itmsm' else ', continuum'}", table)
 
 
 def _share_rows(study: Study, kept: Path, rows: list[Row]) -> tuple[dict[str, Row], Row]:
@@ -81,7 +84,7 @@ def _share_rows(study: Study, kept: Path, rows: list[Row]) -> tuple[dict[str, Ro
     for share, value in ((share, value) for share, ends in RANGES.items() for value in ends):
         other = replace(RibShares(), **{share: value})
         if other != RibShares() and share != "direct":  # screws force nothing in this plan
-            name = f"share{_other(other)}_{study.tets}"
+            name = f"share{_other(other)}{_of(study)}"
             make = partial(study.row, curve, SHOWN, "follow", other, less=False)
             found[f"`{share}` {value:g}"] = _kept(kept, name, make)
     return found | {"spline instead of follow": spline}, usual
@@ -91,6 +94,11 @@ def _other(shares: RibShares) -> str:
     """The shares that are not the usual ones, for the name of a file."""
     usual = asdict(RibShares())
     return "".join(f"_{name}{value:g}" for name, value in asdict(shares).items() if value != usual[name])
+
+
+def _of(study: Study) -> str:
+    """Mesh and energy, for the name of a file."""
+    return f"_{study.tets}{'' if study.energy == 'itmsm' else f'_{study.energy}'}"
 
 
 def _kept(folder: Path, name: str, make: Callable[[], Row]) -> Row:

@@ -20,6 +20,7 @@ from warp_trunk import (
     simulate,
 )
 from warp_trunk.case.rib_shares import RibShares
+from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.rigid import fit_rigid
@@ -47,10 +48,11 @@ LESS = 5.0
 class Study:
     """The virtual patients on one anatomy."""
 
-    def __init__(self, folder: Path, tets: int) -> None:
+    def __init__(self, folder: Path, tets: int, energy: EnergyName = "itmsm") -> None:
         self.skin = read_surface(folder / "skin.ply")
         self.bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
         self.tets = tets
+        self.energy: EnergyName = energy
         self.straight: Landmarks = find_landmarks(self.bones).complete()
         self.patient = cache(self._patient)
 
@@ -73,7 +75,8 @@ class Study:
 
     def simulated(self, case: Case, trunk: TrunkMesh, way: Way) -> tuple[list[Increment], Surface]:
         """The increments of a plan, and the skin at its end."""
-        ready = prepare(case, RunOptions(bones="spline" if way == "spline" else "follow"), trunk)
+        bones = "spline" if way == "spline" else "follow"
+        ready = prepare(case, RunOptions(bones=bones, energy=self.energy), trunk)
         increments = list(simulate(ready.model, ready.bone_path, SimulationOptions(increments=5)))
         return increments, predicted_skin(case, ready.trunk, increments[-1].displacement)
 
