@@ -7,6 +7,7 @@
     python scripts/benchmark.py table benchmark.json                              Markdown, or --page PAGE
     python scripts/benchmark.py scenes problem.npz                                what each part of a scene costs
     python scripts/benchmark.py scale CASE --tets 150000 225000 500000            growth with the mesh
+    python scripts/benchmark.py plans problem.npz --device cuda:0                 plans of one patient a second
 
 `phantom` stands for the built-in phantom instead of a case folder. All but `prepare`, and `scale` of a case,
 run where only numpy and warp are installed. Times are wall clock after set-up; kernels compile apart.
@@ -22,7 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from benchmarking import curves, outside, scaling, scenes, tables
+from benchmarking import curves, outside, scaling, scenes, tables, throughput
 from benchmarking.plot import plot
 from benchmarking.prepare import load_case, mesh_case
 from benchmarking.problem import read_problem, solve_truth, write_problem
@@ -30,7 +31,7 @@ from benchmarking.process import be_quiet, empty_kernel_cache, fresh
 from benchmarking.record import Record, Setting, read_records, write_records
 from marked import write_into
 
-from warp_trunk import InputError
+from warp_trunk import InputError, RelaxOptions, SimulationOptions
 from warp_trunk.engine.model import EnergyName
 from warp_trunk.engine.parallel import choose_device
 
@@ -143,6 +144,14 @@ def increments(given: argparse.Namespace) -> None:
     print(scaling.increments_table(read_problem(given.problem), _setting(given), given.counts))
 
 
+def plans(given: argparse.Namespace) -> None:
+    """Prints the table of batches of plans."""
+    options = SimulationOptions(increments=given.increments, relax=RelaxOptions(tolerance=given.tolerance))
+    problem, setting = read_problem(given.problem), _setting(given)
+    measured = throughput.measure_batches(problem, setting, given.batches, options, given.at_once)
+    print(throughput.batch_table(measured))
+
+
 def _setting(given: argparse.Namespace) -> Setting:
     choose_device(given.device)
     threads = given.threads if given.device == "cpu" else 1
@@ -212,6 +221,14 @@ def _parser() -> argparse.ArgumentParser:
     one = add("increments", increments, "the error of the number of increments")
     one.add_argument("problem", help="a file made by prepare")
     one.add_argument("--counts", nargs="+", type=int, default=[1, 2, 5, 10, 20])
+    add_place(one)
+
+    one = add("plans", plans, "how many plans of one patient are simulated in a second")
+    one.add_argument("problem", help="a file made by prepare")
+    one.add_argument("--batches", nargs="+", type=int, default=[1, 4, 16, 64], help="plans given at once")
+    one.add_argument("--at-once", type=int, help="how many share the device; chosen when left out")
+    one.add_argument("--increments", type=int, default=1, help="of each (default %(default)s)")
+    one.add_argument("--tolerance", type=float, default=0.1, help="of each [mm] (default %(default)g)")
     add_place(one)
     return parser
 

@@ -19,8 +19,9 @@ from choices.errors import LANDMARK_MEAN, LANDMARK_SD, moved_landmarks
 
 from warp_trunk import (
     Case,
+    InputError,
     MeshOptions,
-    Relaxer,
+    Patient,
     RelaxStatus,
     RunOptions,
     Sensitivity,
@@ -28,16 +29,15 @@ from warp_trunk import (
     TrunkMesh,
     cobb_angles,
     measure,
+    patient_of,
     predicted_skin,
-    prepare,
     sensitivities,
     simulate,
 )
 from warp_trunk.case.uncertainty import CERTAIN
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.run.bands import DRAWS, find_bands
-from warp_trunk.run.paths import find_path
-from warp_trunk.run.prepare import Prepared
+from warp_trunk.run.prepare import prepare_plan
 from warp_trunk.run.spine_bands import spine_measures
 
 LANDMARKS_ONLY = replace(CERTAIN, landmark_error=LANDMARK_MEAN, landmark_error_sd=LANDMARK_SD)
@@ -121,12 +121,12 @@ def check(
 ) -> Check:
     """Bands of a case, and its simulations with drawn landmarks."""
     case = replace(case, uncertainty=LANDMARKS_ONLY)
-    prepared = prepare(case, options, trunk)
-    relaxer = Relaxer(prepared.model, options.simulation.relax)
-    *_, last = simulate(prepared.model, prepared.bone_path, options.simulation, relaxer=relaxer)
+    patient = patient_of(case, options, trunk)
+    prepared = prepare_plan(patient, case)
+    *_, last = simulate(patient.model, prepared.bone_path, options.simulation, relaxer=patient.relaxer)
     found = find_bands(case, prepared, last, options, draws=band_draws)
     straight = [s for s in sensitivities(case, prepared, last, options) if s.name.startswith("bsr")]
-    drawn = simulate_drawn(case, prepared, options, (straight, [*found.bands.spine]), draws=draws, relaxer=relaxer)
+    drawn = simulate_drawn(case, patient, straight, [*found.bands.spine], draws=draws)
     sds = [np.nanstd(part, axis=0) for part in (drawn.rotations, drawn.said, drawn.spines)]
     normals = vertex_normals(predicted_skin(case, prepared.trunk, last.displacement))
     along = np.einsum("dvi,vi->dv", drawn.skins, normals).std(axis=0)
@@ -146,26 +146,29 @@ def check(
 
 
 def simulate_drawn(
-    case: Case,
-    prepared: Prepared,
-    options: RunOptions,
-    asked: tuple[list[Sensitivity], list[str]],
-    *,
-    draws: int,
-    relaxer: Relaxer,
+    case: Case, patient: Patient, straight: list[Sensitivity], names: list[str], *, draws: int
 ) -> Simulated:
-    """Simulates drawn landmarks, for the rotations of these sensitivities and these measures of the spine."""
-    straight, names = asked
+    """Simulates drawn landmarks, for the rotations of these sensitivities and these measures of the spine.
+
+    Raises:
+        InputError: drawn landmarks for which there is no simulation.
+    """
     random, curves = np.random.default_rng(5), cobb_angles(case.landmarks_before)
     rotations, said, spines, skins = [], [], [], []
     converged = 0
-    for number in range(draws):
-        before = moved_landmarks(case.landmarks_before, random)
-        after = moved_landmarks(case.planned_landmarks, random)
-        moved = replace(case, landmarks_before=before, landmarks_after=after)
-        path = find_path(moved, prepared.trunk, options)
-        *_, end = simulate(prepared.model, path, options.simulation, relaxer=relaxer)
-        skin = predicted_skin(case, prepared.trunk, end.displacement)
+    cases = [
+        replace(
+            case,
+            landmarks_before=moved_landmarks(case.landmarks_before, random),
+            landmarks_after=moved_landmarks(case.planned_landmarks, random),
+        )
+        for _ in range(draws)
+    ]
+    for number, (moved, end) in enumerate(zip(cases, patient.simulate_all(cases), strict=True)):
+        if isinstance(end, InputError):
+            raise end
+        before, after = moved.landmarks_before, moved.planned_landmarks
+        skin = predicted_skin(case, patient.trunk, end.displacement)
         measured, spine = measure(skin, after), spine_measures(after, curves)
         rotations.append([measured.bsr[s.name.removeprefix("bsr ")] for s in straight])
         errors = before.points - case.landmarks_before.points, after.points - case.planned_landmarks.points
