@@ -14,7 +14,7 @@ from .relaxation import Relaxer
 from .simulation import BonePath, Increment, Predictor, SimulationOptions, check_path, go_on, relaxer_for
 from .turns import Turns
 
-AT_ONCE = 16
+AT_ONCE = 8
 """Simulations that share a CUDA device unless told otherwise; more do not fill an H200 any better."""
 
 
@@ -37,8 +37,8 @@ def simulate_all(
         bone_paths: where its bones go, any number of them. A path may find out where only when it is first asked;
             an InputError that it then raises is its end, and the others go on.
         options: in how many increments, and to what tolerance.
-        at_once: how many share the device at most; when left out 16 on CUDA, and 1 on the CPU, whose cores one
-            relaxation fills already. Each takes memory on the device, 0.15 kB for a tetrahedron in float32.
+        at_once: how many share the device at most; when left out 8 on CUDA, and 1 on the CPU, whose cores one
+            relaxation fills already. Each takes memory on the device, 0.14 kB for a tetrahedron in float32.
         relaxer: one of this model, as for `simulate`; those that are made for all paths are kept with it. It
             is not used itself, and is free for what the caller makes of each end.
 
@@ -92,6 +92,7 @@ class _Lane:
 
     def __init__(self, relaxer: Relaxer, options: SimulationOptions) -> None:
         self._relaxer, self._options = relaxer, options
+        self._predictor = Predictor(relaxer.state)
         self._read = relaxer.model.parallel.reader(relaxer.state.displacement)
 
     def end(self, path: BonePath) -> Increment | InputError:
@@ -99,11 +100,11 @@ class _Lane:
         model, options = self._relaxer.model, self._options
         try:
             check_path(model, path)
-            predictor = Predictor(self._relaxer.state, path)
+            self._predictor.begin(path)
             for number in range(1, options.increments):
-                go_on(self._relaxer, predictor, options, number)
+                go_on(self._relaxer, self._predictor, options, number)
             start = time.perf_counter()
-            relaxation = go_on(self._relaxer, predictor, options, options.increments)
+            relaxation = go_on(self._relaxer, self._predictor, options, options.increments)
         except InputError as error:
             return error
         seconds = time.perf_counter() - start

@@ -130,7 +130,8 @@ def simulate(
             "give those that this simulation yielded"
         )
     relaxer = relaxer_for(model, options, relaxer)
-    predictor = Predictor(relaxer.state, bone_path)
+    predictor = Predictor(relaxer.state)
+    predictor.begin(bone_path)
     if done:
         predictor.go_on(done)
     for number in range(len(done) + 1, options.increments + 1):
@@ -187,9 +188,13 @@ class Predictor:
     increments: what solves leave open of soft motions would grow if each change went on as it was.
     """
 
-    def __init__(self, state: State, bone_path: BonePath) -> None:
-        self.state, self.bone_path = state, bone_path
-        self._moves, self._steps = 0, 0
+    def __init__(self, state: State) -> None:
+        self.state = state
+
+    def begin(self, bone_path: BonePath) -> None:
+        """Begins anew, along a path of the bones."""
+        self._path, self._moves, self._steps = bone_path, 0, 0
+        self._bones: BonePath | None = None
 
     def go_on(self, done: Sequence[Increment]) -> None:
         """Sets the state to where the increments done so far, at least one, have led."""
@@ -203,34 +208,41 @@ class Predictor:
         """Changes the state to the expected one."""
         if self._moves:
             self._expect()
-            self.state.hold(self._bones.at(load_factor))
+            self.state.hold(self._path_of_bones().at(load_factor))
         else:
-            self.state.place(self.bone_path.at(load_factor))
+            self.state.place(self._path.at(load_factor))
 
     def arrived(self, relaxation: Relaxation) -> None:
         """Takes note of how the trunk was relaxed where it was moved to."""
         self._moves, self._steps = self._moves + 1, relaxation.steps
 
-    @cached_property
-    def _bones(self) -> BonePath:
+    def _path_of_bones(self) -> BonePath:
         """The path of the prescribed nodes in model order."""
-        model = self.state.model
-        return self.bone_path.of(model.order[model.prescribed])
+        if self._bones is None:
+            model = self.state.model
+            self._bones = self._path.of(model.order[model.prescribed])
+        return self._bones
 
     @cached_property
     def _foresee(self) -> Launch:
         """The launch that moves them, with what it remembers; not needed where there is one increment."""
         model, state = self.state.model, self.state
+        self._scanned, self._earlier = model.scanned(), model.scanned()
+        self._last, self._bend = model.free_vectors(), model.free_vectors()
         self._share, self._part = (model.zeros(wp.float64, 1) for _ in range(2))
         return model.over_free(
             loop_kernels(*model.variant).foresee,
             [self._share, self._part],
-            [state.displacement, model.scanned(), model.free_vectors(), model.free_vectors()],
+            [state.displacement, self._earlier, self._last, self._bend],
         )
 
     def _expect(self) -> None:
         """Moves the free nodes on from where the last increment led."""
         changes, foresee = self._moves - 1, self._foresee
+        if not changes:  # forgets the path before
+            wp.copy(self._earlier, self._scanned)
+            self._last.zero_()
+            self._bend.zero_()
         self._share.fill_(max(LEAST_SHARE, 1.0 / changes) if changes else 0.0)
         self._part.fill_(1.0 if self._steps == 1 else 0.0)
         foresee()

@@ -44,9 +44,8 @@ class State:
             [(start or self).inverted, self.displacement],
             [self._slabs, self.inverted, self.sums],
         )
-        bones = model.nodes - model.free_nodes
-        self._held = wp.empty(bones, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda)
-        self._held_values = self._held.numpy()
+        self._sent = wp.empty(model.nodes, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda)
+        self._values = self._sent.numpy()
         self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
 
     def evaluate(self) -> None:
@@ -82,15 +81,17 @@ class State:
 
     def hold(self, displacement: np.ndarray) -> None:
         """Sets the displacement of the prescribed nodes in model order [mm], shape (prescribed nodes, 3)."""
-        self._held_values[:] = displacement
-        wp.copy(self.displacement, self._held, dest_offset=self.model.free_nodes, count=len(self._held))
+        first, count = self.model.free_nodes, self.model.nodes - self.model.free_nodes
+        self._values[first:] = displacement
+        wp.copy(self.displacement, self._sent, dest_offset=first, src_offset=first, count=count)
 
     def place(self, displacement: np.ndarray) -> None:
         """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""
         moved = np.take(displacement, self.model.order, axis=0)  # faster than by an index
         if self.model.scan is not None:
             moved = moved + self.model.scan
-        self.displacement.assign(moved.astype(wp.dtype_to_numpy(self.model.scalar)))
+        self._values[:] = moved
+        wp.copy(self.displacement, self._sent)
 
 
 def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:
