@@ -14,6 +14,8 @@ from ..model import Model
 from ..parallel import Launch
 from .columns import Columns
 
+SMALL = 128
+"""A matrix is halved as long as its halves have so many rows."""
 BLOCKS = 32
 """Blocks of a row that one CUDA thread adds up for several columns."""
 
@@ -80,5 +82,21 @@ def invert(matrix: np.ndarray) -> np.ndarray:
     scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
     scaled = scale[:, None] * matrix * scale
     scaled[np.diag_indices(len(scaled))] += 1e-6
-    inverse = np.linalg.inv(scaled)
+    inverse = _by_halves(scaled)
     return scale[:, None] * (0.5 * (inverse + inverse.T)) * scale
+
+
+def _by_halves(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric positive definite matrix by Schur complements: products, half of what LU takes."""
+    half = len(matrix) // 2
+    if half < SMALL:
+        return np.linalg.inv(matrix)
+    first = _by_halves(matrix[:half, :half])
+    carried = first @ matrix[:half, half:]
+    second = _by_halves(matrix[half:, half:] - matrix[half:, :half] @ carried)
+    inverse = np.empty_like(matrix)
+    inverse[half:, half:] = second
+    inverse[:half, half:] = -carried @ second
+    inverse[half:, :half] = inverse[:half, half:].T
+    inverse[:half, :half] = first - inverse[:half, half:] @ carried.T
+    return inverse
