@@ -156,8 +156,14 @@ def proportion(
 
 
 def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) -> list[float]:
-    """The numbers of these names, as sensitivities have them, on another skin; NaN where one is missing."""
+    """The numbers of these names, as sensitivities have them, on another skin; NaN where one is missing.
+
+    A hump is the largest on that skin, at whatever level: its top jumps from one level or side to another where
+    two are nearly as high, and the largest is what is told.
+    """
     tangents = back_surface_rotation(skin, landmarks)
+    humps = [hump_height(tangent) for tangent in tangents.values() if tangent is not None]
+    hump = max((height for height in humps if height is not None), key=abs, default=None)
     values: list[float | None] = []
     for name in names:
         kind, _, level = name.partition(" ")
@@ -166,7 +172,7 @@ def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) ->
             values.append(None if shoulders is None else shoulders.difference)
         else:
             tangent = tangents.get(level)
-            values.append(None if tangent is None else tangent.angle if kind == "bsr" else hump_height(tangent))
+            values.append(hump if kind == "hump" else None if tangent is None else tangent.angle)
     return [math.nan if value is None else value for value in values]
 
 
