@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Iterator
 
 import pytest
 
@@ -124,6 +125,15 @@ def test_an_error_of_the_maker_ends_the_others() -> None:
     assert threading.active_count() == before
 
 
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """SIGINT raises KeyboardInterrupt, also where tests were begun in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_while_another_works_ends_all() -> None:
     turns, log = Turns("cpu"), Log()
     before, main = threading.active_count(), threading.get_ident()
