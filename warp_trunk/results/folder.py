@@ -18,10 +18,9 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.io.trunk_file import write_trunk
-from warp_trunk.measures import measure
-from warp_trunk.measures.skin_quality import skin_quality
 
 from .bands import SKIN_SD, FoundBands, write_skin_sd
+from .measured import Measured, measure_result
 from .summarize import summarize
 from .summary import SUMMARY, Summary, write_summary
 
@@ -78,6 +77,7 @@ def write_result(
     model: Model,
     increments: Sequence[Increment],
     *,
+    measured: Measured | None = None,
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
     warnings: Sequence[str] = (),
@@ -100,6 +100,7 @@ def write_result(
         trunk: its mesh.
         model: its model.
         increments: all that `simulate` yielded.
+        measured: the measures of the skins; found here when left out.
         parameters: options of the run for the summary, beside those the model knows.
         seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
         warnings: what makes the result doubtful; faults of the predicted skin are added.
@@ -122,7 +123,7 @@ def write_result(
         trunk,
         model,
         increments,
-        **_measured(case, skin),
+        measured or measure_result(case, skin),
         parameters=parameters,
         seconds=seconds,
         warnings=warnings,
@@ -157,17 +158,6 @@ def _write_found(folder: Path, trunk: TrunkMesh, last: Increment, found: FoundBa
         return [TRUNK]
     write_skin_sd(partial(folder / SKIN_SD), found.skin_sd)
     return [TRUNK, SKIN_SD]
-
-
-def _measured(case: Case, skin: Surface) -> dict[str, Any]:
-    """What a summary says of the skins: before, predicted, and actual where known."""
-    actual = case.actual_skin
-    return {
-        "before": measure(case.skin, case.landmarks_before),
-        "after": measure(skin, case.planned_landmarks, case.skin),
-        "actual": None if actual is None else measure(actual, case.planned_landmarks),
-        "quality": skin_quality(case.skin, skin, case.landmarks_before),
-    }
 
 
 def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:

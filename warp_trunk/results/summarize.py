@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.measures.cobb import curves_after
-from warp_trunk.measures.skin_quality import SkinQuality
 
 from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms
 from .versions import versions
@@ -22,9 +21,9 @@ if TYPE_CHECKING:
     from warp_trunk.engine.relaxation import RelaxStep
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.measures import TrunkMeasures
 
     from .bands import Bands
+    from .measured import Measured
 
 STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
 """The parts of every run, whose seconds a summary gives."""
@@ -37,19 +36,17 @@ def summarize(
     trunk: TrunkMesh,
     model: Model,
     increments: Sequence[Increment],
+    measured: Measured,
     *,
-    before: TrunkMeasures,
-    after: TrunkMeasures,
-    actual: TrunkMeasures | None = None,
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
-    quality: SkinQuality | None = None,
     warnings: Sequence[str] = (),
     bands: Bands | None = None,
 ) -> Summary:
     """The summary of a simulation, with the faults of its predicted skin among the warnings."""
     last = increments[-1].relaxation
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
+    before, after, actual = measured.before, measured.after, measured.actual
     constants = dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}
     return Summary(
         case=case.name,
@@ -72,8 +69,8 @@ def summarize(
         seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
         peak_memory_mb=peak_memory(),
         versions=versions(),
-        warnings=(*warnings, *(() if quality is None else quality.faults)),
-        skin_quality=quality,
+        warnings=(*warnings, *measured.quality.faults),
+        skin_quality=measured.quality,
         bands=bands,
         virtual=case.study.virtual,
     )

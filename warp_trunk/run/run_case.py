@@ -13,10 +13,8 @@ from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import plan_text
 from warp_trunk.case import check_case
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.simulation import Increment, simulate
 from warp_trunk.errors import InputError
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
 from warp_trunk.results import (
     RECORDING,
@@ -28,9 +26,11 @@ from warp_trunk.results import (
     prepare_folder,
     write_result,
 )
+from warp_trunk.results.measured import measure_result
 from warp_trunk.results.summary_text import markdown
 
 from .bands import find_bands
+from .increments import Watchers, simulate_watched
 from .options import RunOptions, parameters
 from .patient import Patient, patient_of, with_mesh_given
 from .prepare import Prepared, prepare_plan
@@ -40,6 +40,7 @@ from .warnings import curve_warnings, ending_warnings, option_warnings
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan
     from warp_trunk.case import Case
+    from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.results import Summary
     from warp_trunk.results.bands import FoundBands
@@ -141,8 +142,10 @@ def _run(
     before = measure(case.skin, case.landmarks_before)
     path = partial(folder / RECORDING)
     with _opened(path, case, prepared, before, options=options, live=live, progress=progress) as recording:
-        increments, after = _simulate(case, prepared, patient, _Watchers(recording, checkpoint, progress))
+        increments, after = simulate_watched(case, prepared, patient, Watchers(recording, checkpoint, progress))
         last = increments[-1]
+        skin = predicted_skin(case, prepared.trunk, last.displacement)
+        measured = measure_result(case, skin, before, after)
         warnings = [
             *warnings,
             *ending_warnings(last.relaxation, held, folded_tissue(prepared.trunk, prepared.bone_path)),
@@ -151,13 +154,14 @@ def _run(
         if recording is not None:
             if found is not None:
                 recording.bands(found.bands)
-            recording.finish(markdown(case, last, before, after, [*warnings, *_faults(case, prepared, last)]))
+            recording.finish(markdown(case, last, before, after, [*warnings, *measured.quality.faults]))
     summary = write_result(
         folder,
         case,
         prepared.trunk,
         prepared.model,
         increments,
+        measured=measured,
         parameters=parameters(options),
         seconds=clock.seconds(),
         warnings=warnings,
@@ -175,12 +179,6 @@ def _ready(case: Case, options: RunOptions, given: TrunkMesh | None, progress: P
     with progress.stage("compile", "preparing the relaxation"):
         _ = patient.relaxer
     return patient
-
-
-def _faults(case: Case, prepared: Prepared, last: Increment) -> tuple[str, ...]:
-    """What is doubtful about the skin that was predicted."""
-    skin = predicted_skin(case, prepared.trunk, last.displacement)
-    return skin_quality(case.skin, skin, case.landmarks_before).faults
 
 
 class _Clock:
@@ -256,48 +254,3 @@ def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> N
         )
     elif options.resume:
         progress.message("nothing to resume; starting from the beginning")
-
-
-@dataclass(frozen=True)
-class _Watchers:
-    """Who is told of the increments."""
-
-    recording: Recording | None
-    checkpoint: Checkpoint
-    progress: Progress
-
-
-def _simulate(
-    case: Case, prepared: Prepared, patient: Patient, watchers: _Watchers
-) -> tuple[list[Increment], TrunkMeasures]:
-    options = patient.options
-    recording, checkpoint, progress = watchers.recording, watchers.checkpoint, watchers.progress
-    model, bone_path = prepared.model, prepared.bone_path
-    done = checkpoint.increments(model) if options.resume else []
-    increments: list[Increment] = []
-    measures: list[TrunkMeasures] = []
-
-    def observe(increment: Increment) -> None:
-        start = time.perf_counter()
-        increments.append(increment)
-        skin = predicted_skin(case, prepared.trunk, increment.displacement)
-        measures.append(measure(skin, case.landmarks_at(increment.load_factor), case.skin))
-        if recording is not None:
-            recording.increment(increment, measures[-1])
-        progress.add("record", time.perf_counter() - start)
-
-    for increment in done:
-        observe(increment)
-    began = time.perf_counter()
-    watch = None if recording is None else recording.watch
-    for increment in simulate(model, bone_path, options.simulation, watch, done, relaxer=patient.relaxer):
-        if len(increments) == len(done):  # what came before its own time compiled and loaded the kernels
-            progress.add("compile", time.perf_counter() - began - increment.seconds)
-        progress.add("relax", increment.seconds)
-        progress.increment(increment, options.simulation.increments)
-        if increment.number < options.simulation.increments:
-            start = time.perf_counter()
-            checkpoint.save(increment)
-            progress.add("record", time.perf_counter() - start)
-        observe(increment)
-    return increments, measures[-1]
