@@ -6,6 +6,7 @@ import atexit
 import gc
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from warp_trunk.errors import InputError
 
@@ -15,6 +16,7 @@ from .exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status, 0 only for a simulation that converged."""
+    own_process = arguments is None
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     if arguments[:1] in (["-h"], ["--help"]):
         print(overview())
@@ -22,14 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     atexit.unregister(gc.freeze)
     atexit.register(gc.freeze)  # else the end looks for garbage in all that was loaded, a third of a second
     try:
-        kind = load(arguments)
-        from warp_trunk.run.starting import start_warp  # after the help, for which they are not needed
-
-        from .arguments import parse
-
-        command = parse(kind, arguments)
-        start_warp()
-        return command.run(arguments)
+        return _loaded(arguments, own_process).run(arguments)
     except InputError as error:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -39,3 +34,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("warp-trunk: interrupted; --resume goes on from a simulation's last increment", file=sys.stderr)
         return INTERRUPTED
+
+
+def _loaded(arguments: list[str], own_process: bool) -> Any:
+    """The command that is asked for, with Warp started: after the help, for which neither is needed."""
+    gc.disable()  # what is loaded is no garbage; to look for some again and again takes a sixth of the time
+    try:
+        kind = load(arguments)
+        from warp_trunk.run.starting import start_warp
+
+        from .arguments import parse
+
+        command = parse(kind, arguments)
+        start_warp()
+        return command
+    finally:
+        if own_process:
+            gc.freeze()  # nor later: all of this stays to the end
+        gc.enable()

@@ -6,6 +6,7 @@ would last for ever; so every wait here has an end, and what fails is left behin
 
 from __future__ import annotations
 
+import gc
 import importlib
 import logging
 import threading
@@ -72,7 +73,15 @@ class Stream:
 
 def load_rerun() -> None:
     """Imports Rerun in a thread of its own: that takes a second, in which meshes and kernels can be loaded."""
-    threading.Thread(target=importlib.import_module, args=("rerun",)).start()
+    threading.Thread(target=_import_rerun).start()
+
+
+def _import_rerun() -> None:
+    gc.disable()  # nothing that is loaded is garbage; to look for some takes a third of the time
+    try:
+        importlib.import_module("rerun")
+    finally:
+        gc.enable()
 
 
 def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> list[Stream]:
