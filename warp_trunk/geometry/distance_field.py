@@ -21,6 +21,8 @@ Box = tuple[slice, slice, slice]
 """The nodes of a block of a grid."""
 _CELL = 12.0
 """Size of a neighbourhood, of which one point is searched first [mm]."""
+_FARTHEST = 1 << 14
+"""Neighbourhoods are numbered so far along each axis; one takes all that lies beyond."""
 _NEAREST: tuple[Any, ...] = (wp.float32, wp.int32, wp.vec3)
 
 
@@ -84,9 +86,10 @@ class SurfaceDistance:
         """
         points = np.concatenate(groups)
         group = np.repeat(np.arange(len(groups)), [len(one) for one in groups])
-        cell = np.column_stack([group, np.floor((points - points.min(axis=0)) / _CELL)]).astype(int)
-        _, sample, own = np.unique(cell, axis=0, return_index=True, return_inverse=True)
-        own = own.reshape(-1)  # of another shape in NumPy 2.0
+        cell = np.minimum((points - points.min(axis=0)) / _CELL, _FARTHEST).astype(int)
+        numbers = (group, *cell.T)
+        key = np.ravel_multi_index(numbers, [number.max() + 1 for number in numbers])
+        _, sample, own = np.unique(key, return_index=True, return_inverse=True)
         distance = np.full(len(points), -np.inf)
         distance[sample] = self.at(points[sample])
         best = np.full(len(groups), -np.inf)

@@ -80,5 +80,9 @@ def weights(
     cell = np.floor(place).astype(np.int64)
     if last_cell is not None:
         cell = np.minimum(cell, last_cell)
-    fraction = (place - cell)[:, None]
-    return cell, np.where(CORNERS, fraction, 1.0 - fraction).prod(axis=2)
+    upper = np.ascontiguousarray((place - cell).T)
+    x, y, z = np.stack([1.0 - upper, upper], axis=1)  # of the lower and the upper corner along each axis
+    weight = np.empty((len(points), 8))
+    for corner, (i, j, k) in enumerate(CORNERS):
+        weight[:, corner] = x[i] * y[j] * z[k]
+    return cell, weight
