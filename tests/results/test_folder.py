@@ -210,3 +210,16 @@ def test_predicted_skin_does_not_pick_up_the_rounding_of_the_mesher(simulated):
     skin = predicted_skin(case, rounded, np.zeros_like(trunk.nodes))
     assert isinstance(skin, Surface)
     np.testing.assert_array_equal(skin.vertices, case.skin.vertices)
+
+
+def test_what_was_made_of_an_earlier_result_does_not_stand_beside_the_next(simulated, tmp_path):
+    """A report of another prediction than the one beside it would be believed."""
+    write_result(tmp_path, *simulated)
+    (tmp_path / "report").mkdir()
+    made = ["report.html", "report/back.png", "predicted_skin_measures.json", "predicted_skin_measures.csv"]
+    for name in (*made, "notes.txt", "report/notes.txt"):
+        (tmp_path / name).write_text("of the first")
+    write_result(tmp_path, *simulated)
+    assert [name for name in made if (tmp_path / name).exists()] == []
+    assert (tmp_path / "notes.txt").exists()
+    assert (tmp_path / "report" / "notes.txt").exists()

@@ -17,7 +17,7 @@ from warp_trunk.measures import measure
 from warp_trunk.results import Checkpoint, fingerprint_of, read_result
 from warp_trunk.results.fingerprint import Fingerprint, surface_digest
 from warp_trunk.results.fingerprint import difference as first_difference
-from warp_trunk.results.folder import PREDICTED_SKIN
+from warp_trunk.results.folder import MEASURES, PREDICTED_SKIN
 from warp_trunk.results.judging import judged, write_record
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 LOG = "log.txt"
 """What a worker tells while it simulates a case, in the case's result folder."""
-MEASURES = "predicted_skin_measures"
-"""The measures of a case beside its result, as `warp-trunk measure` writes them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.results import read_result
+from warp_trunk.results.folder import PAGE, PICTURES
 
 from .convergence_plot import convergence_plot
 from .hump_picture import hump_picture
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
     from warp_trunk.results import Result
 
-PAGE, PICTURES = "report.html", "report"
 PLANS_PAGE, PLANS_PICTURES = "plans.html", "plans"
 
 

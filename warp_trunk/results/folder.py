@@ -35,6 +35,10 @@ LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv
 TRUNK = "trunk.vtu"
 PLAN = "plan.toml"
 """The plan by which a result was made, where a plan made it; `--plan` takes the folder for it."""
+PAGE, PICTURES = "report.html", "report"
+"""What `report` writes into a result folder: a page, and a folder of pictures."""
+MEASURES = f"{Path(PREDICTED_SKIN).stem}_measures"
+"""What `measure` writes into a result folder, without the endings .json and .csv."""
 LEAST_SPACE = 200e6
 """A result folder needs this much free space [bytes]; the largest results seen take a third of it."""
 
@@ -92,7 +96,8 @@ def write_result(
     `skin_sd.csv` where there are bands, and `plan.toml` where a plan made the case.
 
     Every file is written under another name and moved when all are complete, summary.json last; a folder that
-    has one is whole. A recording or an actual skin of an earlier simulation in the same folder is removed.
+    has one is whole. What an earlier simulation left in the same folder is removed, also the report and the
+    measures made of it, which would tell of another prediction than the one beside them.
 
     Args:
         folder: where to; made if it does not exist.
@@ -162,8 +167,11 @@ def _write_found(folder: Path, trunk: TrunkMesh, last: Increment, found: FoundBa
 
 def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:
     """Gives every file its own name, the summary last, after what an earlier simulation left is gone."""
-    for name in (SUMMARY, RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN):  # without a summary nothing here is whole
+    made_of_it = (PAGE, f"{MEASURES}.json", f"{MEASURES}.csv")
+    for name in (SUMMARY, RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN, *made_of_it):  # SUMMARY first: it says "whole"
         (folder / name).unlink(missing_ok=True)
+    for picture in (folder / PICTURES).glob("*.png"):
+        picture.unlink()
     if recording is not None:
         os.replace(recording, folder / RECORDING)
     for name in names:
