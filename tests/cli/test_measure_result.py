@@ -42,6 +42,13 @@ def test_a_skin_of_nowhere_needs_a_case(result, tmp_path, capsys):
     assert "give --case CASE" in capsys.readouterr().err
 
 
+def test_what_is_not_there_is_said_to_be_so(tmp_path, capsys):
+    assert main(["measure", str(tmp_path / "nothing")]) == 2
+    assert "nothing: there is no such file; give a closed surface or a result folder" in capsys.readouterr().err
+    assert main(["measure", str(tmp_path)]) == 2
+    assert "summary.json: there is no such file; give a folder that `simulate` wrote" in capsys.readouterr().err
+
+
 def test_measures_do_not_overwrite_the_landmarks_of_a_case(result, tmp_path, capsys):
     write_case(tmp_path / "case", small_case())
     before = (tmp_path / "case" / "landmarks_after.csv").read_bytes()

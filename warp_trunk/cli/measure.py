@@ -20,6 +20,7 @@ from warp_trunk.io.surface_files import read_surface
 from warp_trunk.results import read_result
 from warp_trunk.results.folder import PREDICTED_SKIN
 from warp_trunk.results.judging import check_writable, judged, write_record
+from warp_trunk.results.reading import read_summary
 from warp_trunk.results.summary import SUMMARY
 from warp_trunk.run.progress import Progress
 
@@ -43,7 +44,7 @@ class Measure:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Prints the measures and writes them."""
-        file = self.skin / PREDICTED_SKIN if self.skin.is_dir() else self.skin
+        file = skin_file(self.skin)
         stem = self.out or file.with_name(f"{file.stem}_measures")
         stem = stem / "measures" if stem.is_dir() else stem
         if self.out is not None:
@@ -63,6 +64,16 @@ class Measure:
         write_record(stem, record)
         print(f"\nWritten to {stem}.json and {stem}.csv")
         return OK
+
+
+def skin_file(path: Path) -> Path:
+    """The file of a skin, the predicted one of a result folder; InputError where there is none."""
+    if path.is_dir():
+        read_summary(path)
+        return path / PREDICTED_SKIN
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file; give a closed surface or a result folder")
+    return path
 
 
 def patient_of(file: Path, folder: Path | None) -> Case:
