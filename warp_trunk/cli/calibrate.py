@@ -27,6 +27,7 @@ from warp_trunk.run.progress import Progress
 
 from .cohort import refined_by
 from .exit_status import INCOMPLETE, OK
+from .next_command import next_command
 from .simulation import SimulationArguments
 
 
@@ -62,7 +63,7 @@ class Calibrate(SimulationArguments):
                 calibration = calibrate(client, cases, free, progress, priors=self.priors)
             page = write_calibration(self.out, calibration)
         print(calibration_text(calibration))
-        print(f"\nUse it: warp-trunk simulate CASE --tissue-file {self.out}; open {page} in a browser")
+        print(f"\nUse it: {next_command('simulate', 'CASE', '--tissue-file', self.out)}; open {page} in a browser")
         return OK if calibration.converged and not calibration.left_out else INCOMPLETE
 
     def _cases(self, options: CohortOptions, arguments: tuple[str, ...], progress: Progress) -> list[FitCase]:

@@ -8,12 +8,13 @@ from warp_trunk.results.summary_text import plain
 from warp_trunk.run.run_case import RunResult
 
 from .exit_status import NOT_CONVERGED, OK
+from .next_command import next_command
 
 
 def report_ending(result: RunResult) -> int:
     """Prints how a run ended and what to do next; returns the exit status."""
     print(plain(result.folder, result.summary, result.before, result.after))
     if (result.folder / RECORDING).is_file():
-        print(f"See it: warp-trunk view {result.folder}")
-    print(f"Page for the browser and the printer: warp-trunk report {result.folder}")
+        print(f"See it: {next_command('view', result.folder)}")
+    print(f"Page for the browser and the printer: {next_command('report', result.folder)}")
     return OK if result.status is RelaxStatus.CONVERGED else NOT_CONVERGED

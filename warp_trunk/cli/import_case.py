@@ -23,6 +23,7 @@ from warp_trunk.run.progress import Progress
 
 from .cut_planes import cut_planes
 from .exit_status import INCOMPLETE, OK
+from .next_command import next_command
 
 PICTURE, CONFIDENCE = "landmarks_before.png", "landmarks_confidence.csv"
 
@@ -92,10 +93,9 @@ class Import:
         for warning in warnings:
             print(f"warp-trunk: warning: {warning}", file=sys.stderr)
         print(f"Case '{made.case.name}' of {len(made.case.bones)} bones written to {self.out}")
-        print(
-            f"Look at {self.out / PICTURE}, then plan: warp-trunk plan {self.out} --out planned --uiv T4 --liv L1 "
-            "--curve T8,correction=0.65"
-        )
+        example = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.65")
+        plan = next_command("plan", self.out, "--out", "planned", *example)
+        print(f"Look at {self.out / PICTURE}, then plan: {plan}")
         return INCOMPLETE if made.found.unsure else OK
 
     def _body(self) -> Mask | None:

@@ -15,6 +15,7 @@ from warp_trunk.run.progress import Progress
 
 from .bone_folder import read_bones
 from .exit_status import OK
+from .next_command import next_command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,5 +54,5 @@ class MakeCase:
             with progress.stage("write", f"writing {self.out}"):
                 write_case(self.out, case)
         print(f"Case '{case.name}' written to {self.out}")
-        print(f"Simulate it: warp-trunk simulate {self.out}")
+        print(f"Simulate it: {next_command('simulate', self.out)}")
         return OK

@@ -31,6 +31,7 @@ from warp_trunk.run.run_case import run_case
 from .crossing_file import crossings_written
 from .ending import report_ending
 from .exit_status import NOT_CONVERGED, OK
+from .next_command import next_command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +103,7 @@ class Plan:
                 print(f"\n{best_plan_text(found)}")
             print(f"\nPlanned case written to {self.out}")
             if not self.predict:
-                print(f"Simulate it: warp-trunk simulate {self.out}")
+                print(f"Simulate it: {next_command('simulate', self.out)}")
                 return OK
             out = Path("results") / self.out.resolve().name
             with crossings_written(out):

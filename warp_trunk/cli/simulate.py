@@ -19,6 +19,7 @@ from warp_trunk.run.run_plans import run_plans
 
 from .crossing_file import crossings_written
 from .ending import report_ending
+from .next_command import next_command
 from .simulation import SimulationArguments
 
 
@@ -56,8 +57,8 @@ class Simulate(SimulationArguments):
         ends, folders = [], []
         for done in run_plans(case, plans, out, self.options, progress):
             ends.append(report_ending(done.result))
-            folders.append(str(done.result.folder))
+            folders.append(done.result.folder)
             print()
         if len(folders) > 1:
-            print(f"Side by side: warp-trunk report {' '.join(folders)}")
+            print(f"Side by side: {next_command('report', *folders)}")
         return max(ends)

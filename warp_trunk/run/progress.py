@@ -82,7 +82,8 @@ class Progress:
             return
         self._line(
             f"increment {increment.number} of {count}: {relaxation.status.name}, "
-            f"{relaxation.estimated_error:.2g} mm from equilibrium, {relaxation.steps} steps, "
+            f"{relaxation.estimated_error:.2g} mm from equilibrium, "
+            f"{relaxation.steps} step{'' if relaxation.steps == 1 else 's'}, "
             f"{relaxation.linear_iterations} linear iterations, {increment.seconds:.1f} s"
         )
 
