@@ -108,6 +108,6 @@ def _reached(summary: Summary) -> str:
 
 
 def _text(value: object) -> str:
-    if value is None:
-        return "not known"
+    if value is None or value == []:
+        return "–"
     return ("no", "yes")[value] if isinstance(value, bool) else str(value)
