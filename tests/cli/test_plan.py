@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,14 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     assert f"warp-trunk simulate {folder / 'planned'}" in said
 
 
+def test_next_command_names_a_folder_with_a_space_as_a_shell_takes_it(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert plan(folder, "as planned", "--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5") == 0
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert shlex.split(line) == ["Simulate", "it:", "warp-trunk", "simulate", str(folder / "as planned")]
+
+
 def test_every_curve_of_the_command_is_planned(folder: Path) -> None:
     curves = ("--curve", "T8,correction=0.6", "--curve", "L2,correction=0.5")
     assert plan(folder, "curves", "--uiv", "T4", "--liv", "L4", *curves) == 0
@@ -62,9 +71,9 @@ def test_every_curve_of_the_command_is_planned(folder: Path) -> None:
 def test_planned_case_is_told_apart_by_its_folder(folder: Path) -> None:
     options = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5")
     assert plan(folder, "short", *options) == 0
-    assert read_case(folder / "short").name == f"{phantom_case().name}, plan short"
+    assert read_case(folder / "short").name == "phantom, thoracic 60 degrees, plan short"
     assert main(["plan", str(folder / "short"), "--out", str(folder / "long"), *options]) == 0
-    assert read_case(folder / "long").name == f"{phantom_case().name}, plan long"
+    assert read_case(folder / "long").name == "phantom, thoracic 60 degrees, plan long"
 
 
 def test_plan_that_was_written_makes_it_again(folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 PLAN, RECORD = "plan.toml", "plan.json"
 """What a planned case holds beside the files of a case."""
+_CORRECTION = re.compile(r"(, [\d.]+ % corrected)?(, plan .*)?$")
+"""What the name of a case says of the correction that a plan replaces: one of `make-case`, or a plan's."""
 
 
 def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: str | None = None) -> Case:
@@ -56,7 +59,8 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
 
 def planned_case(case: Case, surgery: PlannedSurgery, name: str) -> Case:
     """The case after a surgery, called by the patient and the plan: plans for one patient are told apart."""
-    return replace(surgery.planned_case(case), name=f"{case.name.split(', plan ')[0]}, plan {name}")
+    patient = _CORRECTION.sub("", case.name)
+    return replace(surgery.planned_case(case), name=f"{patient}, plan {name}")
 
 
 def check_planned_folder(folder: Path, case: Path | None = None) -> None:
