@@ -51,10 +51,13 @@ def least_around(
     start: wp.array(dtype=wp.int32),
     second: wp.array(dtype=wp.int32),
     value: wp.array(dtype=wp.float64),
+    asked: wp.array(dtype=wp.bool),
     least: wp.array(dtype=wp.float64),
 ):
-    """The least value at a vertex and its neighbours."""
+    """The least value at a vertex and its neighbours, where it is asked for."""
     v = wp.tid()
+    if not asked[v]:
+        return
     found = value[v]
     for k in range(start[v], start[v + 1]):
         found = wp.min(found, value[second[k]])

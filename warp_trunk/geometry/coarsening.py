@@ -56,6 +56,8 @@ class _Working:
     """Sum of area * offset^2, shape (vertices,)."""
     area: np.ndarray
     """Sum of area [mm^2], shape (vertices,)."""
+    moved: np.ndarray
+    """Which vertices have moved since crossings were last looked for, shape (vertices,), bool."""
 
     def copy(self) -> _Working:
         return _Working(
@@ -65,6 +67,7 @@ class _Working:
             self.vector.copy(),
             self.scalar.copy(),
             self.area.copy(),
+            self.moved.copy(),
         )
 
 
@@ -96,11 +99,13 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         edges, length = edges[fresh], length[fresh]
         pass_ends |= len(edges) == 0
         if pass_ends or rounds % _ROUNDS_BETWEEN_CHECKS == 0:
-            crossed = _crossings(work, kept if clean else None)
+            crossed = _crossings(work, clean)
             if len(crossed) and _freeze(frozen, work.faces[crossed], kept.faces):
                 work, pass_ends = kept.copy(), False
                 continue
-            kept, clean = work.copy(), not len(crossed)
+            clean = not len(crossed)
+            work.moved[:] = False
+            kept = work.copy()
         if pass_ends:
             if len(work.faces) > 0.98 * faces_at_pass:
                 break
@@ -118,15 +123,12 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
     return Surface(work.vertices[used] + middle, faces.reshape(-1, 3).astype(np.int32))
 
 
-def _crossings(work: _Working, clean: _Working | None) -> np.ndarray:
-    """`crossings` of the surface; since a state that had none, only what has changed is looked at first."""
+def _crossings(work: _Working, clean: bool) -> np.ndarray:
+    """`crossings` of the surface; if it had none before vertices moved, only these are looked at first."""
     surface = Surface(work.vertices, work.faces)
-    if clean is None:
+    if not clean:
         return crossings(surface)
-    moved = (work.vertices != clean.vertices).any(axis=1)
-    count = np.int64(len(moved))
-    now, before = ((a * count + b) * count + c for a, b, c in (work.faces.T, clean.faces.T))
-    changed = np.flatnonzero(moved[work.faces].any(axis=1) | ~np.isin(now, before))
+    changed = np.flatnonzero(work.moved[work.faces].any(axis=1))
     return crossings(surface) if cross_any(surface, changed) else np.empty((0, 2), dtype=np.int32)
 
 
@@ -157,6 +159,7 @@ def _with_planes(vertices: np.ndarray, faces: np.ndarray) -> _Working:
         gather((area * offset)[:, None] * normal),
         gather(area * offset**2),
         gather(area),
+        np.zeros(count, dtype=bool),
     )
 
 
@@ -192,9 +195,9 @@ def _independent(edges: np.ndarray, key: np.ndarray, corners: _Corners, count: i
     those that remain.
     """
 
-    def around(value: np.ndarray) -> np.ndarray:
+    def around(value: np.ndarray, asked: np.ndarray) -> np.ndarray:
         least = np.empty(count)
-        inputs = [corners.start, corners.second, _on_device(value, wp.float64)]
+        inputs = [corners.start, corners.second, _on_device(value, wp.float64), _on_device(asked, wp.bool)]
         _launch(least_around, count, inputs, [_on_device(least, wp.float64)])
         return least
 
@@ -202,14 +205,16 @@ def _independent(edges: np.ndarray, key: np.ndarray, corners: _Corners, count: i
     left, (one, other) = np.arange(len(edges)), edges.T.copy()  # those left, and their ends
     far = np.ones(count)
     for _ in range(_CHOICES_IN_A_ROUND):
+        asked = np.zeros(count, dtype=bool)
+        asked[one] = asked[other] = True
         least = np.full(count, np.inf)
         np.minimum.at(least, one, key)
         np.minimum.at(least, other, key)
-        least = around(least)
+        least = around(least, asked)
         chosen = key <= np.minimum(least[one], least[other])
         taken[left[chosen]] = True
         far[one[chosen]] = far[other[chosen]] = 0.0
-        free = around(far)
+        free = around(far, asked)
         apart = (free[one] > 0.0) & (free[other] > 0.0)
         left, one, other, key = left[apart], one[apart], other[apart], key[apart]
     return taken
@@ -241,6 +246,7 @@ def _allowed(
 def _collapse(edges: np.ndarray, target: np.ndarray, work: _Working) -> None:
     stays, goes = edges[:, 0], edges[:, 1]
     work.vertices[stays] = target
+    work.moved[stays] = True
     for planes in (work.matrix, work.vector, work.scalar, work.area):
         planes[stays] += planes[goes]
     number = np.arange(len(work.vertices), dtype=np.int32)

@@ -117,28 +117,51 @@ class SurfaceDistance:
 
         Only nodes within the band are searched for their nearest triangle. Signs are dear: a path between
         neighbours cannot cross the surface where both are farther from it than half the spacing, so that one
-        search settles all of a connected patch of such nodes. Where the surface has an edge, beside which the
-        sign changes too, patches begin beyond the band (>= spacing).
+        search settles all of a connected patch of such nodes, and most of those beside it. Where the surface has
+        an edge, beside which the sign changes too, patches begin beyond the band (>= spacing).
 
         wanted: where the value is needed, shape of the block, bool; elsewhere the result is +band.
         """
         first = np.array([part.start for part in box])
-        nodes = np.argwhere(wanted)
-        points = grid.positions(nodes + first)
-        distance = self._without_sign(points, band)
-        own = distance <= (0.505 * grid.spacing if self._closed else band)
-        apart = np.zeros(wanted.shape, dtype=bool)
-        apart[wanted] = ~own
-        patch = connected(apart)[wanted]
-        sample = np.empty(patch.max(initial=0) + 1, dtype=np.int64)
-        sample[patch[::-1]] = np.arange(len(patch))[::-1]  # the first node of each
+
+        def points(nodes: np.ndarray) -> np.ndarray:
+            return grid.positions(nodes + first)
+
+        distance = np.full(wanted.shape, band, dtype=np.float32)
+        near = wanted & self._within(band, grid, first, wanted.shape)
+        reached = self._without_sign(points(np.argwhere(near)), band)
+        distance[near] = np.where(np.isnan(reached), np.float32(band), reached)
+        near[near] = reached <= 0.505 * grid.spacing if self._closed else ~np.isnan(reached)
+        patches = connected(wanted & ~near)
+        sample = np.empty(patches.max(initial=0) + 1, dtype=np.int64)
+        sample[patches.reshape(-1)[::-1]] = np.arange(patches.size)[::-1]  # the first node of each
         sign = np.ones(len(sample), dtype=np.float32)
-        sign[1:] = np.sign(self.at(points[sample[1:]]))
-        value = sign[patch] * np.where(np.isnan(distance), np.float32(band), distance)
-        value[own] = self.at(points[own], band)
-        result = np.full(wanted.shape, band, dtype=np.float32)
-        result[wanted] = value
-        return result
+        sign[1:] = np.sign(self.at(points(np.stack(np.unravel_index(sample[1:], wanted.shape), axis=1))))
+        nodes = np.argwhere(near)
+        if self._closed:
+            beside = _patch_beside(nodes, patches, distance, grid.spacing)
+            patches[near] = beside
+            nodes = nodes[beside == 0]
+        distance *= sign[patches]
+        distance[tuple(nodes.T)] = self.at(points(nodes), band)
+        return distance
+
+    def _within(self, band: float, grid: Grid, first: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+        """Nodes of a block in the box of a triangle grown by the band: all that are within it, and few others."""
+        points: np.ndarray = self._tree.mesh.points.numpy() + self._tree.middle
+        faces: np.ndarray = self._tree.mesh.indices.numpy().reshape(-1, 3)
+        corners = np.take(points, faces.T, axis=0)
+        lower, upper = np.minimum.reduce(corners) - band, np.maximum.reduce(corners) + band
+        start = np.floor((lower - grid.lower) / grid.spacing).astype(int) - first
+        end = np.ceil((upper - grid.lower) / grid.spacing).astype(int) - first + 1
+        ends = np.stack([start, end]).clip(0, shape)
+        # +1 where a box begins and -1 behind its end along each axis: summed up, how many boxes a node lies in
+        size, sides = np.add(shape, 1), list(np.ndindex(2, 2, 2))
+        place = [np.ravel_multi_index(tuple(ends[side, :, (0, 1, 2)]), size) for side in sides]
+        sign = np.repeat([(-1.0) ** sum(side) for side in sides], len(start))
+        edges = np.bincount(np.concatenate(place), sign, minlength=size.prod()).reshape(size)
+        boxes = edges.cumsum(axis=0).cumsum(axis=1).cumsum(axis=2)
+        return boxes[:-1, :-1, :-1] > 0
 
     def _without_sign(self, points: np.ndarray, reach: float) -> np.ndarray:
         """Distance [mm] of points (n, 3), not negative inside; NaN where farther away than reach [mm]."""
@@ -154,6 +177,22 @@ class SurfaceDistance:
         ends, starts = np.roll(faces, -1, axis=1).reshape(-1), faces.reshape(-1)
         size = len(self._tree.mesh.points)
         return np.array_equal(np.sort(starts * size + ends), np.sort(ends * size + starts))
+
+
+def _patch_beside(nodes: np.ndarray, patches: np.ndarray, distance: np.ndarray, spacing: float) -> np.ndarray:
+    """The patch next to each of some nodes (n, 3) from which no surface parts it; 0 where there is none.
+
+    None lies between two nodes that are together farther from it than from each other.
+    """
+    found = np.zeros(len(nodes), dtype=patches.dtype)
+    own = distance[tuple(nodes.T)]
+    for axis in range(3):
+        for step in (-1, 1):
+            other = nodes.copy()
+            other[:, axis] = np.clip(other[:, axis] + step, 0, patches.shape[axis] - 1)
+            place = tuple(other.T)
+            found = np.where(own + distance[place] > 1.01 * spacing, np.maximum(found, patches[place]), found)
+    return found
 
 
 def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:

@@ -53,7 +53,7 @@ def crossings(surface: Surface) -> np.ndarray:
 
 def cross_any(surface: Surface, faces: np.ndarray) -> bool:
     """Whether one of some faces, given by number, and another face of the surface pass through each other."""
-    mesh, middle = search_tree(surface)
+    mesh, middle = search_tree(surface, quick=True)
     exact = wp.array(surface.vertices - middle, dtype=wp.vec3d, device="cpu")
     asked = wp.array(faces, dtype=_INT, device="cpu")
     crossed: Any = wp.empty(len(faces), dtype=_BOOL, device="cpu")
