@@ -24,9 +24,10 @@ import warp as wp
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.io.trunk_file import write_trunk
-from warp_trunk.run import run_case as run
+from warp_trunk.run import increments
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
+from warp_trunk.run.run_case import run_case
 
 from .small_trunk import boned_case
 
@@ -75,13 +76,13 @@ def killed_at_move(number: int) -> None:
 
 def telling(pipe: int) -> None:
     """Has this process write to the pipe when its first increment begins."""
-    simulate = run.simulate
+    simulate = increments.simulate
 
     def told(*arguments: Any, **more: Any) -> Any:
         os.write(pipe, b"!")
         return simulate(*arguments, **more)
 
-    run.simulate = told
+    increments.simulate = told
 
 
 def contents(folder: Path) -> dict[str, str]:
@@ -110,7 +111,7 @@ def main(folder: Path, seed: int, moments: int) -> None:
     import scipy.sparse  # noqa: F401  likewise
 
     def simulate(name: str, **changes: Any) -> None:
-        run.run_case(case, folder / name, options(mesh, **changes), Progress(quiet), warnings=())
+        run_case(case, folder / name, options(mesh, **changes), Progress(quiet), warnings=())
 
     wp.config.log_level = wp.LOG_WARNING
     simulate("warm", record=False)
