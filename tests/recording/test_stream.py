@@ -1,8 +1,13 @@
 """Writing that never holds a simulation up."""
 
 import threading
+from pathlib import Path
 
-from warp_trunk.recording.stream import within
+import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+
+from warp_trunk.recording.stream import open_streams, within
 
 
 def test_an_action_that_hangs_is_left_behind():
@@ -10,3 +15,13 @@ def test_an_action_that_hangs_is_left_behind():
     assert within(5.0, lambda: None)
     assert not within(0.05, gate.wait)
     gate.set()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_disk_that_is_full_from_the_start_leaves_the_simulation_alone(tmp_path, caplog):
+    (tmp_path / "recording.rrd").symlink_to("/dev/full")
+    (stream,) = open_streams("Anna", tmp_path / "recording.rrd", None, rrb.Blueprint())
+    assert "No space left" in stream.failed
+    assert "the simulation goes on without it" in caplog.text
+    stream.log("/a", rr.Clear(recursive=True), static=True)
+    stream.close()

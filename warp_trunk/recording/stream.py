@@ -56,7 +56,7 @@ class Stream:
             self._closed = True
             self.wait()
             if not within(1.0 if self.failed else WAIT, self._stream.disconnect) and not self.failed:
-                self._fail(f"closing took more than {WAIT:g} s")
+                self.fail(f"closing took more than {WAIT:g} s")
 
     def _flush(self, seconds: float) -> None:
         if self.failed:
@@ -64,9 +64,10 @@ class Stream:
         try:
             self._stream.flush(timeout_sec=seconds)
         except Exception as error:  # Rerun raises types of its own
-            self._fail(str(error))
+            self.fail(str(error))
 
-    def _fail(self, reason: str) -> None:
+    def fail(self, reason: str) -> None:
+        """Sends nothing more, and warns of it."""
         self.failed = reason
         _log.warning("%s: recording stopped (%s); the simulation goes on without it", self.place, reason)
 
@@ -96,13 +97,17 @@ def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> lis
         if place is None:
             continue
         stream = rr.RecordingStream("warp_trunk", recording_id=streams[0][1] if streams else None)
-        if isinstance(place, Path):
-            stream.save(place)
-        else:
-            stream.connect_grpc(place)
-        stream.send_blueprint(blueprint, make_active=True, make_default=True)
-        stream.send_recording_name(name)
-        streams.append((Stream(str(place), stream), stream.get_recording_id()))
+        sent = Stream(str(place), stream)
+        streams.append((sent, stream.get_recording_id()))
+        try:
+            if isinstance(place, Path):
+                stream.save(place)
+            else:
+                stream.connect_grpc(place)
+            stream.send_blueprint(blueprint, make_active=True, make_default=True)
+            stream.send_recording_name(name)
+        except RuntimeError as error:  # Rerun's, of a full disk
+            sent.fail(str(error))
     return [stream for stream, _ in streams]
 
 
