@@ -98,7 +98,7 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
         (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction"), "must be a name, = and a number"),
         (
             ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=65"),
-            "must be 0 to 1, not 65.0; the nearest is 1",
+            "must be 0 to 1, not 65.0; for 65 % write 0.65",
         ),
         (("--plan", "PLAN", "--aim", "hump"), "--aim and --within belong together"),
         (("--plan", "PLAN", "--within", "T8,correction=0.5..0.8"), "--aim and --within belong together"),

@@ -27,6 +27,8 @@ TYPOS = [
     (["simulate", "case", "--poisson-ratio", "much"], ["--poisson-ratio: must be a number, not 'much'"]),
     (["simulate", "case", "--bones", "folow"], ["--bones: must be one of ", "not 'folow' (did you mean follow?)"]),
     (["simulate", "case", "--tets", "5", "--tets=6"], ["--tets: is given more than once"]),
+    (["simulate", "case", "--tets", "1e9"], ["warp-trunk: mesh: 'tets' must be a number from 4 to 5e+07"]),
+    (["simulate", "case", "--theta", "nan"], ["warp-trunk: tissue: 'theta' must be a finite number"]),
     (["simulate", "case", "another"], ["simulate: 'another' is too much"]),
 ]
 
@@ -43,3 +45,9 @@ def test_whole_numbers_may_have_an_exponent(capsys):
     assert [whole_number(text) for text in ("7", "1e5", "2.0")] == [7, 100_000, 2]
     assert main(["simulate", "no/such/case", "--tets", "1e5"]) == BAD_INPUT
     assert "no/such/case: there is no such folder" in capsys.readouterr().err
+
+
+def test_a_file_in_place_of_a_case_folder_is_said_to_be_one(tmp_path, capsys):
+    (tmp_path / "case.toml").write_text('units = "mm"')
+    assert main(["simulate", str(tmp_path / "case.toml")]) == BAD_INPUT
+    assert "case.toml: is a file; a case folder with case.toml was expected" in capsys.readouterr().err

@@ -87,7 +87,8 @@ class _Files:
 
     def __init__(self, folder: Path) -> None:
         if not folder.is_dir():
-            raise InputError(f"{folder}: there is no such folder; a case folder with case.toml was expected")
+            what = "is a file" if folder.exists() else "there is no such folder"
+            raise InputError(f"{folder}: {what}; a case folder with case.toml was expected")
         check_within(folder, folder / "case.toml")
         self.folder, self.header = folder, read_header(folder / "case.toml")
         self.names = {"case": folder / "case.toml"}

@@ -90,7 +90,8 @@ def one_line(box: str) -> str:
     end = next((i for i, row in enumerate(rows) if _is_rule(row)), len(rows))
     hint = [f"({row})" for row in rows[end:] if row.startswith("Available subcommands")]
     text = " ".join(" ".join([*rows[:end], *hint]).split())
-    return re.sub(r"^Error parsing __tyro-dummy-inner__[\w.-]*: ", "", text) or "the arguments do not fit"
+    text = re.sub(r"^Error parsing (__tyro-dummy-inner__[\w.-]*|[a-z_.]+): ", "", text)
+    return text or "the arguments do not fit"
 
 
 def _is_rule(row: str) -> bool:

@@ -59,7 +59,7 @@ class Close:
                 f"--transforms: {len(self.transforms)} files for {len(self.parts)} parts; give one for each"
             )
         with Progress() as progress:
-            with progress.stage("load", f"reading {len(self.parts)} parts"):
+            with progress.stage("load", "reading the scans"):
                 parts = self._read()
                 check_parts(parts)
             if self.refine:

@@ -36,7 +36,7 @@ def check_surface(surface: Surface, name: str) -> None:
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise InputError(
-            f"{name}: {bad.size} vertices are not finite, the first is number {bad[0]}, "
+            f"{name}: {bad.size} of {len(vertices)} vertices are not finite, the first is number {bad[0]}, "
             f"{vertices[bad[0]].tolist()}; repair the surface"
         )
     far = float(np.abs(vertices).max())

@@ -139,7 +139,7 @@ def test_bad_parts_are_refused_in_one_line(phantom):
     cases = [
         ({}, "parts: there are none"),
         (changed(parts, "view_2.ply", faces=part.faces[:0]), "view_2.ply: the surface is empty"),
-        (changed(parts, "view_2.ply", vertices=nan), "view_2.ply: 1 vertices are not finite"),
+        (changed(parts, "view_2.ply", vertices=nan), "vertices are not finite, the first is number"),
         (changed(parts, "view_2.ply", faces=part.faces[:, ::-1]), "view_2.ply: its triangles face into the trunk"),
         (changed(parts, "view_2.ply", faces=twisted), "view_2.ply: neighbouring triangles turn opposite ways"),
         (

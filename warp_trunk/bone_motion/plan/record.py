@@ -118,7 +118,7 @@ def _check_range(record: object, name: str, low: float, high: float, unit: str, 
         return
     number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
     if not number or not low <= value <= high:
-        nearest = f"; the nearest is {min(max(value, low), high):g}" if number else ""
-        raise InputError(
-            f"{where}: '{name}' must be {low:g} to {high:g} {unit}".rstrip() + f", not {value}{nearest}"
-        )
+        cure = f"; the nearest is {min(max(value, low), high):g}" if number else ""
+        if number and high == 1.0 and 1.0 < value <= 100.0:  # a share
+            cure = f"; for {value:g} % write {value / 100.0:g}"
+        raise InputError(f"{where}: '{name}' must be {low:g} to {high:g} {unit}".rstrip() + f", not {value}{cure}")
