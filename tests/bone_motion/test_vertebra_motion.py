@@ -49,6 +49,22 @@ def test_without_turn_and_tilt_only_flexion_is_left() -> None:
     assert left == pytest.approx([0.0, 6.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_what_a_curve_turned_its_correction_turns_back_about_the_same_axis(tilt: float) -> None:
+    straight, curved, corrected = (
+        Rotation.from_euler("YXZ", angles, degrees=True) for angles in ((0, 20, 0), (-18, 24, 13), (-5, 21, 4))
+    )
+
+    def shared(before: Rotation, after: Rotation) -> Rotation:
+        found = split(about(after * before.inv()), CENTRE, before.apply([0.0, 0.0, 1.0]))
+        return found.share(turn=0.6 * found.turn, tilt=tilt)
+
+    grown, back = shared(straight, curved), shared(curved, straight)
+    assert (back * grown).magnitude() == pytest.approx(0.0, abs=1e-12)
+    by_way = shared(curved, corrected) * grown
+    assert (by_way * shared(straight, corrected).inv()).magnitude() == pytest.approx(0.0, abs=1e-12)
+
+
 def test_seen_in_a_mirror_turn_tilt_and_shift_change_sign() -> None:
     mirror = np.diag([-1.0, 1.0, 1.0])
     rotation = Rotation.from_rotvec([0.1, 0.2, -0.3])

@@ -35,9 +35,13 @@ class VertebraMotion:
     """The part of the turn that does not come with the change of the curve but is forced by screws [rad]."""
 
     def share(self, *, turn: float, tilt: float) -> Rotation:
-        """The rotation with a part of the tilt, all of the flexion and this turn [rad]."""
-        before = _attitude(*self.leaning)
-        after = _attitude(self.leaning[0] + tilt * self.tilt, self.leaning[1] + self.flexion)
+        """The rotation with a part of the tilt, all of the flexion and this turn [rad].
+
+        What takes a part of the tilt leans by that part alone, before as after: it turns about its own axis, not
+        about the vertebra's, so that a correction turns back what the curve has turned.
+        """
+        before = _attitude(tilt * self.leaning[0], self.leaning[1])
+        after = _attitude(tilt * (self.leaning[0] + self.tilt), self.leaning[1] + self.flexion)
         from scipy.spatial.transform import Rotation  # heavy
 
         return after * Rotation.from_rotvec([0.0, 0.0, turn]) * before.inv()
