@@ -97,29 +97,66 @@ def follow(
         else steps(_turned, vertebrae[rib.vertebra], rib, shares, depth, growing)
         for name, rib in ribs.items()
     }
+    found = _with_sternum(bones, ribs, motions, known, steps)
+    if not growing:
+        found = _with_margin(ribs, found, known, steps)
+    return found | _blades(bones, found, shares, known, steps)
+
+
+def _with_sternum(
+    bones: Mapping[str, Surface],
+    ribs: Mapping[str, _Rib],
+    motions: Mapping[str, RigidTransform],
+    known: Mapping[str, RigidTransform],
+    steps: Steps,
+) -> dict[str, RigidTransform]:
+    """The motions, that of the sternum among them, and of ribs 1 to 7 within reach of it."""
     true = {name: rib for name, rib in ribs.items() if rib.number <= _TRUE_RIBS}
-    if "sternum" in bones and ("sternum" in known or len(true) >= 3):
-        tips = [rib.tip[None] for rib in true.values()]
-        by_ribs = [motions[name] for name in true]
-        motions["sternum"] = known["sternum"] if "sternum" in known else steps(_as_one, tips, *by_ribs)
-        for name, rib in true.items():
-            if name not in known:
-                anchor = _nearest(bones["sternum"].vertices, rib.tip)
-                motions[name] = steps(_reaching, motions[name], rib, anchor, motions["sternum"])
-    for name, rib in ribs.items() if not growing else ():
+    if "sternum" not in bones or ("sternum" not in known and len(true) < 3):
+        return dict(motions)
+    tips = [rib.tip[None] for rib in true.values()]
+    sternum = known["sternum"] if "sternum" in known else steps(_as_one, tips, *[motions[name] for name in true])
+    found = {**motions, "sternum": sternum}
+    for name, rib in true.items():
+        if name not in known:
+            anchor = _nearest(bones["sternum"].vertices, rib.tip)
+            found[name] = steps(_reaching, motions[name], rib, anchor, sternum)
+    return found
+
+
+def _with_margin(
+    ribs: Mapping[str, _Rib],
+    motions: Mapping[str, RigidTransform],
+    known: Mapping[str, RigidTransform],
+    steps: Steps,
+) -> dict[str, RigidTransform]:
+    """The motions, of ribs 8 to 10 within reach of the front end of the rib above."""
+    found = dict(motions)
+    for name, rib in ribs.items():
         above = f"{name[:-2]}{rib.number - 1:02d}"
         if rib.number in _FALSE_RIBS and name not in known and above in ribs:
-            motions[name] = steps(_reaching, motions[name], rib, ribs[above].tip, motions[above], _MARGIN)
+            found[name] = steps(_reaching, found[name], rib, ribs[above].tip, found[above], _MARGIN)
+    return found
+
+
+def _blades(
+    bones: Mapping[str, Surface],
+    motions: Mapping[str, RigidTransform],
+    shares: RibShares,
+    known: Mapping[str, RigidTransform],
+    steps: Steps,
+) -> dict[str, RigidTransform]:
+    """Of each shoulder blade that is known, or lies on three ribs."""
+    found = {}
     for side in ("left", "right"):
         under = [name for number in _UNDER_SCAPULA if (name := f"rib_{side}_{number:02d}") in motions]
-        if (blade := f"scapula_{side}") in bones and (blade in known or len(under) >= 3):
+        blade = f"scapula_{side}"
+        if blade in bones and blade in known:
+            found[blade] = known[blade]
+        elif blade in bones and len(under) >= 3:
             vertices = [bones[name].vertices for name in under]
-            motions[blade] = (
-                known[blade]
-                if blade in known
-                else steps(_ridden, vertices, shares.scapula, *[motions[name] for name in under])
-            )
-    return motions
+            found[blade] = steps(_ridden, vertices, shares.scapula, *[motions[name] for name in under])
+    return found
 
 
 def ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
