@@ -20,7 +20,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 TRUNK = block_with_bone((6, 5, 4), holes=((1, 1, 1), (3, 1, 1)))
 PARTS = ["numbering.order", "held.loose", "features.edge", "features.face", "pattern.row_start", "pattern.columns"]
-PARTS += ["pattern.place", "grids.coarsest", "grids.node_distance", "coarsest.inverse"]
+PARTS += ["pattern.place", "grids.coarsest", "grids.node_distance", "matrices.inverse", "matrices.diagonal_0"]
 
 
 def end(memo: Memo | None, trunk: TrunkMesh = TRUNK, **options: Any) -> bytes:
@@ -72,9 +72,12 @@ def test_what_is_remembered_changes_no_bit(energy: EnergyName, precision: str) -
         ("grids.coarsest", lambda spacing: 100.0 * spacing),
         ("grids.node_distance", lambda distance: 1e-6 * distance),
         ("grids.node_distance", lambda distance: np.full(3, distance)),
-        ("coarsest.inverse", lambda inverse: inverse.astype(np.float64)),
-        ("coarsest.inverse", lambda inverse: inverse[3:, 3:]),
-        ("coarsest.inverse", lambda inverse: np.full_like(inverse, np.nan)),
+        ("matrices.inverse", lambda inverse: inverse.astype(np.float64)),
+        ("matrices.inverse", lambda inverse: inverse[3:, 3:]),
+        ("matrices.inverse", lambda inverse: np.full_like(inverse, np.nan)),
+        ("matrices.diagonal_0", lambda diagonal: diagonal[1:]),
+        ("matrices.diagonal_0", lambda diagonal: diagonal.astype(np.float64)),
+        ("matrices.diagonal_0", lambda diagonal: np.full_like(diagonal, np.inf)),
     ],
 )
 def test_what_cannot_be_of_this_trunk_is_found_again(

@@ -10,6 +10,7 @@ surgical plan of a patient.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -45,27 +46,39 @@ class Multilevel:
     Of the matrix that holds later it takes the diagonal blocks of the nodes.
     """
 
-    def __init__(self, matrix: BlockMatrix) -> None:
-        """Lays the grids over the free nodes at rest and takes the matrix onto them."""
+    def __init__(self, matrix: BlockMatrix, assemble: Callable[[], None] = lambda: None) -> None:
+        """Lays the grids over the free nodes at rest and takes the matrix onto them.
+
+        Args:
+            matrix: the matrix at rest.
+            assemble: sets it, if that is not done yet; not called where all that is made of it is remembered.
+        """
         self.model = model = matrix.model
         self._inverse_diagonal = matrix.inverse_diagonal
         points = model.rest[model.free]
         spacings = _spacings(model, points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
         self._grids = [CoarseGrid.around(points, origin, spacing) for spacing in spacings]
-        *finer, coarsest = self._grids
-        onto_nodes = [grid.interpolate(points) for grid in finer]
-        transfers = [_Transfer(model, whole) for whole in onto_nodes]
-        self._onto_finest = transfers[0] if transfers else _Transfer(model, coarsest.interpolate(points))
-        self._diagonals = [
-            grid_diagonal(matrix, transfer, len(grid.positions), 1.0 / len(spacings))
-            for transfer, grid in zip(transfers, finer, strict=True)
-        ]
-        self._inverse = _inverse(matrix, coarsest, points)
+        finest, *coarser = self._grids
+        onto_nodes = finest.interpolate(points)
+        self._onto_finest = _Transfer(model, onto_nodes)
+
+        def find() -> Arrays:
+            assemble()
+            transfers = [self._onto_finest, *(_Transfer(model, grid.interpolate(points)) for grid in coarser)]
+            return _matrices(matrix, transfers, [len(grid.positions) for grid in self._grids])
+
+        def fits(known: Arrays) -> bool:
+            return _are_matrices(known, [len(grid.positions) for grid in self._grids], model.precision)
+
+        found = arrays_of(model.memo, "matrices", find, fits)
+        self._inverse = found["inverse"]
+        mat33 = wp.types.matrix((3, 3), model.scalar)
+        self._diagonals = [model.array(found[f"diagonal_{k}"], mat33) for k in range(len(coarser))]
         self._all_grids: AllGrids | None = None
         if model.parallel.is_cuda:
-            onto_nodes.append(coarsest.interpolate(points))
-            self._all_grids = AllGrids(model, onto_nodes, self._diagonals, self._inverse)
+            all_onto_nodes = [onto_nodes, *(grid.interpolate(points) for grid in coarser)]
+            self._all_grids = AllGrids(model, all_onto_nodes, self._diagonals, self._inverse)
 
     @cached_property
     def _levels(self) -> list[_Level]:
@@ -144,19 +157,24 @@ def _spacings(model: Model, points: np.ndarray) -> list[float]:
     return spacings
 
 
-def _inverse(matrix: BlockMatrix, grid: CoarseGrid, points: np.ndarray) -> np.ndarray:
-    """The inverse of a grid's `grid_matrix` in the model's precision, if not remembered."""
-    model, size, precision = matrix.model, len(grid.positions), np.dtype(matrix.model.precision)
+def _matrices(matrix: BlockMatrix, transfers: list[_Transfer], sizes: list[int]) -> dict[str, np.ndarray]:
+    """The inverse of the matrix on the last grid, in the model's precision; `grid_diagonal` on the others."""
+    diagonals = [
+        grid_diagonal(matrix, transfer, size, 1.0 / len(sizes)).numpy()
+        for transfer, size in zip(transfers[:-1], sizes[:-1], strict=True)
+    ]
+    inverse = invert(grid_matrix(matrix, transfers[-1], sizes[-1])).astype(matrix.model.precision)
+    return {"inverse": inverse, **{f"diagonal_{k}": values for k, values in enumerate(diagonals)}}
 
-    def find() -> Arrays:
-        whole = _Transfer(model, grid.interpolate(points))
-        return {"inverse": invert(grid_matrix(matrix, whole, size)).astype(precision)}
 
-    def fits(known: Arrays) -> bool:
-        inverse = known["inverse"]
-        return inverse.shape == (3 * size,) * 2 and inverse.dtype == precision and bool(np.isfinite(inverse).all())
-
-    return arrays_of(model.memo, "coarsest", find, fits)["inverse"]
+def _are_matrices(known: Arrays, sizes: list[int], precision: str) -> bool:
+    """Whether these can be `_matrices` of grids with so many vertices."""
+    *finer, coarsest = sizes
+    shapes = {"inverse": (3 * coarsest,) * 2, **{f"diagonal_{k}": (size, 3, 3) for k, size in enumerate(finer)}}
+    return known.keys() == shapes.keys() and all(
+        known[name].shape == shape and known[name].dtype == precision and bool(np.isfinite(known[name]).all())
+        for name, shape in shapes.items()
+    )
 
 
 class _Transfer:

@@ -58,8 +58,7 @@ class Newton:
         self._state = state
         if like is None:
             self._matrix = BlockMatrix(state)
-            self._matrix.assemble()
-            self._preconditioner = Multilevel(self._matrix)
+            self._preconditioner = Multilevel(self._matrix, self._matrix.assemble)
         else:
             self._matrix = BlockMatrix(state, like._matrix.sparsity)
             self._preconditioner = like._preconditioner.of(self._matrix)
