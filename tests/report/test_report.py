@@ -104,7 +104,7 @@ def test_sentences_name_the_level_the_side_and_the_angles(plain):
     said = sentences(poses_of(read_result(plain[0])), None)
     assert list(said) == ["What is planned", "What changes", "What stays", "How sure this is"]
     assert said["What is planned"] == "The spine has no curve of 10 degrees or more."
-    assert "right side of the back still stands out, by 12 degrees at vertebra T4" in said["What stays"]
+    assert "right side of the back then stands out, by 12 degrees at vertebra T4" in said["What stays"]
     assert "not been compared with patients" in said["How sure this is"]
 
 

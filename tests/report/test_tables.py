@@ -43,6 +43,13 @@ def test_left_curve_and_left_hump_that_improve_are_told_as_less():
     assert "left side of the back still stands out, by 4 degrees" in sentences(left, None)["What stays"]
 
 
+def test_a_hump_that_changes_its_side_is_told_with_its_sides():
+    stays = sentences(poses(THORACIC, THORACIC, turned=(-12.0, 4.0)), None)["What stays"]
+    assert "right side of the back then stands out, by 4 degrees" in stays
+    assert "the largest hump is " in stays
+    assert stays.index("(right)") < stays.index("where it was") < stays.index("(left)")
+
+
 def test_every_curve_has_its_rows_told_of_the_same_vertebrae():
     both = poses(THORACIC, scaled(THORACIC, 0.3))
     headings = [row[0] for row in measure_rows(both) if len(row) == 1]

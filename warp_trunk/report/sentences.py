@@ -162,14 +162,21 @@ def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
             f"The predicted back is turned by less than {DETECTABLE:g} degrees at every vertebra, "
             "the smallest difference that such measurements can tell."
         )
-    hump, was = predicted.max_hump, before.max_hump
-    height = (
-        "" if hump is None or was is None else f"; the hump is {abs(hump):.0f} mm high where it was {abs(was):.0f}"
-    )
+    was = None if level is None else before.bsr.get(level)
+    verb = "still stands" if was is not None and abs(was) >= 0.5 and was * angle > 0.0 else "then stands"
     return (
-        f"The {_side(angle)} side of the back still stands out, by {abs(angle):.0f} degrees at vertebra "
-        f"{level}{height}."
+        f"The {_side(angle)} side of the back {verb} out, by {abs(angle):.0f} degrees at vertebra {level}"
+        f"{_hump(before.max_hump, predicted.max_hump, angle)}."
     )
+
+
+def _hump(was: float | None, hump: float | None, angle: float) -> str:
+    """The largest hump before and after, with its sides where they are not all that of the rotation."""
+    if hump is None or was is None:
+        return ""
+    if min(was * angle, hump * angle) > 0.0:
+        return f"; the hump is {abs(hump):.0f} mm high where it was {abs(was):.0f}"
+    return f"; the largest hump is {abs(hump):.0f} mm ({_side(hump)}) where it was {abs(was):.0f} ({_side(was)})"
 
 
 def _trust(comparison: SkinComparison | None) -> str:

@@ -50,7 +50,7 @@ class RunOptions:
     each rigidly: known ones first, vertebrae by their landmarks, and ribs follow them by the shares of [ribs]."""
     bands: bool = False
     """Tell how sure each number is, from the errors that case.toml states in [uncertainty]; takes about as long as
-    the relaxation on a CPU, and minutes with --bones follow."""
+    the relaxation, longer under gravity."""
     record: bool = True
     """Write recording.rrd, which the viewer steps through."""
     record_steps: bool = False
