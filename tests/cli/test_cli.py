@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -24,6 +24,7 @@ from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import cobb_angles
 from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.recording import viewer
 from warp_trunk.results import prepare_folder
 
 FLAGS = [
@@ -165,14 +166,24 @@ def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeyp
     (tmp_path / "recording.rrd").write_bytes(b"")
     started = []
 
-    class Done:
-        returncode = 0
+    def run(command, env, check):
+        started.append(command)
+        return SimpleNamespace(returncode=0)
 
-    monkeypatch.setattr(subprocess, "run", lambda command, env, check: started.append(command) or Done())
+    monkeypatch.setattr(viewer, "subprocess", SimpleNamespace(run=run))  # Warp asks others of the machine
+    monkeypatch.setenv("DISPLAY", ":0")
     assert main(["view", str(tmp_path)]) == OK
     (command,) = started
     assert command[command.index("--bind") + 1] == "127.0.0.1"
     assert command[-1] == str(tmp_path / "recording.rrd")
+
+
+def test_view_without_a_display_says_what_to_do(tmp_path, monkeypatch, capsys):
+    (tmp_path / "recording.rrd").write_bytes(b"")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["view", str(tmp_path)]) == BAD_INPUT
+    assert "there is no display for the viewer's window; use `view --web`" in capsys.readouterr().err
 
 
 def test_a_folder_checked_twice_is_left_empty(tmp_path):

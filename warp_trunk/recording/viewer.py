@@ -15,11 +15,24 @@ from warp_trunk.errors import InputError
 LOOPBACK = "127.0.0.1"
 WAIT = 60.0
 """Longest wait for a viewer to open [s]."""
+WITHOUT_DISPLAY = "use `view --web`, or copy the result folder to a machine with a screen and `view` it there"
+"""What to do where there is no display."""
 
 
 def view(recording: Path) -> int:
-    """Opens a recording in the native viewer and waits for its end; returns its exit status."""
+    """Opens a recording in the native viewer and waits for its end; returns its exit status.
+
+    Raises:
+        InputError: there is no display.
+    """
+    if not has_display():
+        raise InputError(f"view: there is no display for the viewer's window; {WITHOUT_DISPLAY}")
     return subprocess.run(viewer_command(str(recording)), env=viewer_environment(), check=False).returncode
+
+
+def has_display() -> bool:
+    """Whether a window can open on this machine."""
+    return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"))
 
 
 def start_viewer(*options: str) -> str:

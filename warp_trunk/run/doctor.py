@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import shutil
 import subprocess
 import tempfile
@@ -16,7 +15,7 @@ import warp as wp
 
 from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.meshing.cache import cache_folder
-from warp_trunk.recording.viewer import viewer_command, viewer_environment
+from warp_trunk.recording.viewer import WITHOUT_DISPLAY, has_display, viewer_command, viewer_environment
 from warp_trunk.results.folder import LEAST_SPACE
 from warp_trunk.results.versions import versions
 
@@ -137,10 +136,9 @@ def _viewer() -> Finding:
 
 
 def _display() -> Finding:
-    if any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
+    if has_display():
         return Finding(name="display", found="there is one")
-    cure = "use `view --web`, or copy the result folder to a machine with a screen and `view` it there"
-    return Finding(name="display", found="none, so the viewer's window cannot open", cure=cure)
+    return Finding(name="display", found="none, so the viewer's window cannot open", cure=WITHOUT_DISPLAY)
 
 
 def _browser() -> Finding:
