@@ -12,7 +12,6 @@ from warp_trunk.bone_motion.path_faults import colliding_bones
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
-from warp_trunk.geometry.spline_response import spline_response
 from warp_trunk.run.paths import find_path
 from warp_trunk.run.warnings import ending_warnings
 
@@ -55,24 +54,21 @@ class LiveRelaxation:
 
     def __init__(self, patient: Patient) -> None:
         self._patient = patient
-        self._before = patient.case.landmarks_before.points
         self._scalar = wp.dtype_to_numpy(patient.model.scalar)
-        self._response = None
-        if patient.options.bones != "follow":
-            self._response = spline_response(self._before, patient.trunk.nodes).astype(self._scalar)
+        self._follow = patient.options.bones == "follow"
+        before = patient.case.landmarks_before
+        if not self._follow:
+            patient.carried(before)  # so that the spline's matrix is made now, not at the first drag
         still = np.zeros(patient.trunk.nodes.shape, self._scalar)
-        self._added = Forecast(self._before, still)
+        self._added = Forecast(before.points, still)
         self._case, self._carried, self._lost = patient.case, still, False
         self._state.place(still)
 
     def go(self, case: Case) -> None:
         """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
-        self._case, landmarks = case, case.planned_landmarks.points
-        if self._response is None:
-            self._carried = self._path().at(1.0)
-        else:
-            self._carried = self._response @ (landmarks - self._before).astype(self._scalar)
-        self._state.place(self._carried + self._added.at(landmarks))
+        self._case, landmarks = case, case.planned_landmarks
+        self._carried = self._path().at(1.0) if self._follow else self._patient.carried(landmarks)
+        self._state.place(self._carried + self._added.at(landmarks.points))
 
     def relax(self, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
         """Relaxes the tissue to a tolerance [mm], with `confirm` to one that is known.

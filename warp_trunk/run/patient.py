@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterable
 
     from warp_trunk.case import Case
+    from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.tissue import Tissue
 
@@ -70,10 +71,20 @@ class Patient:
             self.set_up.store()
         return relaxer
 
+    def carried(self, landmarks: Landmarks) -> np.ndarray:
+        """How far the spline carries each node [mm], in the precision of the model, shape (nodes, 3).
+
+        Args:
+            landmarks: where the landmarks before surgery go, in their order.
+        """
+        moves = landmarks.points - self.case.landmarks_before.points
+        return self._spline_response @ moves.astype(self._spline_response.dtype)
+
     @cached_property
-    def spline_response(self) -> np.ndarray:
+    def _spline_response(self) -> np.ndarray:
         """What each landmark adds to the displacement of each node by the spline, shape (nodes, landmarks)."""
-        return spline_response(self.case.landmarks_before.points, self.trunk.nodes)
+        response = spline_response(self.case.landmarks_before.points, self.trunk.nodes)
+        return response.astype(self.model.precision)  # memory is what a product with it waits for
 
     def simulate_all(
         self, cases: Iterable[Case], at_once: int | None = None
@@ -144,7 +155,7 @@ class _PathOf:
             mine = patient.case.landmarks_before
             if before.names == mine.names and np.array_equal(before.points, mine.points):
                 # not by the device: to read from it would wait for all that others have launched there
-                return BonePath(patient.spline_response @ (after.points - before.points))
+                return BonePath(patient.carried(after).astype(float))
         return find_path(case, patient.trunk, patient.options)
 
 
