@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -35,6 +35,9 @@ from warp_trunk import InputError, RelaxOptions, SimulationOptions
 from warp_trunk.engine.model import EnergyName
 from warp_trunk.engine.parallel import choose_device
 
+Add = Callable[[str, object, str], argparse.ArgumentParser]
+"""Adds a command: its name, what it calls with what is given, and what it does in words."""
+PRECISIONS = ("float32", "float64")
 METHODS = ("newton", "conjugate", "gradient", outside.OUTSIDE)
 
 
@@ -163,13 +166,20 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    precisions = ("float32", "float64")
 
     def add(name: str, command: object, words: str) -> argparse.ArgumentParser:
         added = commands.add_parser(name, help=words, description=words, allow_abbrev=False)
         added.set_defaults(command=command)
         return added
 
+    _add_curves(add)
+    _add_records(add)
+    _add_scenes(add)
+    return parser
+
+
+def _add_curves(add: Add) -> None:
+    """The commands that measure error against time."""
     one = add("prepare", prepare, "mesh a case and solve it to 1e-6 mm, into one file")
     one.add_argument("case", help="a case folder, or phantom")
     one.add_argument("--tets", type=int, default=225_000, help="number of tetrahedra (default %(default)s)")
@@ -184,10 +194,13 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--devices", nargs="+", default=["cpu"], help="cpu, cuda:0 (default cpu)")
     one.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     one.add_argument("--threads", nargs="+", type=int, default=[1, 2], help="CPU threads (default 1 2)")
-    one.add_argument("--precisions", nargs="+", choices=precisions, default=precisions)
+    one.add_argument("--precisions", nargs="+", choices=PRECISIONS, default=PRECISIONS)
     one.add_argument("--limit", type=float, default=20.0, help="longest run of a method [s] (default %(default)g)")
     one.add_argument("--no-compile", dest="compile", action="store_false", help="do not measure compilation")
 
+
+def _add_records(add: Add) -> None:
+    """Those that show what was measured."""
     one = add(
         "join", join, "one file of several; a curve of a later file replaces the same one of an earlier file"
     )
@@ -203,10 +216,14 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("records", nargs="+", help="files made by run")
     one.add_argument("--page", type=Path, help="page with the two marks between which the short table stands")
 
+
+def _add_scenes(add: Add) -> None:
+    """Those that measure one more thing of the default method, on one device."""
+
     def add_place(one: argparse.ArgumentParser) -> None:
         one.add_argument("--device", default="cpu", help="cpu or cuda:0 (default %(default)s)")
         one.add_argument("--threads", type=int, default=2, help="CPU threads (default %(default)s)")
-        one.add_argument("--precision", choices=precisions, default="float32")
+        one.add_argument("--precision", choices=PRECISIONS, default="float32")
 
     one = add("scenes", lambda given: print(scenes.scenes_table(read_problem(given.problem), _setting(given))),
               "what each part of a scene costs")  # fmt: skip
@@ -230,7 +247,6 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--increments", type=int, default=1, help="of each (default %(default)s)")
     one.add_argument("--tolerance", type=float, default=0.1, help="of each [mm] (default %(default)g)")
     add_place(one)
-    return parser
 
 
 if __name__ == "__main__":

@@ -75,23 +75,9 @@ def bone_motions(
     """
     steps = steps or Steps()
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
-    owners = np.array([bone_of(name, (*bones, *_PELVIS)) or "" for name in landmarks_before.names])
-    motions: dict[str, RigidTransform] = {
-        name: fit_rigid(bones[name].vertices, after.vertices) for name, after in (bones_after or {}).items()
-    }
-
-    def by_landmarks(owned: tuple[str, ...]) -> RigidTransform | None:
-        own = np.isin(owners, owned)
-        if _hold(landmarks_before.points[own]) or (owned == _PELVIS and own.any()):
-            rows = np.flatnonzero(own)
-            return steps.fit(*[steps.rows(one.points, rows) for one in (landmarks_before, landmarks_after)])
-        return None
-
-    pelvis = by_landmarks(_PELVIS)
-    for bone in bones:
-        own = pelvis if bone in _PELVIS else by_landmarks((bone,))
-        if bone not in motions and own is not None:
-            motions[bone] = own
+    motions, pelvis = _by_landmarks(bones, landmarks_before, landmarks_after, steps)
+    for bone, after in (bones_after or {}).items():
+        motions[bone] = fit_rigid(bones[bone].vertices, after.vertices)
     for bone in bones:
         if bone not in motions and bone in VERTEBRAE:
             motions[bone] = steps.fit(bones[bone].vertices, steps.carried(spline, bones[bone].vertices))
@@ -102,6 +88,24 @@ def bone_motions(
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
         motions[bone] = _between_neighbours(bone, bones, motions, spline, steps)
     return {bone: motions[bone] for bone in bones}
+
+
+def _by_landmarks(
+    bones: Mapping[str, Surface], before: Landmarks, after: Landmarks, steps: Steps
+) -> tuple[dict[str, RigidTransform], RigidTransform | None]:
+    """How the bones move that landmarks of their own hold, and the pelvis, if it has any."""
+    owners = np.array([bone_of(name, (*bones, *_PELVIS)) or "" for name in before.names])
+
+    def motion(owned: tuple[str, ...]) -> RigidTransform | None:
+        own = np.isin(owners, owned)
+        if _hold(before.points[own]) or (owned == _PELVIS and own.any()):
+            rows = np.flatnonzero(own)
+            return steps.fit(*[steps.rows(one.points, rows) for one in (before, after)])
+        return None
+
+    pelvis = motion(_PELVIS)
+    found = {bone: pelvis if bone in _PELVIS else motion((bone,)) for bone in bones}
+    return {bone: moved for bone, moved in found.items() if moved is not None}, pelvis
 
 
 def _between_neighbours(

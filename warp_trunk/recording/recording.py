@@ -85,11 +85,7 @@ class Recording:
         """What `simulate` is to tell of its steps; None when they are not recorded."""
         planned = bone_path.at(1.0)
         self._values = painters(case, trunk, model, colours)
-        start, end = self._painted(np.zeros_like(planned), 0.0), self._painted(planned, 1.0)
-        most: dict[ColourName, float] = {
-            name: max(float(np.nanpercentile(np.abs(values), 99.5)) for values in (start[name], end[name]))
-            for name in self._values
-        }
+        most = self._most(planned)
         actual = case.actual_skin is not None
         target_skin = case.actual_skin or self._carried(planned)
         target = measure(target_skin, case.planned_landmarks)
@@ -176,6 +172,14 @@ class Recording:
 
     def _painted(self, displacement: np.ndarray, load_factor: float) -> dict[ColourName, np.ndarray]:
         return {name: values(displacement, load_factor) for name, values in self._values.items()}
+
+    def _most(self, planned: np.ndarray) -> dict[ColourName, float]:
+        """Where the scale of each colour ends: almost all of its values, before surgery and as planned."""
+        start, end = self._painted(np.zeros_like(planned), 0.0), self._painted(planned, 1.0)
+        return {
+            name: max(float(np.nanpercentile(np.abs(values), 99.5)) for values in (start[name], end[name]))
+            for name in self._values
+        }
 
     def _carried(self, displacement: np.ndarray) -> Surface:
         return Surface(self._case.skin.vertices + displacement[self._trunk.skin_nodes], self._case.skin.faces)

@@ -123,28 +123,19 @@ def write_result(
         raise InputError("write_result: 'increments' is empty; give all that simulate() yielded")
     folder = prepare_folder(folder)
     skin = predicted_skin(case, trunk, increments[-1].displacement)
+    told = {"parameters": parameters, "seconds": seconds, "warnings": warnings}
+    bands = None if found is None else found.bands
     summary = summarize(
-        case,
-        trunk,
-        model,
-        increments,
-        measured or measure_result(case, skin),
-        parameters=parameters,
-        seconds=seconds,
-        warnings=warnings,
-        bands=None if found is None else found.bands,
+        case, trunk, model, increments, measured or measure_result(case, skin), bands=bands, **told
     )
-    names = [*_write_case(folder, case, skin), *_write_found(folder, trunk, increments[-1], found)]
-    if plan is not None:
-        partial(folder / PLAN).write_text(plan, encoding="utf-8")
-        names.append(PLAN)
+    names = [*_write_case(folder, case, skin, plan), *_write_found(folder, trunk, increments[-1], found)]
     written = write_summary(partial(folder / SUMMARY), summary)
     _complete(folder, [*names, SUMMARY], recording)
     return written
 
 
-def _write_case(folder: Path, case: Case, skin: Surface) -> list[str]:
-    """Write the skins and landmarks of a result, still under other names; gives the names they will have."""
+def _write_case(folder: Path, case: Case, skin: Surface, plan: str | None) -> list[str]:
+    """Write skins, landmarks and the plan, if any, still under other names; gives the names they will have."""
     surfaces = {SKIN_BEFORE: case.skin, PREDICTED_SKIN: skin}
     if case.actual_skin is not None:
         surfaces[ACTUAL_SKIN] = case.actual_skin
@@ -153,7 +144,10 @@ def _write_case(folder: Path, case: Case, skin: Surface) -> list[str]:
         write_surface(partial(folder / name), surface)
     for name, points in landmarks.items():
         write_landmarks(partial(folder / name), points)
-    return [*surfaces, *landmarks]
+    if plan is None:
+        return [*surfaces, *landmarks]
+    partial(folder / PLAN).write_text(plan, encoding="utf-8")
+    return [*surfaces, *landmarks, PLAN]
 
 
 def _write_found(folder: Path, trunk: TrunkMesh, last: Increment, found: FoundBands | None) -> list[str]:

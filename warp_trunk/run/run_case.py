@@ -126,9 +126,7 @@ def _run(
     else:
         patient.check(case)
         given = patient.given
-    asked = {name: value for name, value in parameters(options).items() if name != "bands"}  # of no increment
-    checkpoint = Checkpoint(folder, fingerprint_of(case, asked, given))
-    _begin(checkpoint, options, progress)
+    checkpoint = _begin(case, folder, options, given, progress)
     live = start_viewer() if options.live else None
     if options.record:
         load_rerun()
@@ -241,8 +239,12 @@ def _bands(
         return None
 
 
-def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> None:
+def _begin(
+    case: Case, folder: Path, options: RunOptions, given: TrunkMesh | None, progress: Progress
+) -> Checkpoint:
     """Says from where the simulation goes on, and removes what it does not go on from."""
+    asked = {name: value for name, value in parameters(options).items() if name != "bands"}  # of no increment
+    checkpoint = Checkpoint(folder, fingerprint_of(case, asked, given))
     done = checkpoint.count() if options.resume else 0
     if done:
         progress.message(f"going on after increment {done} of {options.simulation.increments}")
@@ -254,3 +256,4 @@ def _begin(checkpoint: Checkpoint, options: RunOptions, progress: Progress) -> N
         )
     elif options.resume:
         progress.message("nothing to resume; starting from the beginning")
+    return checkpoint

@@ -117,13 +117,9 @@ def import_case(
         shapes = _shapes(wanted, options.smoothing)
     surfaces = {n: s for n, s in source.surfaces.items() if _is_wanted(n, options.more_bones)}
     surfaces |= {n: shape.surface for n, shape in shapes.items()}
-    made: tuple[CutPlane, ...] = ()
     with stage("skin", "drawing the skin"):
-        if body is None:
-            skin = source.surfaces[SKIN]
-        else:
-            drawn = body_skin(body, surfaces, cuts, options.edge_length)
-            skin, made = drawn.surface, drawn.cuts
+        drawn = None if body is None else body_skin(body, surfaces, cuts, options.edge_length)
+        skin, made = (source.surfaces[SKIN], ()) if drawn is None else (drawn.surface, drawn.cuts)
     bones = {n: s for n, s in surfaces.items() if TRUNK.fullmatch(n) or (options.more_bones and MORE.fullmatch(n))}
     with stage("landmarks", "finding landmarks"):
         found = _landmarks(bones, masks)
