@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads
+from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads, in_turn
 from warp_trunk.errors import InputError
 
 
@@ -52,6 +52,41 @@ def test_split_covers_the_range_evenly(threads: int, size: int) -> None:
 
 def test_zero_threads_are_all_cores() -> None:
     assert choose_threads(0) == len(os.sched_getaffinity(0)) == Parallel("cpu", 0).ranges
+
+
+@wp.kernel(enable_backward=False)
+def pass_on_kernel(
+    first: int, end: int, slab: int, given: wp.array(dtype=wp.int32), taken: wp.array(dtype=wp.int32)
+):
+    i = first + wp.tid()  # pyright: ignore[reportOperatorIssue]
+    if i < end:
+        taken[i] = given[(i + 1) % given.shape[0]]
+
+
+@wp.kernel(enable_backward=False)
+def count_down_kernel(left: wp.array(dtype=wp.int32)):
+    left[0] = left[0] - 1
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 5])
+def test_a_captured_loop_does_its_launches_one_after_the_other(threads: int) -> None:
+    parallel, size, turns = Parallel("cpu", threads), 1001, 200
+    one, other = (wp.zeros(size, dtype=wp.int32, device="cpu") for _ in range(2))
+    left = wp.zeros(1, dtype=wp.int32, device="cpu")
+    there, back = (
+        parallel.record(pass_on_kernel, size, [a], [b], least=1) for a, b in ((one, other), (other, one))
+    )
+    count = parallel.record_undivided(count_down_kernel, 1, [], [left])
+
+    def work() -> None:
+        parallel.once(lambda: left.fill_(turns))()
+        wp.capture_while(left, in_turn(there, back, count))
+
+    run = parallel.capture(work)
+    one.assign(np.arange(size, dtype=np.int32))
+    for done in (1, 2):
+        run()
+        np.testing.assert_array_equal(one.numpy(), np.roll(np.arange(size), -2 * turns * done))
 
 
 def test_refuses() -> None:

@@ -9,10 +9,12 @@ launch over several CPU threads: two of them took 9.9 ms where its launch took 1
 
 from __future__ import annotations
 
+import ctypes
 import os
 import threading
 import weakref
 from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -20,6 +22,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
+from warp_trunk.kernels.barrier import MEETING, meet_kernel
 
 from .turns import Turns
 
@@ -66,6 +69,8 @@ class Parallel:
         self.ranges = 1 if self.is_cuda else choose_threads(threads)
         self.turns: Turns | None = None
         """Those in which several threads work here at the moment, if they do."""
+        self._captured: int | None = None
+        """The range whose launches are captured at the moment, if any are."""
         self._workers = [_Worker() for _ in range(self.ranges - 1)]
 
     def split(self, size: int) -> np.ndarray:
@@ -108,19 +113,59 @@ class Parallel:
             )
         if not commands:
             return lambda: None
-        own, *others = commands
-        if not others:
-            return own.launch
+        return self._over_ranges([command.launch for command in commands])
+
+    def _over_ranges(self, parts: Sequence[Launch]) -> Launch:
+        """A launch of a part for each range; while a range is captured, of its part alone."""
+        if self.is_cuda:
+            return parts[0]
+        own, *others = parts
         pairs = list(zip(self._workers, others, strict=False))
 
         def launch() -> None:
-            for worker, command in pairs:
-                worker.begin(command.launch)
-            own.launch()
+            if self._captured is not None:
+                if self._captured < len(parts):
+                    parts[self._captured]()
+                self._meet()
+                return
+            for worker, part in pairs:
+                worker.begin(part)
+            own()
             for worker, _ in pairs:
                 worker.finish()
 
         return launch
+
+    def once(self, action: Launch) -> Launch:
+        """What one thread does for all, such as to clear an array, as a launch that can be captured."""
+        return self._over_ranges([action])
+
+    def capture(self, work: Launch) -> Launch:
+        """All that `work` launches as one launch, which the host takes no part in.
+
+        On the CPU every thread runs its part of one launch after the other, and the threads wait for each other
+        where that ends, which takes less than to start and end them each time. `work` launches what was recorded
+        here, nothing else: what does not split is done by each thread.
+        """
+        graphs, _ = [], self._meet  # made before, as what is made meanwhile would be captured
+        with _CAPTURING:
+            for slab in range(self.ranges):
+                self._captured = None if self.is_cuda else slab
+                wp.capture_begin(self.device)
+                try:
+                    work()
+                finally:
+                    graphs.append(wp.capture_end(self.device))
+                    self._captured = None
+        return self._over_ranges([partial(wp.capture_launch, graph) for graph in graphs])
+
+    @cached_property
+    def _meet(self) -> Launch:
+        """Waits, in a captured range, for the other ranges."""
+        if self.ranges == 1:
+            return lambda: None
+        meeting = wp.zeros(MEETING, dtype=wp.int32, device=self.device)
+        return self._one_command(meet_kernel, 1, [meeting, self.ranges, _give_way()], [])
 
     def reader(self, array: wp.array) -> Callable[[], np.ndarray]:
         """Reads an array as it is when all launched before is done, again and again into the same host memory.
@@ -149,10 +194,25 @@ class Parallel:
 
     def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
         """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
+        return self.once(self._one_command(kernel, size, inputs, outputs))
+
+    def _one_command(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
         command = wp.launch(
             kernel, dim=size, inputs=list(inputs), outputs=list(outputs), device=self.device, record_cmd=True
         )
         return command.launch  # pyright: ignore[reportOptionalMemberAccess]  (recorded launches are returned)
+
+
+_CAPTURING = threading.Lock()
+"""Warp captures for one thread of the process at a time."""
+
+
+def _give_way() -> int:
+    """The address of the function by which a thread lets others run first; 0 where there is none."""
+    try:
+        return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
+    except (AttributeError, OSError, TypeError):  # Windows
+        return 0
 
 
 def in_turn(*launches: Launch) -> Launch:

@@ -92,6 +92,9 @@ class ColumnGradient:
             [most_iterations, self._limit, self._r_dot_z, self._extent],
             [self._going, self._outcome, self._go_on],
         )
+        once = model.parallel.once
+        self._clear, self._begin_loop = once(self._p_dot_q.zero_), once(lambda: self._go_on.fill_(1))
+        self._end_loop = once(self._go_on.zero_)
         self._run = record_loop(model, self._begin, self._go_on, self._advance_window)
 
     def solve(
@@ -135,10 +138,10 @@ class ColumnGradient:
     def _begin(self) -> None:
         """r = b - H x, z = M^-1 r, for what x is at the start."""
         self._multiply()
-        self._p_dot_q.zero_()
+        self._clear()
         self._start()
         self._precondition()
-        self._go_on.fill_(1)
+        self._begin_loop()
 
     def _advance_window(self) -> None:
         """WINDOW iterations and a look at which columns are done."""
@@ -150,5 +153,5 @@ class ColumnGradient:
             self._advance()  # x += step p, r -= step q
             self._precondition()  # z = M^-1 r
         self._window()
-        self._go_on.zero_()
+        self._end_loop()
         self._decide()

@@ -105,6 +105,7 @@ class ConjugateGradient:
             [ranges, most_iterations, self._limits, r_dot_z, p_dot_q, self._iteration],
             [extent, self._outcome, self._go_on],
         )
+        self._clear = model.parallel.once(self._forget)
         self._run = record_loop(model, self._begin, self._go_on, self._advance_window)
 
     def solve(self, absolute: float, relative: float, least: float = 0.0) -> LinearSolution:
@@ -144,10 +145,13 @@ class ConjugateGradient:
 
     def _begin(self) -> None:
         """d = 0, r = -g, z = M^-1 r."""
-        for array in (self._r_dot_z.products, self._p_dot_q.products, self._iteration, self._outcome):
-            array.zero_()
+        self._clear()
         self._start()
         self._precondition()
+
+    def _forget(self) -> None:
+        for array in (self._r_dot_z.products, self._p_dot_q.products, self._iteration, self._outcome):
+            array.zero_()
         self._go_on.fill_(1)
 
     def _advance_window(self) -> None:

@@ -11,7 +11,7 @@ from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels
 
 from ..model import Model
-from ..parallel import Launch
+from ..parallel import Launch, in_turn
 from .columns import Columns
 
 SMALL = 128
@@ -59,12 +59,7 @@ def record_dense_columns(columns: Columns, inverse: np.ndarray, residual: wp.arr
         [columns.groups, chunk, model.array(blocks, wp.types.matrix((3, 3), model.scalar)), residual],
         [solution],
     )
-
-    def solve() -> None:
-        solution.zero_()
-        product()
-
-    return solve
+    return in_turn(model.parallel.once(solution.zero_), product)
 
 
 def view(array: wp.array, dtype: Any, size: int) -> wp.array:

@@ -1,4 +1,4 @@
-"""A loop whose end the device decides: one graph on CUDA."""
+"""A loop whose end the device decides: one graph, on CUDA and on every thread of the CPU."""
 
 from __future__ import annotations
 
@@ -11,20 +11,10 @@ from ..parallel import Launch
 
 
 def record_loop(model: Model, begin: Callable[[], None], go_on: wp.array, repeat: Callable[[], None]) -> Launch:
-    """Records `begin`, then `repeat` as long as `go_on`, shape (1,), int32, is not 0.
+    """Records `begin`, then `repeat` as long as `go_on`, shape (1,), int32, is not 0; see `Parallel.capture`."""
 
-    On CUDA that is one graph with its loop; on the CPU the loop stands here.
-    """
-    if model.parallel.is_cuda:
-        wp.capture_begin(model.device)
+    def work() -> None:
         begin()
         wp.capture_while(go_on, repeat)
-        graph = wp.capture_end(model.device)
-        return lambda: wp.capture_launch(graph)
 
-    def loop() -> None:
-        begin()
-        while go_on.numpy()[0]:
-            repeat()
-
-    return loop
+    return model.parallel.capture(work)

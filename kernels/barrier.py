@@ -1,0 +1,34 @@
+"""Where the threads of the CPU that run one recorded loop together wait for each other."""
+
+import warp as wp
+
+MEETING = 32
+"""Numbers of a meeting: how many have arrived, and in another cache line how often all have met."""
+
+WAIT = """
+    typedef wp::int32 (*Action)(void);
+    wp::int32* arrived = meeting.data;
+    wp::int32* met = meeting.data + 16;
+    const wp::int32 before = __atomic_load_n(met, __ATOMIC_ACQUIRE);
+    if (__atomic_add_fetch(arrived, 1, __ATOMIC_ACQ_REL) == threads) {
+        __atomic_store_n(arrived, 0, __ATOMIC_RELAXED);
+        __atomic_store_n(met, before + 1, __ATOMIC_RELEASE);
+        return;
+    }
+    for (wp::int32 looks = 0; __atomic_load_n(met, __ATOMIC_ACQUIRE) == before; ++looks) {
+        if (looks > 1000 && give_way) ((Action)give_way)();
+#if defined(__x86_64__) || defined(_M_X64)
+        else __builtin_ia32_pause();  // leaves the core to another thread on it
+#endif
+    }
+"""
+
+
+@wp.func_native(WAIT)
+def wait_for_all(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way: wp.uint64): ...
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def meet_kernel(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way: wp.uint64):
+    """Returns when so many threads have come; looks for a moment, then lets others run, by the function given."""
+    wait_for_all(meeting, threads, give_way)
