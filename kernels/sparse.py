@@ -121,3 +121,24 @@ def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         turn_and_multiply=turn_and_multiply_kernel,
         invert_diagonal=invert_diagonal_kernel,
     )
+
+
+@cache
+def half_kernels(scalar: type) -> wp.Kernel:
+    """The kernel that copies some blocks, in one precision."""
+    mat33 = wp.types.matrix((3, 3), scalar)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def take_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        taken: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33, ndim=2),
+        half: wp.array(dtype=mat33),
+    ):
+        i = first + wp.tid()
+        if i < end:
+            half[i] = blocks[0, taken[i]]
+
+    return take_kernel

@@ -84,11 +84,14 @@ class Parallel:
         inputs: Sequence[Any],
         outputs: Sequence[Any],
         least: int | None = None,
+        *,
+        loops: bool = False,
     ) -> Launch:
         """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
 
         `size` is the number of items, or the bounds of the ranges where they should not be equal. Fewer
-        items than `least` are not split; `least_split` where it is left out.
+        items than `least` are not split; `least_split` where it is left out. A kernel that `loops` over a range
+        itself, on the CPU, is launched once for each.
         """
         bounds = self.split(size) if isinstance(size, int) else size
         if bounds[-1] < (self.least_split if least is None else least):
@@ -98,7 +101,9 @@ class Parallel:
             count = int(end - first)
             if count == 0:
                 continue
-            if self.is_cuda:
+            if loops:
+                count = 1
+            elif self.is_cuda:
                 count = -(-count // CUDA_BLOCK) * CUDA_BLOCK
             commands.append(
                 wp.launch(

@@ -12,6 +12,7 @@ from ..parallel import Launch
 from ..state import State
 from .columns import Columns
 from .dots import Dots
+from .half_rows import HalfRows
 from .sparsity import Sparsity, find_sparsity
 
 
@@ -47,6 +48,7 @@ class BlockMatrix:
         self._gather = record(slab_kernels(mat33).gather, size, [ranges], [self.blocks])
         at = self.sparsity.lower, self.sparsity.mirrored
         self._mirror = record(sparse_kernels(*model.variant).mirror, len(at[0]), at, [self.blocks])
+        self._half = None if model.parallel.is_cuda else HalfRows(model, self.sparsity, self.blocks)
         self._invert_diagonal = model.over_free(
             sparse_kernels(*model.variant).invert_diagonal,
             [self.sparsity.diagonal, self.blocks, model.scalar(1.0)],
@@ -68,16 +70,13 @@ class BlockMatrix:
         if self.model.parallel.ranges > 1:
             self._gather()
         self._mirror()
+        if self._half is not None:
+            self._half.take()
 
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
-        """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""
-        s = self.sparsity
-        return self.model.parallel.record(
-            sparse_kernels(*self.model.variant).multiply,
-            s.row_bounds * (ROW_LANES if self.model.parallel.is_cuda else 1),
-            [s.row_start, s.columns, self.blocks, p_dot_q.iteration, p],
-            [q, p_dot_q.products],
-        )
+        """Records q = H p with p . q on the CPU, for vectors of the free nodes, shape (free nodes,), vec3."""
+        assert self._half is not None
+        return self._half.multiply(p, q, p_dot_q)
 
     def turn_and_multiply(self, z: wp.array, p: wp.array, q: wp.array, r_dot_z: Dots, p_dot_q: Dots) -> Launch:
         """Records p = z + beta p and q = H p with p . q in one launch, on CUDA; see `multiply`."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -22,6 +22,7 @@ import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels, vec8i
+from warp_trunk.kernels.row_loops import row_loops
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..memo import Arrays, arrays_of
@@ -109,7 +110,7 @@ class Multilevel:
         if self._all_grids is not None:
             return self._all_grids.apply(self._inverse_diagonal, r, z, r_dot_z)
         model = self.model
-        kernels, record = multilevel_kernels(model.scalar), model.parallel.record
+        kernels, record = row_loops(model.scalar), partial(model.parallel.record, loops=True)
         inverse_diagonal, dots = self._inverse_diagonal, r_dot_z
         down: list[Launch] = []
         up: list[Launch] = []
