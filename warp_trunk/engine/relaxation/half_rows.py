@@ -24,7 +24,8 @@ class HalfRows:
     def __init__(self, model: Model, sparsity: Sparsity, blocks: wp.array) -> None:
         """Of the first slab of some blocks."""
         self._model, self._bounds = model, sparsity.row_bounds
-        columns, count = sparsity.columns.numpy(), np.diff(sparsity.row_start.numpy())
+        columns: np.ndarray = sparsity.columns.numpy()
+        count: np.ndarray = np.diff(sparsity.row_start.numpy())
         row = np.repeat(np.arange(len(count), dtype=np.int32), count)
         owner = np.repeat(np.arange(model.parallel.ranges), np.diff(self._bounds))
         kept = np.flatnonzero((columns >= row) | (owner[columns] != owner[row]))
