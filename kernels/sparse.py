@@ -1,4 +1,4 @@
-"""The sparse matrix of 3x3 blocks over the free nodes, and its product with a vector."""
+"""The sparse matrix of 3x3 blocks over the free nodes, and its product with a vector on CUDA."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -14,39 +14,11 @@ ROW_LANES = 8
 
 @cache
 def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `multiply`, `turn_and_multiply`, `mirror` and `invert_diagonal` in one precision."""
+    """The kernels `turn_and_multiply` (for CUDA), `mirror` and `invert_diagonal` in one precision."""
     add, add_lanes = adder(cuda), lane_adder(scalar)
-    lanes = wp.constant(ROW_LANES if cuda else 1)
+    lanes = wp.constant(ROW_LANES)
     vec3 = wp.types.vector(3, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def multiply_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        row_start: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33, ndim=2),
-        iteration: wp.array(dtype=wp.int32),
-        p: wp.array(dtype=vec3),
-        q: wp.array(dtype=vec3),
-        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-    ):
-        """q = A p, and the part of p . q that this range holds, kept by iteration; `lanes` items share a row."""
-        item = first + wp.tid()
-        i = item // lanes
-        product = wp.float64(0.0)
-        total = vec3()
-        if item < end:
-            for k in range(row_start[i] + item % lanes, row_start[i + 1], lanes):
-                total += blocks[0, k] * p[columns[k]]
-        if wp.static(cuda):
-            total = vec3(add_lanes(total[0], lanes), add_lanes(total[1], lanes), add_lanes(total[2], lanes))
-        if item < end and item % lanes == 0:
-            q[i] = total
-            product = wp.float64(wp.dot(p[i], total))
-        add(p_dot_q, iteration[0], 8 * slab, product)
 
     @wp.kernel(module="unique", enable_backward=False)
     def turn_and_multiply_kernel(
@@ -117,7 +89,6 @@ def sparse_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
 
     return SimpleNamespace(
         mirror=mirror_kernel,
-        multiply=multiply_kernel,
         turn_and_multiply=turn_and_multiply_kernel,
         invert_diagonal=invert_diagonal_kernel,
     )
