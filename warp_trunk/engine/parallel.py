@@ -71,6 +71,8 @@ class Parallel:
         """Those in which several threads work here at the moment, if they do."""
         self._captured: int | None = None
         """The range whose launches are captured at the moment, if any are."""
+        self._splits = self._seen_split = False
+        """Whether the ranges that are captured wait for each other, and whether a launch is seen that splits."""
         self._workers = [_Worker() for _ in range(self.ranges - 1)]
 
     def split(self, size: int) -> np.ndarray:
@@ -129,9 +131,7 @@ class Parallel:
 
         def launch() -> None:
             if self._captured is not None:
-                if self._captured < len(parts):
-                    parts[self._captured]()
-                self._meet()
+                self._capture_part(parts)
                 return
             for worker, part in pairs:
                 worker.begin(part)
@@ -140,6 +140,15 @@ class Parallel:
                 worker.finish()
 
         return launch
+
+    def _capture_part(self, parts: Sequence[Launch]) -> None:
+        """Captures the part of the range that is captured; until a launch is known to split, all that one does."""
+        assert self._captured is not None
+        if self._captured < len(parts):
+            parts[self._captured]()
+        if self._splits:
+            self._meet()
+        self._seen_split = self._seen_split or len(parts) > 1
 
     def once(self, action: Launch) -> Launch:
         """What one thread does for all, such as to clear an array, as a launch that can be captured."""
@@ -152,17 +161,26 @@ class Parallel:
         where that ends, which takes less than to start and end them each time. `work` launches what was recorded
         here, nothing else: what does not split is done by each thread.
         """
-        graphs, _ = [], self._meet  # made before, as what is made meanwhile would be captured
+        _ = self._meet  # made before, as what is made meanwhile would be captured
         with _CAPTURING:
-            for slab in range(self.ranges):
-                self._captured = None if self.is_cuda else slab
-                wp.capture_begin(self.device)
-                try:
-                    work()
-                finally:
-                    graphs.append(wp.capture_end(self.device))
-                    self._captured = None
+            self._splits = self._seen_split = False
+            alone = self._capture_range(work, None if self.is_cuda else 0)
+            self._splits = self._seen_split
+            if not self._splits:
+                return self._over_ranges([partial(wp.capture_launch, alone)])
+            graphs = [self._capture_range(work, slab) for slab in range(self.ranges)]
         return self._over_ranges([partial(wp.capture_launch, graph) for graph in graphs])
+
+    def _capture_range(self, work: Launch, slab: int | None) -> Any:
+        """What one range does of the work; the ranges wait for each other where a launch splits."""
+        self._captured = slab
+        wp.capture_begin(self.device)
+        try:
+            work()
+        finally:
+            self._captured = None
+            graph = wp.capture_end(self.device)
+        return graph
 
     @cached_property
     def _meet(self) -> Launch:

@@ -14,7 +14,7 @@ from support.meshes import block_with_bone
 from support.reference import Reference
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.model import build_model
-from warp_trunk.engine.parallel import Launch
+from warp_trunk.engine.parallel import Launch, Parallel
 from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
 from warp_trunk.engine.relaxation.conjugate_gradient import ConjugateGradient
 from warp_trunk.engine.relaxation.dots import Dots
@@ -53,7 +53,8 @@ class BlockJacobi:
 
 def stretched(threads: int = 2) -> State:
     """A block whose nodes are not at rest, evaluated, in float64."""
-    state = State(build_model(TRUNK, device="cpu", precision="float64", threads=threads))
+    parallel = Parallel("cpu", threads, least_split=1)
+    state = State(build_model(TRUNK, device=parallel, precision="float64"))
     state.place(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
     state.evaluate()
     return state

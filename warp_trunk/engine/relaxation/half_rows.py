@@ -24,10 +24,12 @@ class HalfRows:
     def __init__(self, model: Model, sparsity: Sparsity, blocks: wp.array) -> None:
         """Of the first slab of some blocks."""
         self._model, self._bounds = model, sparsity.row_bounds
+        if model.free_nodes < model.parallel.least_split:
+            self._bounds = self._bounds[[0, -1]]
         columns: np.ndarray = sparsity.columns.numpy()
         count: np.ndarray = np.diff(sparsity.row_start.numpy())
         row = np.repeat(np.arange(len(count), dtype=np.int32), count)
-        owner = np.repeat(np.arange(model.parallel.ranges), np.diff(self._bounds))
+        owner = np.repeat(np.arange(len(self._bounds) - 1), np.diff(self._bounds))
         kept = np.flatnonzero((columns >= row) | (owner[columns] != owner[row]))
         row_start = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=len(count)))])
         mat33 = wp.types.matrix((3, 3), model.scalar)
@@ -46,6 +48,6 @@ class HalfRows:
             self._bounds,
             [*self._pattern, self._half, p_dot_q.iteration, p],
             [q, p_dot_q.products, carried],
-            least=0,  # every block belongs to one thread
+            least=0,  # the bounds are those that the blocks were taken by
             loops=True,
         )
