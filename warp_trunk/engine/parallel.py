@@ -142,7 +142,7 @@ class Parallel:
         return launch
 
     def _capture_part(self, parts: Sequence[Launch]) -> None:
-        """Captures the part of the range that is captured; until a launch is known to split, all that one does."""
+        """Captures the part of the range that is captured."""
         assert self._captured is not None
         if self._captured < len(parts):
             parts[self._captured]()
@@ -163,12 +163,13 @@ class Parallel:
         """
         _ = self._meet  # made before, as what is made meanwhile would be captured
         with _CAPTURING:
-            self._splits = self._seen_split = False
-            alone = self._capture_range(work, None if self.is_cuda else 0)
-            self._splits = self._seen_split
-            if not self._splits:
-                return self._over_ranges([partial(wp.capture_launch, alone)])
-            graphs = [self._capture_range(work, slab) for slab in range(self.ranges)]
+            self._splits, self._seen_split = self.ranges > 1, False
+            graphs = [self._capture_range(work, None if self.is_cuda else 0)]
+            if self._seen_split:
+                graphs += [self._capture_range(work, slab) for slab in range(1, self.ranges)]
+            elif self._splits:  # for nothing: one thread does all, and meets nobody
+                self._splits = False
+                graphs = [self._capture_range(work, 0)]
         return self._over_ranges([partial(wp.capture_launch, graph) for graph in graphs])
 
     def _capture_range(self, work: Launch, slab: int | None) -> Any:
