@@ -9,8 +9,6 @@ from typing import Any
 
 import warp as wp
 
-from .columns import width
-
 CHANGE, LONGEST = range(2)
 """Rows of the extent of each slot."""
 LONG, LEFT, CHANGED, BENT, START, ITERATIONS = range(6)
@@ -21,11 +19,11 @@ SLOWEST = wp.constant(0.95)
 
 
 @cache
-def column_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+def column_gradient_kernels(scalar: type, cuda: bool, width: int) -> SimpleNamespace:
     """The kernels of the loop, in its order, in one precision."""
-    size = wp.constant(width(cuda))
-    column: Any = wp.types.vector(width(cuda), scalar)
-    double: Any = wp.types.vector(width(cuda), wp.float64)
+    size = wp.constant(width)
+    column: Any = wp.types.vector(width, scalar)
+    double: Any = wp.types.vector(width, wp.float64)
 
     @wp.func
     def total(products: wp.array2d(dtype=double), group: int):

@@ -10,15 +10,15 @@ from typing import Any
 
 import warp as wp
 
-from .columns import SLOTS, width
+from .columns import SLOTS
 from .multilevel import vec8i
 
 
 @cache
-def column_product_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+def column_product_kernels(scalar: type, cuda: bool, width: int) -> SimpleNamespace:
     """The kernels `multiply`, `multiply_dense`, `restrict` and `prolong` in one precision."""
-    column: Any = wp.types.vector(width(cuda), scalar)
-    double: Any = wp.types.vector(width(cuda), wp.float64)
+    column: Any = wp.types.vector(width, scalar)
+    double: Any = wp.types.vector(width, wp.float64)
     mat33 = wp.types.matrix((3, 3), scalar)
     vec8 = wp.types.vector(8, scalar)
 

@@ -14,16 +14,20 @@ SLOTS = 64
 """Sums on CUDA that share the adding of one scalar product."""
 
 
-def width(cuda: bool) -> int:
-    """Columns of a group: a vector register of the CPU, or what one thread of CUDA reads at once."""
-    return 4 if cuda else 8
+WIDTHS = {False: (8, 16, 32), True: (4,)}
+"""Columns of a group on the CPU, one to four vector registers, and on CUDA, what one thread reads at once."""
+
+
+def width(count: int, cuda: bool) -> int:
+    """Columns of a group where there are so many: the least that holds all, for blocks are read once a group."""
+    return next((width for width in WIDTHS[cuda] if count <= width), WIDTHS[cuda][-1])
 
 
 @cache
-def column_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+def column_kernels(scalar: type, width: int) -> SimpleNamespace:
     """The kernels `write` and `read` in one precision."""
-    size = wp.constant(width(cuda))
-    column: Any = wp.types.vector(width(cuda), scalar)
+    size = wp.constant(width)
+    column: Any = wp.types.vector(width, scalar)
 
     @wp.kernel(module="unique", enable_backward=False)
     def write_kernel(

@@ -5,7 +5,7 @@ import pytest
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
-from warp_trunk.geometry.spline_response import spline_displacements, spline_response
+from warp_trunk.geometry.spline_response import spline_response
 
 RANDOM = np.random.default_rng(5)
 SOURCES = RANDOM.uniform(-200.0, 200.0, (30, 3))
@@ -16,12 +16,6 @@ def test_it_moves_points_as_the_spline_does() -> None:
     targets = SOURCES + RANDOM.standard_normal((30, 3)) * 20.0
     moved = spline_response(SOURCES, POINTS) @ (targets - SOURCES)
     np.testing.assert_allclose(moved, fit_spline(SOURCES, targets).displacement(POINTS), atol=1e-8)
-
-
-def test_several_splines_at_once() -> None:
-    moves = RANDOM.standard_normal((4, 30, 3))
-    wanted = [fit_spline(SOURCES, SOURCES + move).displacement(POINTS) for move in moves]
-    np.testing.assert_allclose(spline_displacements(SOURCES, POINTS, moves), wanted, atol=1e-8)
 
 
 def test_landmarks_meet_themselves_and_an_affine_map_is_kept() -> None:

@@ -4,12 +4,16 @@ At an equilibrium the gradient of the free nodes vanishes, F(u; b, c) = 0 for th
 of prescribed ones and constants c. Small changes keep it so: H du = -(dF/db db + dF/dc dc) with the true curvature
 H = dF/du. A number N(u) therefore changes by dN = -l . (dF/db db + dF/dc dc), where H l = dN/du: one linear solve
 for the number (its adjoint l) gives its derivative in everything, since H is symmetric.
+
+Of a solve that ends early, dN/du - H l is left. With any guess v of how the free nodes follow, the change of N is
+(dN/du - H l) . v - l . (dF/db db + dF/dc dc): exact where l or v is, and otherwise wrong by the product of what
+both lack (a dual-weighted residual, Becker and Rannacher 2001).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +35,16 @@ MOST_ITERATIONS = 2000
 """Of one linear solve; many times what a stable equilibrium takes."""
 MOST_COLUMNS = 32
 """Solved at once; more would only take more memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Adjoints:
+    """Of some numbers N, in mesh order, shape (numbers, nodes, 3) each and 0 on prescribed nodes."""
+
+    fields: np.ndarray
+    """l with H l = dN/du."""
+    left: np.ndarray
+    """dN/du - H l, which the solves left."""
 
 
 class Linearization:
@@ -85,34 +99,37 @@ class Linearization:
         force = self._in_mesh_order(self._state.gradient.numpy()[self.model.free].astype(np.float64))[None]
         return self.follow(np.zeros_like(force), force)[0]
 
-    def adjoints(self, weights: np.ndarray) -> np.ndarray:
-        """l with H l = dN/du, of numbers' derivatives in the place of every node; 0 on prescribed nodes."""
+    def adjoints(self, weights: np.ndarray) -> Adjoints:
+        """Of numbers' derivatives in the place of every node, shape (numbers, nodes, 3)."""
         none = np.zeros((0, *weights.shape[1:]))
         return self.adjoints_and_follow(weights, none, none)[0]
 
     def adjoints_and_follow(
-        self, weights: np.ndarray, bones: np.ndarray, pulls: np.ndarray, rougher: float = 1.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """`adjoints` and `follow` in one: as many fields as fit share each pass over the matrix.
-
-        What follows may be wrong by `rougher` times as much as the adjoints.
-        """
+        self, weights: np.ndarray, bones: np.ndarray, pulls: np.ndarray
+    ) -> tuple[Adjoints, np.ndarray]:
+        """`adjoints` and `follow` in one: as many fields as fit share each pass over the matrix."""
         force, moved = self._pulled(bones, pulls)
-        right = np.concatenate([self._of_free(weights), force])
+        right = np.empty((len(weights) + len(force), self.model.free_nodes, 3), dtype=self.model.precision)
+        right[: len(weights)], right[len(weights) :] = self._of_free(weights), force
         begun = moved[:, self.model.free]
-        start = np.concatenate([np.zeros_like(right[: len(weights)]), begun]) if begun.any() else None
-        limit = self._accuracy * np.where(np.arange(len(right)) < len(weights), 1.0, rougher)
-        found = self._solve(right, start, limit)
+        start = np.zeros_like(right) if begun.any() else None
+        if start is not None:
+            start[len(weights) :] = begun
+        found, left = self._solve(right, start, self._accuracy)
         moved[:, self.model.free] = found[len(weights) :]
-        return self._in_mesh_order(found[: len(weights)]), self._in_mesh_order(moved)
+        of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (found, left))
+        return Adjoints(*of_numbers), self._in_mesh_order(moved)
 
-    def by_bones(self, adjoints: np.ndarray) -> np.ndarray:
-        """dN/db, the derivatives of numbers in the place of every prescribed node; 0 on free nodes."""
-        model = self.model
-        derivative = np.zeros((len(adjoints), model.nodes, 3))
+    def by_places(self, adjoints: Adjoints) -> np.ndarray:
+        """The derivatives of numbers in the places of prescribed nodes, dN/db, shape (numbers, nodes, 3).
+
+        On free nodes they are what the adjoints left: to be multiplied with a guess of how these follow.
+        """
+        model, derivative = self.model, adjoints.left.copy()
         if model.free_nodes:
-            derivative[:, model.prescribed] = -self._coupling.transposed_times(self._of_free(adjoints))
-        return self._in_mesh_order(derivative)
+            by_bones = -self._coupling.transposed_times(self._of_free(adjoints.fields))
+            derivative[:, model.order[model.prescribed]] = by_bones
+        return derivative
 
     def pull(self, constant: Constant) -> np.ndarray:
         """dF/dc, what a constant adds to the gradient of every free node by its unit, shape (nodes, 3).
@@ -170,15 +187,18 @@ class Linearization:
             force -= self._coupling.times(moved[:, self.model.prescribed])
         return force, moved
 
-    def _solve(self, force: np.ndarray, guess: np.ndarray | None, limit: np.ndarray) -> np.ndarray:
-        """x with H x = force, both (fields, free, 3), as many at once as fit."""
-        found = np.zeros_like(force)
+    def _solve(self, force: np.ndarray, guess: np.ndarray | None, limit: float) -> tuple[np.ndarray, np.ndarray]:
+        """x with H x = force, each to a part of its longest vector, and what is left of force.
+
+        All are of shape (fields, free, 3); as many are solved for at once as fit.
+        """
+        found, left = np.zeros_like(force), np.zeros_like(force)
         if not self.model.free_nodes:
-            return found
+            return found, left
         for start in range(0, len(force), MOST_COLUMNS):
             part = slice(start, start + MOST_COLUMNS)
             begin = None if guess is None else guess[part]
-            solution = self._solver(len(force[part])).solve(force[part], limit[part], begin)
+            solution = self._solver(len(force[part])).solve(force[part], limit, begin)
             self.iterations += int(solution.iterations.max())
             unfinished = solution.bent | (solution.iterations >= MOST_ITERATIONS) | ~np.isfinite(solution.longest)
             if unfinished.any():
@@ -186,12 +206,12 @@ class Linearization:
                     "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
                     "simulate with a smaller tolerance"
                 )
-            found[part] = solution.columns
-        return found
+            found[part], left[part] = solution.columns, solution.residuals
+        return found, left
 
     def _solve_to(self, force: np.ndarray, part: float) -> np.ndarray:
-        """The same, each field to a part of its longest vector."""
-        return self._solve(force, None, np.full(len(force), part))
+        """x alone, each field to a part of its longest vector."""
+        return self._solve(force, None, part)[0]
 
     def _solver(self, count: int) -> ColumnGradient:
         """One with room for so many columns, made when first needed."""
@@ -209,6 +229,6 @@ class Linearization:
 
     def _in_mesh_order(self, fields: np.ndarray) -> np.ndarray:
         """Of one field or several; nodes that are left out are 0."""
-        result = np.zeros((*fields.shape[:-2], self.model.nodes, 3))
+        result = np.zeros((*fields.shape[:-2], self.model.nodes, 3), dtype=fields.dtype)
         result[..., self.model.order[: fields.shape[-2]], :] = fields
         return result

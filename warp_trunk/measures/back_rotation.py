@@ -20,6 +20,9 @@ SPAN = 40.0
 """Least distance between the points where the dual tangent touches the back [mm]."""
 STEEPEST = math.radians(60.0)
 """A tangent turned further than this against the pelvis is not one of the back."""
+_PASSES, _CLEAR = 6, 1e-9
+"""So often points clearly below the line between their neighbours are left out, all at once, before a hull is sought
+point by point; twice the area of such a triangle is greater than this [mm^2]."""
 
 
 @dataclass(frozen=True)
@@ -164,9 +167,15 @@ def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:
 
 def _upper_chain(x: np.ndarray, y: np.ndarray) -> list[int]:
     """Which points, sorted by x and then y, are corners of the upper convex hull (Andrew 1979)."""
+    kept = np.arange(len(x))
+    for _ in range(_PASSES):
+        ax, ay, bx, by, cx, cy = x[kept[:-2]], y[kept[:-2]], x[kept[1:-1]], y[kept[1:-1]], x[kept[2:]], y[kept[2:]]
+        below = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) > _CLEAR
+        kept = kept[np.concatenate([[True], ~below, [True]])] if len(kept) > 2 else kept
     chain: list[int] = []
     xs, ys = x.tolist(), y.tolist()
-    for i, (px, py) in enumerate(zip(xs, ys, strict=True)):
+    for i in kept.tolist():
+        px, py = xs[i], ys[i]
         while len(chain) > 1:
             a, b = chain[-2], chain[-1]
             if (xs[b] - xs[a]) * (py - ys[a]) < (ys[b] - ys[a]) * (px - xs[a]):

@@ -19,6 +19,9 @@ TARGET = (213, 94, 0)
 """Grey, blue and vermilion stay apart for every kind of colour vision."""
 TEXT = (125, 125, 125)
 """Of labels. These four can be read on a dark and on a light ground: which of them it is, the reader chooses."""
+WHISKER = (4.5, (255, 255, 255)), (2.0, (20, 20, 20))
+"""Width in points of the screen and colour of a whisker and of what is drawn over it: one of both stands out from
+a dark ground, the other from a light one, and both from a bar."""
 BAR = 0.26
 """Height of a bar, where levels are 1 apart and three bars share one."""
 NAMES, BETWEEN, ANGLES = 0.05, (0.1, 0.87), 0.93

@@ -76,7 +76,10 @@ class Numbers:
         """Logs how sure the rotations at the end are, as whiskers over their bars."""
         ranges = {level: (band.low, band.high) for level, band in bands.items()}
         lines = self._plot.whiskers(ranges)
-        self._log("bars/whiskers", self._rr.LineStrips2D(lines, radii=0.08 * drawing.BAR, colors=drawing.TEXT))
+        for layer, (width, colour) in enumerate(drawing.WHISKER):
+            radii = self._rr.Radius.ui_points(0.5 * width)
+            strips = self._rr.LineStrips2D(lines, radii=radii, colors=colour, draw_order=40.0 + layer)
+            self._log(f"bars/whiskers/{layer}", strips)
 
     def relaxation(self, energy: Energy, estimated_error: float, linear_iterations: int) -> None:
         """Logs the energy by term, the error as its logarithm, and the work, after an increment or a step."""

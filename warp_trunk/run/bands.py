@@ -18,6 +18,7 @@ from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.spline_response import spline_response
 from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
@@ -26,7 +27,7 @@ from .options import RunOptions
 from .prepare import Prepared
 from .pulls import pulls_of
 from .sensitivities import Sensitivity, from_adjoints, numbers_of, on_nodes
-from .sources import Source, effect_of, sources_of
+from .sources import Source, sources_of
 from .spine_bands import spine_bands
 
 if TYPE_CHECKING:
@@ -36,11 +37,9 @@ if TYPE_CHECKING:
 
 DRAWS = 16
 """Draws of all errors, by which proportion is judged."""
-ACCURACY = 1e-2
-"""Part of the longest vector of an adjoint by which a vector may be wrong: deviations of the anatomy are then
-right to 0.7 % in the mean and 3.6 % at most."""
-ROUGHER = 10.0
-"""So much less exactly is found how the skin follows: its deviations are then right to 0.4 % in the mean."""
+ACCURACY = 0.1
+"""Part of the longest vector of a solution by which a vector may be wrong. What an adjoint lacks counts only by
+what the guess of how tissue follows lacks, too."""
 _LANDMARKS, _MESH = "landmarks", "mesh"
 
 
@@ -74,8 +73,8 @@ def find_bands(
     linear = Linearization(prepared.model, increment, ACCURACY, relaxer=relaxer)
     sources = sources_of(case, prepared, options)
     sizes = draws, np.random.default_rng(seed)
-    found, drawn = _solved(case, prepared, increment, options, linear, sources=sources, sizes=sizes)
-    effects = _effects(case, found, sources)
+    found, drawn, own = _solved(case, prepared, increment, options, linear, sources=sources, sizes=sizes)
+    effects = _effects(case, found, sources, own)
     bands = _bands(found, effects.sd(drawn.ratio), drawn.linear)
     skin_sd = np.sqrt(drawn.skin**2 + case.uncertainty.mesh_length**2)
     return FoundBands(
@@ -115,19 +114,33 @@ def _solved(
     *,
     sources: Sequence[Source],
     sizes: tuple[int, np.random.Generator],
-) -> tuple[tuple[Sensitivity, ...], _Drawn]:
-    """What the numbers depend on and what draws show, of one block of linear solves."""
+) -> tuple[tuple[Sensitivity, ...], _Drawn, np.ndarray]:
+    """What the numbers depend on, what draws show, and what each source that moves no landmarks does to each.
+
+    All of one block of linear solves.
+    """
     skin = predicted_skin(case, prepared.trunk, increment.displacement)
     numbers, normals = numbers_of(case, prepared, increment), vertex_normals(skin)
     pulls = pulls_of(case, prepared, options, linear)
+    response = spline_response(case.landmarks_before.points, prepared.trunk.nodes)
+    seen = response, normals
     drawn = draw_errors(
-        case, prepared, options, sources, pulls=pulls, normals=normals, numbers=len(numbers), sizes=sizes
+        case, prepared, options, sources, pulls=pulls, seen=seen, numbers=len(numbers), sizes=sizes
     )
-    adjoints, followed = linear.adjoints_and_follow(on_nodes(prepared, numbers), drawn.bones, drawn.pulls, ROUGHER)
-    found = from_adjoints(case, prepared, options, linear, solved=(numbers, adjoints), pulls=pulls)
+    adjoints, followed = linear.adjoints_and_follow(on_nodes(prepared, numbers), drawn.bones, drawn.pulls)
+    solved = numbers, adjoints, linear.by_places(adjoints)
+    found = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
+    own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
+    changes = _changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.pulls[own])
     followed = followed[:, prepared.trunk.skin_nodes]
     ratio, straight = proportion(drawn, followed, numbers, skin, case.planned_landmarks)
-    return found, _Drawn(ratio, straight, skin_deviation(drawn, followed, normals))
+    return found, _Drawn(ratio, straight, skin_deviation(drawn, followed, normals)), changes
+
+
+def _changes(derivatives: np.ndarray, fields: np.ndarray) -> np.ndarray:
+    """What fields (fields, nodes, 3) change by derivatives (numbers, nodes, 3), shape (numbers, fields)."""
+    size = derivatives[0].size
+    return derivatives.reshape(-1, size) @ fields.reshape(-1, size).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +163,20 @@ class _Effects:
         return np.sqrt(sum(np.square(effect * ratio) for effect in parts.values()) + self.by_name[_MESH] ** 2)
 
 
-def _effects(case: Case, found: Sequence[Sensitivity], sources: Sequence[Source]) -> _Effects:
+def _effects(case: Case, found: Sequence[Sensitivity], sources: Sequence[Source], own: np.ndarray) -> _Effects:
     """Of landmarks, with errors of their own before and after, of all other sources, and of the mesh."""
-    sd = case.uncertainty.landmark_sd
+    sd, others = case.uncertainty.landmark_sd, iter(own.T)
+    by_source = {
+        source.name: next(others)
+        if (moved := source.landmarks_after) is None
+        else np.array([float(np.vdot(one.landmarks_after, moved)) for one in found])
+        for source in sources
+    }
     apart = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in found]
     same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in found]
     return _Effects(
         by_name={
-            **{source.name: np.array([effect_of(source, one) for one in found]) for source in sources},
+            **by_source,
             _LANDMARKS: sd * np.array(apart),
             _MESH: np.array([_mesh_sd(case, one) for one in found]),
         },

@@ -39,7 +39,7 @@ class Draws:
     """Errors of all sources, drawn, and the fields that they are sums of."""
 
     bones: np.ndarray
-    """Motion of the nodes on bone in each field [mm], shape (fields, nodes, 3)."""
+    """Motion of the nodes on bone in each field, with a guess of how others follow [mm], (fields, nodes, 3)."""
     pulls: np.ndarray
     """What each field adds to the forces on free nodes, likewise."""
     shares: np.ndarray
@@ -59,7 +59,7 @@ def draw_errors(
     sources: Sequence[Source],
     *,
     pulls: Mapping[str, np.ndarray],
-    normals: np.ndarray,
+    seen: tuple[np.ndarray, np.ndarray],
     numbers: int,
     sizes: tuple[int, np.random.Generator],
 ) -> Draws:
@@ -71,7 +71,8 @@ def draw_errors(
         options: those that `prepare` was given.
         sources: all sources but the landmarks.
         pulls: what constants add to forces (`pulls_of`).
-        normals: of the predicted skin, shape (vertices, 3).
+        seen: what each landmark adds to the displacement of each node by the spline (`spline_response`), and the
+            normals of the predicted skin, shape (vertices, 3).
         numbers: how many adjoints are solved for beside; as many fields are taken as fit in the same passes.
         sizes: how many draws, and where they come from.
     """
@@ -84,7 +85,8 @@ def draw_errors(
     drawn = draw_landmarks(case, moves, size[:, of_landmarks], random)
     if options.bones == "spline":
         room = max(LEAST_PATTERNS, MOST_COLUMNS - numbers - len(others))
-        fields = spline_fields(case, prepared.trunk, moves, drawn, (normals, room))
+        response, normals = seen
+        fields = spline_fields(case, prepared.trunk, moves, drawn, response=response, normals=normals, most=room)
     else:
         fields = rigid_fields(case, prepared.trunk, drawn)
     own, forces = _of_sources(others, pulls, fields.bones)

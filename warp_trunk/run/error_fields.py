@@ -14,7 +14,6 @@ import numpy as np
 
 from warp_trunk.bone_motion.bone_path import rigid_displacement
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.geometry.spline_response import spline_displacements, spline_response
 
 from .paths import motions_of
 
@@ -43,7 +42,7 @@ class ErrorFields:
     """The fields that the errors of all draws are sums of."""
 
     bones: np.ndarray
-    """Motion of the nodes on bone [mm], shape (fields, nodes, 3)."""
+    """Motion of the nodes on bone, with a guess of how others follow [mm], shape (fields, nodes, 3)."""
     shares: np.ndarray
     """What each draw has of each field, shape (draws, fields)."""
     weight: float
@@ -71,7 +70,14 @@ def draw_landmarks(
 
 
 def spline_fields(
-    case: Case, trunk: TrunkMesh, moves: np.ndarray, drawn: DrawnLandmarks, seen: tuple[np.ndarray, int]
+    case: Case,
+    trunk: TrunkMesh,
+    moves: np.ndarray,
+    drawn: DrawnLandmarks,
+    *,
+    response: np.ndarray,
+    normals: np.ndarray,
+    most: int,
 ) -> ErrorFields:
     """For bones that the spline carries: the patterns that move the skin most where the spline carries that, too.
 
@@ -82,24 +88,21 @@ def spline_fields(
         trunk: its mesh.
         moves: as in `draw_landmarks`.
         drawn: errors of one case in each draw.
-        seen: normals of the predicted skin, shape (vertices, 3), and how many patterns there may be.
+        response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
+        normals: of the predicted skin, shape (vertices, 3).
+        most: how many patterns there may be.
     """
-    normals, most = seen
-    sd, landmarks = 2.0**0.5 * case.uncertainty.landmark_sd, case.landmarks_before.points
+    sd, skin = 2.0**0.5 * case.uncertainty.landmark_sd, response[trunk.skin_nodes]
     # one row for each error: what a standard deviation of it does to all landmarks, by axis
-    errors = np.vstack([sd * np.eye(landmarks.size), _by_axis(moves)])
-    held = np.flatnonzero(trunk.prescribed)
-    skin = spline_response(landmarks, trunk.nodes[trunk.skin_nodes])
+    errors = np.vstack([sd * np.eye(3 * response.shape[1]), _by_axis(moves)])
     products = _products(skin[::SAMPLE], normals[::SAMPLE])
     squares, vectors = np.linalg.eigh(errors @ products @ errors.T)
     kept = np.flatnonzero(squares > 1e-9 * squares[-1])[-most:]
     patterns = vectors[:, kept].T @ errors
-    by_pattern = patterns.reshape(len(patterns), 3, len(landmarks))
-    bones = np.zeros((len(patterns), *trunk.nodes.shape))
-    bones[:, held] = spline_displacements(landmarks, trunk.nodes[held], by_pattern.transpose(0, 2, 1))
+    by_pattern = patterns.reshape(len(patterns), 3, response.shape[1])
     every = sd**2 * np.square(skin).sum(axis=1) + _variance(skin, moves.transpose(0, 2, 1), normals)
     return ErrorFields(
-        bones=bones,
+        bones=(by_pattern @ response.T).transpose(0, 2, 1),
         shares=_by_axis(drawn.after - drawn.before) @ products @ patterns.T / squares[kept],
         weight=1.0,
         left=np.maximum(every - _variance(skin, by_pattern, normals), 0.0),

@@ -10,9 +10,10 @@ import numpy as np
 
 from warp_trunk.bone_motion.path_derivative import PathDerivative, rigid_derivative, spline_derivative
 from warp_trunk.bone_motion.steps import RememberedSteps
-from warp_trunk.engine.linearization import Linearization
+from warp_trunk.engine.linearization import Adjoints, Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.spline_response import spline_response
 from warp_trunk.measures import measure
 from warp_trunk.measures.derivatives import (
     Derivative,
@@ -92,7 +93,9 @@ def sensitivities(
     linear = linear or Linearization(prepared.model, increment)
     adjoints = linear.adjoints(on_nodes(prepared, numbers))
     pulls = pulls_of(case, prepared, options, linear)
-    return from_adjoints(case, prepared, options, linear, solved=(numbers, adjoints), pulls=pulls)
+    solved = numbers, adjoints, linear.by_places(adjoints)
+    response = spline_response(case.landmarks_before.points, prepared.trunk.nodes)
+    return from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
 
 
 def numbers_of(
@@ -115,24 +118,38 @@ def from_adjoints(
     case: Case,
     prepared: Prepared,
     options: RunOptions,
-    linear: Linearization,
+    response: np.ndarray,
     *,
-    solved: tuple[Mapping[str, Derivative], np.ndarray],
+    solved: tuple[Mapping[str, Derivative], Adjoints, np.ndarray],
     pulls: Mapping[str, np.ndarray],
 ) -> tuple[Sensitivity, ...]:
-    """What numbers depend on, by their derivatives on the skin, the adjoints of these and what constants pull."""
-    numbers, adjoints = solved
-    by_bones = linear.by_bones(adjoints)
-    before, after = landmark_derivative(case, prepared, options)(by_bones[:, prepared.trunk.prescribed])
+    """What numbers depend on.
+
+    What the adjoints left is multiplied with the motion of tissue that the spline of the landmarks carries; there
+    an error before surgery is taken to be the opposite of one after it.
+
+    Args:
+        case: what was simulated.
+        prepared: what `prepare` made of it.
+        options: those that `prepare` was given.
+        response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
+        solved: the numbers, their adjoints, and their derivatives in all places (`Linearization.by_places`).
+        pulls: what constants add to forces (`pulls_of`).
+    """
+    numbers, adjoints, places = solved
+    held = prepared.trunk.prescribed
+    before, after = landmark_derivative(case, prepared, options)(places[:, held])
+    carried = np.tensordot(places[:, ~held], response[~held], axes=(1, 0)).transpose(0, 2, 1)
+    by_bones = np.where(held[:, None], places, 0.0)
     return tuple(
         Sensitivity(
             name=name,
             unit="degrees" if name.startswith("bsr") else "mm",
             value=number.value,
-            landmarks_before=before[i],
-            landmarks_after=after[i] + number.landmarks,
+            landmarks_before=before[i] - carried[i],
+            landmarks_after=after[i] + carried[i] + number.landmarks,
             bones=by_bones[i],
-            constants={constant: -float(np.vdot(adjoints[i], pull)) for constant, pull in pulls.items()},
+            constants={constant: -float(np.vdot(adjoints.fields[i], pull)) for constant, pull in pulls.items()},
         )
         for i, (name, number) in enumerate(numbers.items())
     )

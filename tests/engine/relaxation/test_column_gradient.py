@@ -62,7 +62,7 @@ def dense(matrix: BlockMatrix) -> np.ndarray:
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("count", [1, 3, 19])
+@pytest.mark.parametrize("count", [1, 3, 11, 19, 40])
 def test_fields_are_written_and_read(count: int) -> None:
     matrix, _ = stretched()
     layout, values = Columns(matrix.model, count), drawn(matrix, count)

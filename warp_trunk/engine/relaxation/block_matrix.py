@@ -92,7 +92,7 @@ class BlockMatrix:
         """Records q = H p with p . q of each column, for fields of the free nodes; see `Columns`."""
         s = self.sparsity
         return columns.over_groups(
-            column_product_kernels(*self.model.variant).multiply,
+            column_product_kernels(*columns.variant).multiply,
             self.model.free_nodes,
             [s.row_start, s.columns, self.blocks, p],
             [q, p_dot_q],

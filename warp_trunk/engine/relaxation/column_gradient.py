@@ -31,6 +31,8 @@ class ColumnSolutions:
 
     columns: np.ndarray
     """x, shape (columns, free nodes, 3), in the precision of the matrix."""
+    residuals: np.ndarray
+    """b - H x, likewise, as the iteration has it."""
     iterations: np.ndarray
     """Iterations until it was done."""
     longest: np.ndarray
@@ -72,7 +74,7 @@ class ColumnGradient:
         self._limit = model.zeros(wp.float64, columns.size)
         self._outcome = model.zeros(wp.float64, columns.size, 6)
         keep, take, step = (columns.factors() for _ in range(3))
-        kernels, nodes = column_gradient_kernels(*model.variant), model.free_nodes
+        kernels, nodes = column_gradient_kernels(*columns.variant), model.free_nodes
         over, of_each = columns.over_components, model.parallel.record_undivided
         self._multiply = matrix.multiply_columns(columns, p, q, self._p_dot_q)
         self._start = over(kernels.begin, nodes, [q], [x, r, earlier])
@@ -129,6 +131,7 @@ class ColumnGradient:
         outcome = self._outcome.numpy()[:given]
         return ColumnSolutions(
             columns=layout.read(self._solution, size),
+            residuals=layout.read(self._residual, size),
             iterations=outcome[:, ITERATIONS].astype(int),
             longest=size * outcome[:, LONG],
             left=size * outcome[:, LEFT],

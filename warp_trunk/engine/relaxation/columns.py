@@ -34,7 +34,12 @@ class Columns:
     @property
     def width(self) -> int:
         """Columns of a group."""
-        return width(self.model.parallel.is_cuda)
+        return width(self.count, self.model.parallel.is_cuda)
+
+    @property
+    def variant(self) -> tuple[Any, bool, int]:
+        """What chooses the kernels: the scalar type, whether on CUDA, and the width."""
+        return *self.model.variant, self.width
 
     @property
     def groups(self) -> int:
@@ -72,14 +77,14 @@ class Columns:
         """Sets a field to columns (columns, nodes, 3), each times its factor; those to spare become 0."""
         model = self.model
         values = model.array(columns, model.scalar)
-        kernel = column_kernels(*model.variant).write
+        kernel = column_kernels(model.scalar, self.width).write
         model.parallel.record(kernel, len(field), [model.array(factor, wp.float64), values], [field])()
 
     def read(self, field: wp.array, factor: np.ndarray) -> np.ndarray:
         """The first columns of a field, each times its factor, shape (factors, nodes, 3), in its precision."""
         model = self.model
         values = model.zeros(model.scalar, len(factor), len(field), 3)
-        kernel = column_kernels(*model.variant).read
+        kernel = column_kernels(model.scalar, self.width).read
         model.parallel.record(kernel, len(field), [model.array(factor, wp.float64), field], [values])()
         return values.numpy()
 

@@ -54,7 +54,7 @@ def record_dense_columns(columns: Columns, inverse: np.ndarray, residual: wp.arr
     blocks = inverse.reshape(nodes, 3, nodes, 3).transpose(0, 2, 1, 3)
     chunk = BLOCKS if model.parallel.is_cuda else nodes
     product = columns.over(
-        column_product_kernels(*model.variant).multiply_dense,
+        column_product_kernels(*columns.variant).multiply_dense,
         nodes * -(-nodes // chunk) * columns.groups,
         [columns.groups, chunk, model.array(blocks, wp.types.matrix((3, 3), model.scalar)), residual],
         [solution],

@@ -127,7 +127,7 @@ class Multilevel:
 
     def apply_columns(self, columns: Columns, r: wp.array, z: wp.array, r_dot_z: wp.array) -> Launch:
         """Records z = M^-1 r with r . z of each column, for fields of the free nodes; see `Columns`."""
-        kernels = column_product_kernels(*self.model.variant)
+        kernels = column_product_kernels(*columns.variant)
         inverse_diagonal, dots = self._inverse_diagonal, r_dot_z
         down: list[Launch] = []
         up: list[Launch] = []
