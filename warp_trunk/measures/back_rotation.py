@@ -21,8 +21,8 @@ SPAN = 40.0
 STEEPEST = math.radians(60.0)
 """A tangent turned further than this against the pelvis is not one of the back."""
 _PASSES, _CLEAR = 6, 1e-9
-"""So often points clearly below the line between their neighbours are left out, all at once, before a hull is sought
-point by point; twice the area of such a triangle is greater than this [mm^2]."""
+"""So often points clearly below the line between their neighbours are left out, all at once, before a hull is
+sought point by point; twice the area of such a triangle is greater than this [mm^2]."""
 
 
 @dataclass(frozen=True)
