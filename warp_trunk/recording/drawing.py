@@ -19,7 +19,7 @@ TARGET = (213, 94, 0)
 """Grey, blue and vermilion stay apart for every kind of colour vision."""
 TEXT = (125, 125, 125)
 """Of labels. These four can be read on a dark and on a light ground: which of them it is, the reader chooses."""
-WHISKER = (4.5, (255, 255, 255)), (2.0, (20, 20, 20))
+WHISKER = (3.0, (255, 255, 255)), (1.4, (20, 20, 20))
 """Width in points of the screen and colour of a whisker and of what is drawn over it: one of both stands out from
 a dark ground, the other from a light one, and both from a bar."""
 BAR = 0.26
@@ -117,7 +117,7 @@ class BarPlot:
         for row, level in enumerate(self.levels):
             if level in ranges:
                 low, high = (self.zero + self.scale * angle for angle in ranges[level])
-                half = 0.4 * BAR
+                half = 0.6 * BAR
                 lines.append([[x, row] for x in np.clip([low, high], room[0], room[1])])
                 lines += [[[x, row - half], [x, row + half]] for x in (low, high) if room[0] <= x <= room[1]]
         return [np.array(line, np.float32) for line in lines]

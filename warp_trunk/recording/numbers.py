@@ -28,6 +28,8 @@ TERMS = {
 """What the plot calls a term of an energy, and its colour; edges and shape belong to different energies."""
 OTHER = (240, 228, 66)
 """Colour of a term that has none."""
+BELOW_BARS, ABOVE_BARS = 10.0, 40.0
+"""Where whiskers lie in the order of drawing: along their bars beneath these, so that both are seen."""
 
 
 class Numbers:
@@ -76,10 +78,13 @@ class Numbers:
         """Logs how sure the rotations at the end are, as whiskers over their bars."""
         ranges = {level: (band.low, band.high) for level, band in bands.items()}
         lines = self._plot.whiskers(ranges)
-        for layer, (width, colour) in enumerate(drawing.WHISKER):
-            radii = self._rr.Radius.ui_points(0.5 * width)
-            strips = self._rr.LineStrips2D(lines, radii=radii, colors=colour, draw_order=40.0 + layer)
-            self._log(f"bars/whiskers/{layer}", strips)
+        along = [bool(line[0, 1] == line[1, 1]) for line in lines]
+        for part, over, wanted in (("along", BELOW_BARS, True), ("ends", ABOVE_BARS, False)):
+            strips = [line for line, is_along in zip(lines, along, strict=True) if is_along is wanted]
+            for layer, (width, colour) in enumerate(drawing.WHISKER):
+                radii = self._rr.Radius.ui_points(0.5 * width)
+                drawn = self._rr.LineStrips2D(strips, radii=radii, colors=colour, draw_order=over + layer)
+                self._log(f"bars/whiskers/{part}/{layer}", drawn)
 
     def relaxation(self, energy: Energy, estimated_error: float, linear_iterations: int) -> None:
         """Logs the energy by term, the error as its logarithm, and the work, after an increment or a step."""
