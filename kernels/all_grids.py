@@ -1,8 +1,10 @@
-"""Transfers between the nodes and all grids of the preconditioner at once, for CUDA.
+"""A step of conjugate gradients and the preconditioner on all grids at once, for CUDA.
 
-There a launch costs more than most of its work, so that every grid hangs on the nodes. Grid vertices are numbered
-through, those of the coarsest grid first: they reach most nodes, and what takes longest should begin first.
-The dense inverse is read past the cache, which has no room for all that an iteration reads.
+There a launch costs more than most of its work, so that every grid hangs on the nodes, and the step goes with the
+transfers: the residual is restricted as it will be, and set where corrections are prolonged. Grid vertices are
+numbered through, those of the coarsest grid first: they reach most nodes, and the longest work should begin first.
+Weights and the dense inverse have 16 bits: they make a preconditioner, and nothing of the solution. The inverse is
+read past the cache, which has no room for all that an iteration reads.
 """
 
 from functools import cache
@@ -10,6 +12,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from .conjugate_gradient import stepping
 from .reduction import adder, lane_adder
 
 VERTEX_LANES = 32
@@ -18,63 +21,158 @@ CORNERS = 8
 """Threads that share a node, one for each corner of the cells it lies in."""
 ROW_LANES = 32
 """Threads that share a row of the dense product."""
-QUAD = 4
+OCTET = 8
 """Numbers that a thread of the dense product reads at once; rows are padded to whole ones."""
 
 
 @wp.func_native("""
-const float4* entries = reinterpret_cast<const float4*>(matrix.data + (size_t)row * matrix.shape[1]);
+const uint4* entries = reinterpret_cast<const uint4*>(matrix.data + (size_t)row * matrix.shape[1]);
 const float4* factors = reinterpret_cast<const float4*>(vector.data);
 float sum = 0.0f;
 #pragma unroll 4
-for (int k = lane; k < matrix.shape[1] / 4; k += 32) {
-    const float4 a = __ldcs(entries + k), x = factors[k];
-    sum += a.x * x.x + a.y * x.y + a.z * x.z + a.w * x.w;
+for (int k = lane; k < matrix.shape[1] / 8; k += 32) {
+    const uint4 octet = __ldcs(entries + k);
+    const float4 x = factors[2 * k], y = factors[2 * k + 1];
+    const unsigned pairs[4] = {octet.x, octet.y, octet.z, octet.w};
+    float number[8];
+    #pragma unroll
+    for (int n = 0; n < 4; ++n)
+        asm("{.reg .b16 low, high; mov.b32 {low, high}, %2; cvt.f32.f16 %0, low; cvt.f32.f16 %1, high;}"
+            : "=f"(number[2 * n]), "=f"(number[2 * n + 1]) : "r"(pairs[n]));
+    sum += number[0] * x.x + number[1] * x.y + number[2] * x.z + number[3] * x.w
+         + number[4] * y.x + number[5] * y.y + number[6] * y.z + number[7] * y.w;
 }
 return sum;
 """)
 def part_of_product(
-    matrix: wp.array2d(dtype=wp.float32), vector: wp.array(dtype=wp.float32), row: wp.int32, lane: wp.int32
+    matrix: wp.array2d(dtype=wp.float16), vector: wp.array(dtype=wp.float32), row: wp.int32, lane: wp.int32
 ) -> wp.float32:
-    """What one of ROW_LANES threads adds to a row of a product; it reads QUAD numbers at once, past the cache."""
+    """What one of ROW_LANES threads adds to a row of a product; it reads OCTET numbers at once, past the cache."""
     ...
 
 
+@wp.kernel(enable_backward=False)
+def scale_and_shorten(
+    matrix: wp.array(dtype=wp.float32, ndim=2),
+    scale: wp.array(dtype=wp.float32),
+    scaled: wp.array(dtype=wp.float16, ndim=2),
+):
+    """A symmetric matrix by the scales of its rows and columns, in 16 bits."""
+    i, k = wp.tid()
+    scaled[i, k] = wp.float16(matrix[i, k] / (scale[i] * scale[k]))
+
+
+@wp.kernel(enable_backward=False)
+def shorten(values: wp.array(dtype=wp.float32), shortened: wp.array(dtype=wp.float16)):
+    """The values in 16 bits."""
+    i = wp.tid()
+    shortened[i] = wp.float16(values[i])
+
+
 @cache
-def all_grids_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels `restrict`, `dense` and `prolong` in one precision; the coarsest grid always has float32."""
+def all_grids_kernels(scalar: type, number: type) -> SimpleNamespace:
+    """The kernels `restrict`, `dense` and `prolong` in one precision; the coarsest grid always has float32.
+
+    `number` is the type of the numbers of nodes and vertices.
+    """
     add, add_lanes, add_row = adder(True), lane_adder(scalar), lane_adder(wp.float32)
     vec3 = wp.types.vector(3, scalar)
     mat33 = wp.types.matrix((3, 3), scalar)
+
+    @wp.func_native("""
+    decltype(vectors.data[0] + vectors.data[0]) sum;
+    #pragma unroll 4
+    for (int k = first; k < end; k += apart) {
+        const decltype(sum) vector = vectors.data[at.data[k]];
+        const decltype(+vector[0]) w = float(weight.data[k]);
+        sum[0] += w * vector[0];
+        sum[1] += w * vector[1];
+        sum[2] += w * vector[2];
+    }
+    return sum;
+    """)
+    def part_of_sum(
+        at: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
+        vectors: wp.array(dtype=vec3),
+        first: wp.int32,
+        end: wp.int32,
+        apart: wp.int32,
+    ) -> vec3:
+        """What one of `apart` threads adds to a weighted sum of vectors."""
+        ...
+
+    @wp.func_native("""
+    decltype(r.data[0] + r.data[0]) sum;
+    #pragma unroll 4
+    for (int k = first; k < end; k += apart) {
+        const int i = point.data[k];
+        decltype(sum) vector = r.data[i];
+        if (step != 0) vector = vector - step * q.data[i];
+        const decltype(+vector[0]) w = float(weight.data[k]);
+        sum[0] += w * vector[0];
+        sum[1] += w * vector[1];
+        sum[2] += w * vector[2];
+    }
+    return sum;
+    """)
+    def part_of_residual(
+        point: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
+        r: wp.array(dtype=vec3),
+        q: wp.array(dtype=vec3),
+        step: scalar,
+        first: wp.int32,
+        end: wp.int32,
+        apart: wp.int32,
+    ) -> vec3:
+        """What one of `apart` threads adds to a weighted sum of r - step q."""
+        ...
+
+    @wp.func_native("return __shfl_sync(0xffffffffu, value, lane, 8);")
+    def of_lane(value: scalar, lane: wp.int32) -> scalar:
+        """The value of one of the CORNERS threads of a node."""
+        ...
 
     @wp.kernel(module="unique", enable_backward=False)
     def restrict_kernel(
         first: int,
         end: int,
         slab: int,
+        steps: int,
         coarsest: int,
         row_start: wp.array(dtype=wp.int32),
-        point: wp.array(dtype=wp.int32),
-        weight: wp.array(dtype=scalar),
+        point: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
         inverse_diagonal: wp.array(dtype=mat33),
-        residual: wp.array(dtype=vec3),
+        scale: wp.array(dtype=wp.vec3f),
+        iteration: wp.array(dtype=wp.int32),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        r: wp.array(dtype=vec3),
+        q: wp.array(dtype=vec3),
         coarsest_residual: wp.array(dtype=wp.vec3f),
         correction: wp.array(dtype=vec3),
     ):
-        """P^T r of the `coarsest` first vertices, D^-1 P^T r of the others."""
+        """P^T r, scaled for the `coarsest` first vertices, times D^-1 for the others; r after a step, if any."""
         item = first + wp.tid()
         v = item // VERTEX_LANES
-        lane = item % VERTEX_LANES
-        total = vec3()
+        begin = wp.int32(0)
+        stop = wp.int32(0)
         if item < end:
-            for k in range(row_start[v] + lane, row_start[v + 1], VERTEX_LANES):
-                total += weight[k] * residual[point[k]]
+            begin = row_start[v] + item % VERTEX_LANES
+            stop = row_start[v + 1]
+        step = scalar(0.0)
+        if steps == 1:
+            step = scalar(stepping(r_dot_z, p_dot_q, iteration[0], 1))
+        total = part_of_residual(point, weight, r, q, step, begin, stop, VERTEX_LANES)
         total = vec3(
             add_lanes(total[0], VERTEX_LANES), add_lanes(total[1], VERTEX_LANES), add_lanes(total[2], VERTEX_LANES)
         )
-        if item < end and lane == 0:
+        if item < end and item % VERTEX_LANES == 0:
             if v < coarsest:
-                coarsest_residual[v] = wp.vec3f(wp.float32(total[0]), wp.float32(total[1]), wp.float32(total[2]))
+                single = wp.vec3f(wp.float32(total[0]), wp.float32(total[1]), wp.float32(total[2]))
+                coarsest_residual[v] = wp.cw_mul(scale[v], single)
             else:
                 correction[v] = inverse_diagonal[v - coarsest] * total
 
@@ -83,11 +181,14 @@ def all_grids_kernels(scalar: type) -> SimpleNamespace:
         first: int,
         end: int,
         slab: int,
-        inverse: wp.array(dtype=wp.float32, ndim=2),
+        steps: int,
+        inverse: wp.array(dtype=wp.float16, ndim=2),
+        scale: wp.array(dtype=wp.float32),
         residual: wp.array(dtype=wp.float32),
         correction: wp.array(dtype=scalar),
+        iteration: wp.array(dtype=wp.int32),
     ):
-        """The product with a dense inverse."""
+        """The product with a dense inverse. It counts the iteration, too: here nobody reads its number."""
         item = first + wp.tid()
         row = item // ROW_LANES
         value = wp.float32(0.0)
@@ -95,36 +196,58 @@ def all_grids_kernels(scalar: type) -> SimpleNamespace:
             value = part_of_product(inverse, residual, row, item % ROW_LANES)
         value = add_row(value, ROW_LANES)
         if item < end and item % ROW_LANES == 0:
-            correction[row] = scalar(value)
+            correction[row] = scalar(scale[row] * value)
+        if item == 0:
+            iteration[0] = iteration[0] + steps
 
     @wp.kernel(module="unique", enable_backward=False)
     def prolong_kernel(
         first: int,
         end: int,
         slab: int,
-        inverse_diagonal: wp.array(dtype=mat33),
-        vertex: wp.array(dtype=wp.int32),
-        weight: wp.array(dtype=scalar),
+        steps: int,
+        inverse_diagonal: wp.array(dtype=scalar),
+        vertex: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
         coarse: wp.array(dtype=vec3),
-        residual: wp.array(dtype=vec3),
-        correction: wp.array(dtype=vec3),
         iteration: wp.array(dtype=wp.int32),
-        products: wp.array(dtype=wp.float64, ndim=2),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        p: wp.array(dtype=scalar),
+        q: wp.array(dtype=scalar),
+        x: wp.array(dtype=scalar),
+        r: wp.array(dtype=scalar),
+        z: wp.array(dtype=scalar),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
     ):
-        """z = D^-1 r + the sum of P z_coarse over all grids, and r . z, kept by iteration."""
+        """z = D^-1 r + the sum of P z_coarse over all grids, and r . z, kept by iteration.
+
+        Where the iteration `steps`, x and r do so first. Of the threads of a node three write a component each.
+        """
         item = first + wp.tid()
         i = item // CORNERS
-        z = vec3()
-        value = wp.float64(0.0)
+        c = item % CORNERS
+        k = 3 * i + c
+        j = iteration[0]
+        begin = vertex.shape[0]
+        own = scalar(0.0)
         if item < end:
-            for k in range(item, vertex.shape[0], CORNERS * residual.shape[0]):
-                z += weight[k] * coarse[vertex[k]]
-        z = vec3(add_lanes(z[0], CORNERS), add_lanes(z[1], CORNERS), add_lanes(z[2], CORNERS))
-        if item < end and item % CORNERS == 0:
-            r = residual[i]
-            z += inverse_diagonal[i] * r
-            correction[i] = z
-            value = wp.float64(wp.dot(r, z))
-        add(products, iteration[0], 0, value)
+            begin = item
+            if c < 3:
+                own = r[k]
+                if steps == 1:
+                    step = scalar(stepping(r_dot_z, p_dot_q, j - 1, 1))
+                    own -= step * q[k]
+                    r[k] = own
+                    x[k] = x[k] + step * p[k]
+        total = part_of_sum(vertex, weight, coarse, begin, vertex.shape[0], end)
+        total = vec3(add_lanes(total[0], CORNERS), add_lanes(total[1], CORNERS), add_lanes(total[2], CORNERS))
+        residual = vec3(of_lane(own, 0), of_lane(own, 1), of_lane(own, 2))
+        value = wp.float64(0.0)
+        if item < end and c < 3:
+            row = vec3(inverse_diagonal[3 * k], inverse_diagonal[3 * k + 1], inverse_diagonal[3 * k + 2])
+            corrected = wp.where(c == 0, total[0], wp.where(c == 1, total[1], total[2])) + wp.dot(row, residual)
+            z[k] = corrected
+            value = wp.float64(own) * wp.float64(corrected)
+        add(r_dot_z, j, 0, value)
 
     return SimpleNamespace(restrict=restrict_kernel, dense=dense_kernel, prolong=prolong_kernel)

@@ -20,12 +20,9 @@ SLOWEST = wp.constant(0.95)
 """Changes are taken to shrink at least this fast from window to window."""
 
 
-def run_length(cuda: bool) -> int:
-    """Numbers that an item of `advance` and `turn` holds: a vector of a node, or on the CPU a vector register.
-
-    There an item costs more than what it does, and the loop over items is not made of vector instructions.
-    """
-    return 3 if cuda else 16
+RUN = 16
+"""Numbers that an item of `advance` and `turn` holds, a vector register. An item costs more than what it does on
+the CPU, where the loop over items has no vector instructions."""
 
 
 @wp.func
@@ -52,12 +49,24 @@ def turning(
     return beta, bent
 
 
+@wp.func
+def stepping(
+    r_dot_z: wp.array2d(dtype=wp.float64), p_dot_q: wp.array2d(dtype=wp.float64), iteration: int, ranges: int
+):
+    """How far to go along the search direction: not at all where its curvature is not positive."""
+    curvature = total(p_dot_q, iteration, ranges)
+    step = wp.float64(0.0)
+    if curvature > wp.float64(0.0):
+        step = total(r_dot_z, iteration, ranges) / curvature
+    return step
+
+
 @cache
 def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels of the loop, in its order, in one precision."""
+    """The kernels of the loop, in its order, in one precision; for CUDA see `all_grids` and `row_product`, too."""
     add = adder(cuda)
     vec3 = wp.types.vector(3, scalar)
-    run = wp.types.vector(run_length(cuda), scalar)
+    run = wp.types.vector(RUN, scalar)
 
     @wp.kernel(module="unique", enable_backward=False)
     def start_kernel(
@@ -96,10 +105,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         i = first + wp.tid()
         j = iteration[0]
         if i < end:
-            curvature = total(p_dot_q, j, ranges)
-            step = scalar(0.0)
-            if curvature > wp.float64(0.0):
-                step = scalar(total(r_dot_z, j, ranges) / curvature)
+            step = scalar(stepping(r_dot_z, p_dot_q, j, ranges))
             solution[i] += step * search[i]
             residual[i] -= step * product[i]
 

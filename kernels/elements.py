@@ -3,17 +3,17 @@
 Energies are summed in double precision, in one slab for each range of tetrahedra.
 """
 
+from functools import cache
 from typing import Any
 
 import warp as wp
+
+from .gathering import keeper, vec16i
 
 INVERTED, NEWLY_INVERTED, FIRST_TERM = range(3)
 """Columns of the sums: counts of tetrahedra, then the terms of an energy in an order of its own."""
 COLUMNS = 8
 """Eight doubles fill a cache line, so that two threads never write to the same one."""
-
-
-vec16i = wp.types.vector(16, wp.int32)
 
 
 @wp.func
@@ -32,28 +32,56 @@ def add_block(blocks: wp.array2d(dtype=Any), slab: int, block: int, value: Any):
         wp.atomic_add(blocks, slab, block, value)
 
 
-@wp.func
-def add_curvature(
-    blocks: wp.array2d(dtype=Any), slab: int, at: vec16i, aa: Any, ab: Any, ac: Any, bb: Any, bc: Any, cc: Any
-):
-    """Adds the second derivatives in the edge vectors a, b, c from corner 0 to the blocks of the four nodes."""
-    # x0 moves a, b and c at once: its blocks are minus the row sums
-    oa = -(aa + wp.transpose(ab) + wp.transpose(ac))
-    ob = -(ab + bb + wp.transpose(bc))
-    oc = -(ac + bc + cc)
-    add_block(blocks, slab, at[0], -(oa + ob + oc))
-    add_block(blocks, slab, at[1], oa)
-    add_block(blocks, slab, at[2], ob)
-    add_block(blocks, slab, at[3], oc)
-    add_block(blocks, slab, at[4], wp.transpose(oa))
-    add_block(blocks, slab, at[5], aa)
-    add_block(blocks, slab, at[6], ab)
-    add_block(blocks, slab, at[7], ac)
-    add_block(blocks, slab, at[8], wp.transpose(ob))
-    add_block(blocks, slab, at[9], wp.transpose(ab))
-    add_block(blocks, slab, at[10], bb)
-    add_block(blocks, slab, at[11], bc)
-    add_block(blocks, slab, at[12], wp.transpose(oc))
-    add_block(blocks, slab, at[13], wp.transpose(ac))
-    add_block(blocks, slab, at[14], wp.transpose(bc))
-    add_block(blocks, slab, at[15], cc)
+@cache
+def curvature_adder(scalar: type, cuda: bool) -> Any:
+    """The function that adds the second derivatives of a tetrahedron in the edge vectors from corner 0.
+
+    On the CPU it adds them to the blocks of the four nodes; on CUDA it keeps them for who gathers them.
+    """
+    keep_blocks = keeper(scalar)
+
+    @wp.func
+    def add_curvature(
+        blocks: Any,
+        slab: int,
+        t: int,
+        block_of: wp.array(dtype=vec16i),
+        aa: Any,
+        ab: Any,
+        ac: Any,
+        bb: Any,
+        bc: Any,
+        cc: Any,
+    ):
+        # x0 moves a, b and c at once: its blocks are minus the row sums
+        oa = -(aa + wp.transpose(ab) + wp.transpose(ac))
+        ob = -(ab + bb + wp.transpose(bc))
+        oc = -(ac + bc + cc)
+        oo = -(oa + ob + oc)
+        if wp.static(cuda):
+            keep_blocks(blocks, t, oo, oa, ob, oc, aa, ab, ac, bb, bc, cc)
+        else:
+            at = block_of[t]
+            add_block(blocks, slab, at[0], oo)
+            add_block(blocks, slab, at[1], oa)
+            add_block(blocks, slab, at[2], ob)
+            add_block(blocks, slab, at[3], oc)
+            add_block(blocks, slab, at[4], wp.transpose(oa))
+            add_block(blocks, slab, at[5], aa)
+            add_block(blocks, slab, at[6], ab)
+            add_block(blocks, slab, at[7], ac)
+            add_block(blocks, slab, at[8], wp.transpose(ob))
+            add_block(blocks, slab, at[9], wp.transpose(ab))
+            add_block(blocks, slab, at[10], bb)
+            add_block(blocks, slab, at[11], bc)
+            add_block(blocks, slab, at[12], wp.transpose(oc))
+            add_block(blocks, slab, at[13], wp.transpose(ac))
+            add_block(blocks, slab, at[14], wp.transpose(bc))
+            add_block(blocks, slab, at[15], cc)
+
+    return add_curvature
+
+
+def sums_of_blocks(scalar: type, cuda: bool) -> Any:
+    """The type of what `curvature_adder` adds to: blocks in slabs, or on CUDA what each tetrahedron keeps."""
+    return wp.array(dtype=scalar) if cuda else wp.array(dtype=wp.types.matrix((3, 3), scalar), ndim=2)

@@ -10,7 +10,15 @@ import warp as wp
 
 from .area import area_curvature, area_term
 from .distance import distance_curvature, distance_term
-from .elements import FIRST_TERM, INVERTED, NEWLY_INVERTED, add_curvature, add_gradient, vec16i
+from .elements import (
+    FIRST_TERM,
+    INVERTED,
+    NEWLY_INVERTED,
+    add_gradient,
+    curvature_adder,
+    sums_of_blocks,
+    vec16i,
+)
 from .geometry import relative_volume_change
 from .gravity import gravity_term
 from .reduction import adder
@@ -29,9 +37,8 @@ def itmsm_kernels(
     `scalar` is their precision. `layered` tissue has a theta and a gravity weight for each tetrahedron, uniform
     tissue one for all.
     """
-    add = adder(cuda)
+    add, add_curvature, blocks_type = adder(cuda), curvature_adder(scalar, cuda), sums_of_blocks(scalar, cuda)
     vec3 = wp.types.vector(3, scalar)
-    mat33 = wp.types.matrix((3, 3), scalar)
     vec4 = wp.types.vector(4, scalar)
     vec6 = wp.types.vector(6, scalar)
     zero = wp.constant(scalar(0.0))
@@ -149,7 +156,7 @@ def itmsm_kernels(
             gravity_weight: wp.array(dtype=scalar),
             block_of: wp.array(dtype=vec16i),
             displacement: wp.array(dtype=vec3),
-            blocks: wp.array(dtype=mat33, ndim=2),
+            blocks: blocks_type,
         ):
             t = first + wp.tid()
             if t < end:
@@ -208,7 +215,7 @@ def itmsm_kernels(
                     ab += p_ab - s_bb - s_cb
                     ac += q_ac - s_bc - s_cc
                     bc += r_bc + s_bc
-                add_curvature(blocks, slab, block_of[t], aa, ab, ac, bb, bc, cc)
+                add_curvature(blocks, slab, t, block_of, aa, ab, ac, bb, bc, cc)
 
         return curvature_kernel
 

@@ -9,7 +9,15 @@ from typing import Any
 
 import warp as wp
 
-from .elements import FIRST_TERM, INVERTED, NEWLY_INVERTED, add_curvature, add_gradient, vec16i
+from .elements import (
+    FIRST_TERM,
+    INVERTED,
+    NEWLY_INVERTED,
+    add_gradient,
+    curvature_adder,
+    sums_of_blocks,
+    vec16i,
+)
 from .gravity import gravity_term
 from .reduction import adder
 from .stable_neo_hookean import bounded_turn, cofactor, cofactor_of_sum, dilation, neo_hookean, stretch
@@ -31,10 +39,9 @@ def neo_hookean_kernels(scalar: type, cuda: bool, layered: bool, gravity: bool) 
 
     `layered` tissue has constants for each tetrahedron, uniform tissue one set for all.
     """
-    add = adder(cuda)
+    add, add_curvature, blocks_type = adder(cuda), curvature_adder(scalar, cuda), sums_of_blocks(scalar, cuda)
     vec2 = wp.types.vector(2, scalar)
     vec3 = wp.types.vector(3, scalar)
-    mat33 = wp.types.matrix((3, 3), scalar)
     zero = wp.constant(scalar(0.0))
     gravity_on = gravity
 
@@ -109,7 +116,7 @@ def neo_hookean_kernels(scalar: type, cuda: bool, layered: bool, gravity: bool) 
             gravity_weight: wp.array(dtype=scalar),
             block_of: wp.array(dtype=vec16i),
             displacement: wp.array(dtype=vec3),
-            blocks: wp.array(dtype=mat33, ndim=2),
+            blocks: blocks_type,
         ):
             t = first + wp.tid()
             if t < end:
@@ -148,7 +155,7 @@ def neo_hookean_kernels(scalar: type, cuda: bool, layered: bool, gravity: bool) 
                 ab = curvature_block(across, along, bulk, f, g, a, b) + ab_turn
                 bc = curvature_block(across, along, bulk, f, g, b, c) + bc_turn
                 ac = curvature_block(across, along, bulk, f, g, a, c) - ca_turn
-                add_curvature(blocks, slab, block_of[t], v0 * aa, v0 * ab, v0 * ac, v0 * bb, v0 * bc, v0 * cc)
+                add_curvature(blocks, slab, t, block_of, v0 * aa, v0 * ab, v0 * ac, v0 * bb, v0 * bc, v0 * cc)
 
         return curvature_kernel
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.elements import vec16i
-from warp_trunk.kernels.slabs import slab_kernels
-
+from .assembly import assembly_of_blocks
 from .model import Model
 from .state import State
 
@@ -20,16 +18,11 @@ class Coupling:
         model = state.model
         self._free, self._prescribed = model.free_nodes, model.nodes - model.free_nodes
         self._row, self._column, block_of = _pattern(model)
-        mat33 = wp.types.matrix((3, 3), model.scalar)
-        size, ranges = len(self._row), model.parallel.ranges
-        blocks = model.zeros(mat33, ranges, max(size, 1))
-        model.over_tets(
-            model.elements.kernels.true_curvature,
-            [model.array(block_of, vec16i), state.displacement],
-            [blocks],
-        )()
-        if ranges > 1:
-            model.parallel.record(slab_kernels(mat33).gather, size, [ranges], [blocks])()
+        size = len(self._row)
+        blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), model.parallel.ranges, max(size, 1))
+        if size:
+            record = assembly_of_blocks(model, block_of, size).into(blocks, state.displacement)
+            record(model.elements.kernels.true_curvature)()
         self._blocks = blocks.numpy()[0, :size].astype(np.float64)
         self._by_column = np.argsort(self._column, kind="stable")
         self._transposed = self._blocks[self._by_column].transpose(0, 2, 1)

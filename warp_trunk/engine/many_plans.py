@@ -9,6 +9,7 @@ from functools import partial
 
 from warp_trunk.errors import InputError, expect
 
+from .host_report import Report
 from .model import Model
 from .relaxation import Relaxer
 from .simulation import BonePath, Increment, Predictor, SimulationOptions, check_path, go_on, relaxer_for
@@ -38,7 +39,7 @@ def simulate_all(
             an InputError that it then raises is its end, and the others go on.
         options: in how many increments, and to what tolerance.
         at_once: how many share the device at most; when left out 8 on CUDA, and 1 on the CPU, whose cores one
-            relaxation fills already. Each takes memory on the device, 0.14 kB for a tetrahedron in float32.
+            relaxation fills already. Each takes memory on the device, 0.5 kB for a tetrahedron in float32.
         relaxer: one of this model, as for `simulate`; those that are made for all paths are kept with it. It
             is not used itself, and is free for what the caller makes of each end.
 
@@ -93,7 +94,7 @@ class _Lane:
     def __init__(self, relaxer: Relaxer, options: SimulationOptions) -> None:
         self._relaxer, self._options = relaxer, options
         self._predictor = Predictor(relaxer.state)
-        self._read = relaxer.model.parallel.reader(relaxer.state.displacement)
+        self._told = Report(relaxer.model.parallel, relaxer.state.displacement)
 
     def end(self, path: BonePath) -> Increment | InputError:
         """The last increment along a path, with its displacement on the host."""
@@ -107,5 +108,7 @@ class _Lane:
             relaxation = go_on(self._relaxer, self._predictor, options, options.increments)
         except InputError as error:
             return error
+        self._told.send()
+        displacement = self._told.read().copy()
         seconds = time.perf_counter() - start
-        return Increment(model, options.increments, 1.0, self._read().copy(), relaxation, seconds=seconds)
+        return Increment(model, options.increments, 1.0, displacement, relaxation, seconds=seconds)

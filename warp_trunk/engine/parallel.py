@@ -170,7 +170,12 @@ class Parallel:
             elif self._splits:  # for nothing: one thread does all, and meets nobody
                 self._splits = False
                 graphs = [self._capture_range(work, 0)]
-        return self._over_ranges([partial(wp.capture_launch, graph) for graph in graphs])
+        return self._over_ranges([partial(_replay, graph, work) for graph in graphs])
+
+    def graph(self, *launches: Launch) -> Launch:
+        """Several launches as one: on CUDA a graph, which the host launches in the time of one kernel."""
+        work = in_turn(*launches)
+        return self.capture(work) if self.is_cuda else work
 
     def _capture_range(self, work: Launch, slab: int | None) -> Any:
         """What one range does of the work; the ranges wait for each other where a launch splits."""
@@ -191,24 +196,6 @@ class Parallel:
         meeting = wp.zeros(MEETING, dtype=wp.int32, device=self.device)
         return self._one_command(meet_kernel, 1, [meeting, self.ranges, _give_way()], [])
 
-    def reader(self, array: wp.array) -> Callable[[], np.ndarray]:
-        """Reads an array as it is when all launched before is done, again and again into the same host memory.
-
-        For small arrays that are read often: on CUDA a third of the time of `wp.array.numpy`, which waits for
-        every stream of the device.
-        """
-        if not self.is_cuda:
-            return array.numpy
-        copy = wp.empty(array.shape, dtype=array.dtype, device="cpu", pinned=True)
-        values = copy.numpy()
-
-        def read() -> np.ndarray:
-            wp.copy(copy, array)
-            self.wait()
-            return values
-
-        return read
-
     def wait(self) -> None:
         """Waits until all that this thread has launched is done."""
         if self.turns is not None:
@@ -225,6 +212,11 @@ class Parallel:
             kernel, dim=size, inputs=list(inputs), outputs=list(outputs), device=self.device, record_cmd=True
         )
         return command.launch  # pyright: ignore[reportOptionalMemberAccess]  (recorded launches are returned)
+
+
+def _replay(graph: wp.Graph, held: Launch) -> None:
+    """Launches a graph. It holds what was captured: a graph does not hold the arrays of its launches."""
+    wp.capture_launch(graph)
 
 
 _CAPTURING = threading.Lock()
@@ -247,6 +239,15 @@ def in_turn(*launches: Launch) -> Launch:
             each()
 
     return launch
+
+
+def view(array: wp.array, dtype: Any, size: int) -> wp.array:
+    """The same memory with elements of another type."""
+
+    def let_go(pointer: int, capacity: int, held: wp.array = array) -> None:
+        """Holds the array as long as the view."""
+
+    return wp.array(ptr=array.ptr, shape=(size,), dtype=dtype, device=array.device, deleter=let_go)
 
 
 class _Worker:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -153,7 +153,10 @@ def go_on(
     final = number == options.increments
     predictor.move(number / options.increments)  # phi_t of eq. 4.5
     tolerance = options.relax.tolerance * (1.0 if final else 10.0)
-    relaxation = relaxer.relax(tolerance, watch, confirm=final, near=number > 1)  # phi~ of eq. 4.3
+    meanwhile = None if final else partial(predictor.prepare, (number + 1) / options.increments)
+    relaxation = relaxer.relax(
+        tolerance, watch, confirm=final, near=number > 1, meanwhile=meanwhile
+    )  # phi~ of eq. 4.3
     predictor.arrived(relaxation)
     return relaxation
 
@@ -195,6 +198,8 @@ class Predictor:
         """Begins anew, along a path of the bones."""
         self._path, self._moves, self._steps = bone_path, 0, 0
         self._bones: BonePath | None = None
+        self._prepared = 0.0
+        self._set: tuple[float, float] | None = None
 
     def go_on(self, done: Sequence[Increment]) -> None:
         """Sets the state to where the increments done so far, at least one, have led."""
@@ -208,9 +213,16 @@ class Predictor:
         """Changes the state to the expected one."""
         if self._moves:
             self._expect()
-            self.state.hold(self._path_of_bones().at(load_factor))
+            self.prepare(load_factor)
+            self.state.hold()
         else:
             self.state.place(self._path.at(load_factor))
+
+    def prepare(self, load_factor: float) -> None:
+        """Finds out where bones go at a load factor, if that is not known; `move` to it needs not do so then."""
+        if self._prepared != load_factor:
+            self.state.prepare(self._path_of_bones().at(load_factor))
+            self._prepared = load_factor
 
     def arrived(self, relaxation: Relaxation) -> None:
         """Takes note of how the trunk was relaxed where it was moved to."""
@@ -243,6 +255,9 @@ class Predictor:
             wp.copy(self._earlier, self._scanned)
             self._last.zero_()
             self._bend.zero_()
-        self._share.fill_(max(LEAST_SHARE, 1.0 / changes) if changes else 0.0)
-        self._part.fill_(1.0 if self._steps == 1 else 0.0)
+        wanted = max(LEAST_SHARE, 1.0 / changes) if changes else 0.0, 1.0 if self._steps == 1 else 0.0
+        if wanted != self._set:
+            for value, array in zip(wanted, (self._share, self._part), strict=True):
+                array.fill_(value)
+            self._set = wanted
         foresee()

@@ -9,6 +9,7 @@ from warp_trunk.kernels.elements import COLUMNS, INVERTED, NEWLY_INVERTED
 from warp_trunk.kernels.slabs import slab_kernels
 
 from .energies.energy import Energy
+from .host_report import Report
 from .model import Model
 
 
@@ -38,14 +39,15 @@ class State:
         self.gradient = self._slabs[0]
         self.inverted = model.zeros(wp.int8, len(model.corners))
         self.sums = model.zeros(wp.float64, ranges, COLUMNS)
-        self._read_sums = model.parallel.reader(self.sums)
+        self._told = Report(model.parallel, self.sums)
         self._evaluate = model.over_tets(
             model.elements.kernels.gradient,
             [(start or self).inverted, self.displacement],
             [self._slabs, self.inverted, self.sums],
         )
-        self._sent = wp.empty(model.nodes, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda)
-        self._values = self._sent.numpy()
+        self._sent = [
+            wp.empty(model.nodes, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda) for _ in range(2)
+        ]
         self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
 
     def evaluate(self) -> None:
@@ -55,11 +57,13 @@ class State:
         self._evaluate()
         if self.model.parallel.ranges > 1:
             self._gather()
+        self._told.send()
 
     def copy_from(self, other: State) -> None:
         """Becomes another state of the same model, with what was evaluated there."""
         for name in ("displacement", "gradient", "inverted", "sums"):
             wp.copy(getattr(self, name), getattr(other, name))
+        self._told.send()
 
     def energy(self) -> Energy:
         """The energies of the last evaluation; reads the device."""
@@ -67,7 +71,7 @@ class State:
 
     def read(self) -> tuple[Energy, int, int]:
         """Energies, inverted and newly inverted tetrahedra of the last evaluation; reads the device once."""
-        sums = self._read_sums().sum(axis=0)
+        sums = self._told.read().sum(axis=0)
         elements = self.model.elements
         terms = {name: float(sums[elements.columns[name]]) for name in elements.terms}
         if "gravity" in terms:
@@ -79,19 +83,30 @@ class State:
         """Displacement from before surgery in the mesh's own order [mm], shape (nodes, 3), float64."""
         return to_mesh_order(self.model, self.displacement.numpy())
 
-    def hold(self, displacement: np.ndarray) -> None:
-        """Sets the displacement of the prescribed nodes in model order [mm], shape (prescribed nodes, 3)."""
+    def prepare(self, displacement: np.ndarray) -> None:
+        """Takes note of where the prescribed nodes are to be held next.
+
+        While the device is at work: what it may still have to read, the last such, stands elsewhere.
+
+        Args:
+            displacement: of the prescribed nodes in model order [mm], shape (prescribed nodes, 3).
+        """
+        self._sent.reverse()
+        self._sent[0].numpy()[self.model.prescribed] = displacement
+
+    def hold(self) -> None:
+        """Sets the displacement of the prescribed nodes to what was prepared last."""
         first, count = self.model.free_nodes, self.model.nodes - self.model.free_nodes
-        self._values[first:] = displacement
-        wp.copy(self.displacement, self._sent, dest_offset=first, src_offset=first, count=count)
+        wp.copy(self.displacement, self._sent[0], dest_offset=first, src_offset=first, count=count)
 
     def place(self, displacement: np.ndarray) -> None:
         """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""
         moved = np.take(displacement, self.model.order, axis=0)  # faster than by an index
         if self.model.scan is not None:
             moved = moved + self.model.scan
-        self._values[:] = moved
-        wp.copy(self.displacement, self._sent)
+        self._sent.reverse()
+        self._sent[0].numpy()[:] = moved
+        wp.copy(self.displacement, self._sent[0])
 
 
 def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:

@@ -97,7 +97,7 @@ class Patient:
         Args:
             cases: she with what each plans, as `PlannedSurgery.planned_case` gives, or with landmarks moved.
             at_once: how many are relaxed at once at most; when left out 8 on CUDA, 1 on the CPU. Each takes
-                device memory, 30 MB for 220,000 tetrahedra in float32, as long as she is kept.
+                device memory, 110 MB for 220,000 tetrahedra in float32, as long as she is kept.
 
         Returns:
             For each case the last increment: `displacement` [mm], shape (nodes, 3), is from before surgery in the

@@ -7,13 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.all_grids import CORNERS, QUAD, ROW_LANES, VERTEX_LANES, all_grids_kernels
+from warp_trunk.kernels.all_grids import (
+    CORNERS,
+    OCTET,
+    ROW_LANES,
+    VERTEX_LANES,
+    all_grids_kernels,
+    scale_and_shorten,
+    shorten,
+)
 
 from ..model import Model
-from ..parallel import Launch, in_turn
-from .dense_inverse import view
+from ..parallel import Launch, in_turn, view
 from .dots import Dots
 from .grid import Interpolation
+from .iterates import Iterates
 
 
 class AllGrids:
@@ -31,57 +39,101 @@ class AllGrids:
             inverse: that of the last, symmetric, shape (3 vertices, 3 vertices).
         """
         self.model = model
-        self._kernels = all_grids_kernels(model.scalar)
         coarsest_first = grids[::-1]
         sizes = [len(grid.row_start) - 1 for grid in coarsest_first]
         starts = np.cumsum([0, *sizes])
         self._coarsest, self._vertices = sizes[0], int(starts[-1])
+        number = wp.uint16 if max(self._vertices, model.free_nodes) <= 1 << 16 else wp.int32
+        self._kernels = all_grids_kernels(model.scalar, number)
         rows = np.concatenate([np.diff(grid.row_start) for grid in coarsest_first])
         self._by_vertex = (
             model.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32),
-            model.array(np.concatenate([grid.point for grid in coarsest_first]), wp.int32),
-            model.array(np.concatenate([grid.point_weight for grid in coarsest_first]), model.scalar),
+            model.array(np.concatenate([grid.point for grid in coarsest_first]), number),
+            _shortened(model, [grid.point_weight for grid in coarsest_first]),
         )
         self._by_node = (
             model.array(
                 np.concatenate(
                     [grid.vertex.ravel() + start for grid, start in zip(coarsest_first, starts, strict=False)]
                 ),
-                wp.int32,
+                number,
             ),
-            model.array(np.concatenate([grid.weight.ravel() for grid in coarsest_first]), model.scalar),
+            _shortened(model, [grid.weight.ravel() for grid in coarsest_first]),
         )
         mat33 = wp.types.matrix((3, 3), model.scalar)
         self._inverse_diagonal = model.zeros(mat33, self._vertices - self._coarsest)
         for diagonal, start in zip(diagonals[::-1], starts[1:], strict=False):
             wp.copy(self._inverse_diagonal, diagonal, dest_offset=int(start) - self._coarsest)
-        padded = np.zeros((len(inverse), -(-len(inverse) // QUAD) * QUAD), dtype=np.float32)
-        padded[:, : len(inverse)] = inverse
-        self._inverse = model.array(padded, wp.float32)
+        scale = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))  # none of 16 bits overflows
+        self._scale = model.array(scale, wp.float32)
+        self._inverse = model.zeros(wp.float16, len(inverse), -(-len(inverse) // OCTET) * OCTET)
+        given = [model.array(inverse, wp.float32), self._scale]
+        wp.launch(scale_and_shorten, inverse.shape, given, [self._inverse], device=model.device)
 
     def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = D^-1 r + the corrections of all grids, with r . z, for the inverse diagonal of the nodes."""
+        return self._record(inverse_diagonal, Iterates(z, r, z, z, r, r_dot_z, r_dot_z), steps=0)
+
+    def apply_with_steps(self, inverse_diagonal: wp.array, at: Iterates) -> tuple[Launch, Launch]:
+        """Records `apply`, and the same after a step along the search direction; see `Preconditioner`."""
+        return self._record(inverse_diagonal, at, steps=0), self._record(inverse_diagonal, at, steps=1)
+
+    def _record(self, inverse_diagonal: wp.array, at: Iterates, *, steps: int) -> Launch:
+        """The launches, after a step or none; without one, solution, search direction and product are not read."""
         model, kernels, record = self.model, self._kernels, self.model.parallel.record
-        rows, padded = self._inverse.shape
-        residual = model.zeros(wp.float32, padded)
+        rows, columns = len(self._scale), self._inverse.shape[1]
+        iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
+        residual = model.zeros(wp.float32, columns)
         correction = model.zeros(model.vec3, self._vertices)
+
+        def numbers(array: wp.array) -> wp.array:
+            return view(array, model.scalar, 3 * len(array))
+
         return in_turn(
             record(
                 kernels.restrict,
                 self._vertices * VERTEX_LANES,
-                [self._coarsest, *self._by_vertex, self._inverse_diagonal, r],
+                [
+                    steps,
+                    self._coarsest,
+                    *self._by_vertex,
+                    self._inverse_diagonal,
+                    view(self._scale, wp.vec3f, self._coarsest),
+                    iteration,
+                    r_dot_z,
+                    p_dot_q,
+                    at.residual,
+                    at.product,
+                ],
                 [view(residual, wp.vec3f, self._coarsest), correction],
             ),
             record(
                 kernels.dense,
                 rows * ROW_LANES,
-                [self._inverse, residual],
-                [view(correction, model.scalar, rows)],
+                [steps, self._inverse, self._scale, residual],
+                [view(correction, model.scalar, rows), iteration],
             ),
             record(
                 kernels.prolong,
                 model.free_nodes * CORNERS,
-                [inverse_diagonal, *self._by_node, correction, r],
-                [z, r_dot_z.iteration, r_dot_z.products],
+                [
+                    steps,
+                    view(inverse_diagonal, model.scalar, 9 * len(inverse_diagonal)),
+                    *self._by_node,
+                    correction,
+                    iteration,
+                    p_dot_q,
+                    numbers(at.search),
+                    numbers(at.product),
+                ],
+                [numbers(at.solution), numbers(at.residual), numbers(at.preconditioned), r_dot_z],
             ),
         )
+
+
+def _shortened(model: Model, weights: Sequence[np.ndarray]) -> wp.array:
+    """All weights in 16 bits, made on the device: the host takes much longer."""
+    given = model.array(np.concatenate(weights, dtype=np.float32), wp.float32)
+    shortened = model.zeros(wp.float16, len(given))
+    wp.launch(shorten, len(given), [given], [shortened], device=model.device)
+    return shortened

@@ -5,14 +5,15 @@ from __future__ import annotations
 import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
-from warp_trunk.kernels.slabs import slab_kernels
-from warp_trunk.kernels.sparse import ROW_LANES, sparse_kernels
+from warp_trunk.kernels.row_product import NUMBERS, row_product_kernels, warps_over
+from warp_trunk.kernels.sparse import sparse_kernels
 
-from ..parallel import Launch
+from ..parallel import Launch, view
 from ..state import State
 from .columns import Columns
 from .dots import Dots
 from .half_rows import HalfRows
+from .iterates import Iterates
 from .sparsity import Sparsity, find_sparsity
 
 
@@ -34,42 +35,31 @@ class BlockMatrix:
             sparsity: the pattern, when another matrix of this model has found it.
         """
         self.model = model = state.model
-        ranges, record = model.parallel.ranges, model.parallel.record
         mat33 = wp.types.matrix((3, 3), model.scalar)
         self.sparsity = sparsity or find_sparsity(model)
-        size = self.sparsity.blocks
-        self.blocks = model.zeros(mat33, ranges, size)
+        self.blocks = model.zeros(mat33, model.parallel.ranges, self.sparsity.blocks)
         self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
-        clear = record(slab_kernels(mat33).clear, size, [ranges], [self.blocks])
-        self._clear = self.blocks.zero_ if model.parallel.is_cuda else clear
-        kernels, at = model.elements.kernels, [self.sparsity.block_of, state.displacement]
-        self._add_positive = model.over_tets(kernels.curvature, at, [self.blocks])
-        self._add_true = model.over_tets(kernels.true_curvature, at, [self.blocks])
-        self._gather = record(slab_kernels(mat33).gather, size, [ranges], [self.blocks])
-        at = self.sparsity.lower, self.sparsity.mirrored
-        self._mirror = record(sparse_kernels(*model.variant).mirror, len(at[0]), at, [self.blocks])
+        record, kernels = self.sparsity.assembly.into(self.blocks, state.displacement), model.elements.kernels
+        self._set_positive, self._set_true = record(kernels.curvature), record(kernels.true_curvature)
         self._half = None if model.parallel.is_cuda else HalfRows(model, self.sparsity, self.blocks)
         self._invert_diagonal = model.over_free(
-            sparse_kernels(*model.variant).invert_diagonal,
+            sparse_kernels(model.scalar).invert_diagonal,
             [self.sparsity.diagonal, self.blocks, model.scalar(1.0)],
             [self.inverse_diagonal],
         )
 
     def assemble(self) -> None:
         """Sets the matrix to the curvature at the state as it is now, made positive semidefinite."""
-        self._sum(self._add_positive)
+        self._set_positive()
+        self._copy_half()
         self._invert_diagonal()
 
     def assemble_true(self) -> None:
         """Sets the matrix to the true curvature, which may be indefinite; `inverse_diagonal` stays positive."""
-        self._sum(self._add_true)
+        self._set_true()
+        self._copy_half()
 
-    def _sum(self, add: Launch) -> None:
-        self._clear()
-        add()
-        if self.model.parallel.ranges > 1:
-            self._gather()
-        self._mirror()
+    def _copy_half(self) -> None:
         if self._half is not None:
             self._half.take()
 
@@ -78,14 +68,16 @@ class BlockMatrix:
         assert self._half is not None
         return self._half.multiply(p, q, p_dot_q)
 
-    def turn_and_multiply(self, z: wp.array, p: wp.array, q: wp.array, r_dot_z: Dots, p_dot_q: Dots) -> Launch:
-        """Records p = z + beta p and q = H p with p . q in one launch, on CUDA; see `multiply`."""
-        s = self.sparsity
+    def turn_and_multiply(self, at: Iterates) -> Launch:
+        """Records p = z + beta p and q = H p with p . q in one launch, on CUDA."""
+        s, scalar = self.sparsity, self.model.scalar
+        z, p, q = (view(array, scalar, 3 * len(array)) for array in (at.preconditioned, at.search, at.product))
+        numbers = view(self.blocks, scalar, NUMBERS * s.blocks)
         return self.model.parallel.record(
-            sparse_kernels(*self.model.variant).turn_and_multiply,
-            self.model.free_nodes * ROW_LANES,
-            [s.row_start, s.columns, self.blocks, p_dot_q.iteration, r_dot_z.products, z],
-            [p, q, p_dot_q.products],
+            row_product_kernels(scalar).turn_and_multiply,
+            warps_over(self.model.free_nodes),
+            [s.row_start, s.columns, numbers, at.r_dot_z.iteration, at.r_dot_z.products, z],
+            [p, q, at.p_dot_q.products],
         )
 
     def multiply_columns(self, columns: Columns, p: wp.array, q: wp.array, p_dot_q: wp.array) -> Launch:

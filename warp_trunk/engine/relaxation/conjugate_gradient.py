@@ -15,15 +15,17 @@ from warp_trunk.kernels.conjugate_gradient import (
     LEFT,
     LONG,
     NORM,
+    RUN,
     conjugate_gradient_kernels,
-    run_length,
 )
 
+from ..host_report import Report
 from ..model import Model
-from ..parallel import Launch, in_turn
+from ..parallel import Launch, in_turn, view
 from .block_matrix import BlockMatrix
 from .device_loop import record_loop
 from .dots import PADDING, Dots
+from .iterates import Iterates
 from .preconditioner import Preconditioner
 
 WINDOW = 8
@@ -70,34 +72,35 @@ class ConjugateGradient:
         self.model = model = matrix.model
         ranges = model.parallel.ranges
         self._earlier = model.free_vectors()
-        (self.solution, runs_of_x), (r, runs_of_r), (self.search, runs_of_p), (z, runs_of_z), (q, runs_of_q) = (
+        (x, runs_of_x), (r, runs_of_r), (p, runs_of_p), (z, runs_of_z), (q, runs_of_q) = (
             in_runs(model) for _ in range(5)
         )
-        self.residual = r
-        p, self._kept = self.search, (z, q)  # the runs are the same memory
         self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
         self._limits, self._outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 6)
         self._limited: tuple[float, ...] = ()
-        self._read_outcome, self._read_products = (
-            model.parallel.reader(array) for array in (self._outcome, self._r_dot_z.products)
+        self._told, self._told_products = (
+            Report(model.parallel, array) for array in (self._outcome, self._r_dot_z.products)
         )
+        self._at = Iterates(x, r, z, p, q, self._r_dot_z, self._p_dot_q)
+        self.solution, self.residual, self.search = x, r, p
         extent = model.zeros(wp.float64, ranges, PADDING)
         r_dot_z, p_dot_q = self._r_dot_z.products, self._p_dot_q.products
         kernels = conjugate_gradient_kernels(*model.variant)
         over_free, record_undivided = model.over_free, model.parallel.record_undivided
-        self._start = over_free(kernels.start, [gradient], [self.solution, r, p, self._earlier])
-        scalars = [ranges, self._iteration, r_dot_z, p_dot_q]
+        self._start = over_free(kernels.start, [gradient], [x, r, p, self._earlier])
         if model.parallel.is_cuda:
-            self._turn_and_multiply = matrix.turn_and_multiply(z, p, q, self._r_dot_z, self._p_dot_q)
+            self._turn_and_multiply = matrix.turn_and_multiply(self._at)
+            self._precondition, self._advance = preconditioner.apply_with_steps(self._at)
         else:
+            scalars = [ranges, self._iteration, r_dot_z, p_dot_q]
             turn = over_runs(model, kernels.turn, [*scalars, runs_of_z], [runs_of_p])
-            multiply = matrix.multiply(p, q, self._p_dot_q)
-            self._turn_and_multiply = in_turn(turn, multiply)
-        self._advance = over_runs(model, kernels.advance, [*scalars, runs_of_p, runs_of_q], [runs_of_x, runs_of_r])
-        self._count = record_undivided(kernels.count, 1, [], [self._iteration])
-        self._precondition = preconditioner.apply(r, z, self._r_dot_z)
+            advance = over_runs(model, kernels.advance, [*scalars, runs_of_p, runs_of_q], [runs_of_x, runs_of_r])
+            count = record_undivided(kernels.count, 1, [], [self._iteration])
+            self._turn_and_multiply = in_turn(turn, matrix.multiply(p, q, self._p_dot_q))
+            self._precondition = preconditioner.apply(r, z, self._r_dot_z)
+            self._advance = in_turn(advance, count, self._precondition)
         self._window = over_free(kernels.window, [self.solution], [self._earlier, extent])
         self._decide = record_undivided(
             kernels.decide,
@@ -106,7 +109,7 @@ class ConjugateGradient:
             [extent, self._outcome, self._go_on],
         )
         self._clear = model.parallel.once(self._forget)
-        self._run = record_loop(model, self._begin, self._go_on, self._advance_window)
+        self._run = record_loop(model, self._begin, self._go_on, self._advance_window, self._told.send)
 
     def solve(self, absolute: float, relative: float, least: float = 0.0) -> LinearSolution:
         """Solves H d = -g for the gradient as it is now.
@@ -129,7 +132,7 @@ class ConjugateGradient:
 
     def ended(self) -> LinearSolution:
         """How the solve that was started last ended."""
-        outcome = self._read_outcome()
+        outcome = self._told.read()
         return LinearSolution(
             iterations=int(outcome[ITERATIONS]),
             longest=float(outcome[LONG]),
@@ -141,7 +144,8 @@ class ConjugateGradient:
     def norm(self) -> float:
         """The square root of g . M^-1 g for the gradient as it is now; `solution` is zero after it."""
         self._begin()
-        return max(0.0, float(self._read_products()[0].sum())) ** 0.5
+        self._told_products.send()
+        return max(0.0, float(self._told_products.read()[0].sum())) ** 0.5
 
     def _begin(self) -> None:
         """d = 0, r = -g, z = M^-1 r."""
@@ -158,28 +162,25 @@ class ConjugateGradient:
         """WINDOW iterations and a look at how far they moved the solution."""
         for _ in range(WINDOW):
             self._turn_and_multiply()  # p = z + beta p, q = H p
-            self._advance()  # d += step p, r -= step q
-            self._count()
-            self._precondition()  # z = M^-1 r
+            self._advance()  # d += step p, r -= step q, z = M^-1 r
         self._window()
         self._decide()
 
 
 def in_runs(model: Model) -> tuple[wp.array, wp.array]:
-    """Vectors of the free nodes, all zero, and the same memory in the runs of `run_length`."""
-    length = run_length(model.parallel.is_cuda)
+    """Vectors of the free nodes, all zero, and the same memory in runs, as vector registers hold them."""
     count = runs_of(model)
-    padded = model.zeros(model.vec3, -(-count * length // 3))
-    run = wp.types.vector(length, model.scalar)
-    return padded[: model.free_nodes], wp.array(ptr=padded.ptr, shape=(count,), dtype=run, device=model.device)
+    padded = model.zeros(model.vec3, -(-count * RUN // 3))
+    return padded[: model.free_nodes], view(padded, wp.types.vector(RUN, model.scalar), count)
 
 
 def runs_of(model: Model) -> int:
     """How many runs hold the vectors of the free nodes."""
-    return -(-3 * model.free_nodes // run_length(model.parallel.is_cuda))
+    return -(-3 * model.free_nodes // RUN)
 
 
 def over_runs(model: Model, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
     """Records a launch over the runs of the free nodes."""
-    least = model.parallel.least_split * 3 // run_length(model.parallel.is_cuda)
-    return model.parallel.record(kernel, runs_of(model), inputs, outputs, least=least)
+    return model.parallel.record(
+        kernel, runs_of(model), inputs, outputs, least=model.parallel.least_split * 3 // RUN
+    )

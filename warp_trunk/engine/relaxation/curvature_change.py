@@ -9,6 +9,7 @@ import warp as wp
 
 from warp_trunk.kernels.loop import loop_kernels
 
+from ..host_report import Report
 from ..parallel import Launch
 from ..state import State
 from .conjugate_gradient import ConjugateGradient
@@ -43,7 +44,7 @@ class CurvatureChange:
         self._subtract = add(minus_one, self._there.gradient, state.gradient, self._change)
         self._add_force = add(self._scale, self._change, self._force, self._change)
         self._dots = Dots.unread(model)
-        self._read_dots = model.parallel.reader(self._dots.products)
+        self._told = Report(model.parallel, self._dots.products)
         self._measure_force, self._measure_change = (
             preconditioner.apply(vector, z, self._dots) for vector in (self._force, self._change)
         )
@@ -63,4 +64,5 @@ class CurvatureChange:
         """The square root of v . M^-1 v."""
         self._dots.products.zero_()
         measure()
-        return math.sqrt(max(0.0, float(self._read_dots().sum())))
+        self._told.send()
+        return math.sqrt(max(0.0, float(self._told.read().sum())))

@@ -11,7 +11,7 @@ from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels
 
 from ..model import Model
-from ..parallel import Launch, in_turn
+from ..parallel import Launch, in_turn, view
 from .columns import Columns
 
 SMALL = 128
@@ -60,11 +60,6 @@ def record_dense_columns(columns: Columns, inverse: np.ndarray, residual: wp.arr
         [solution],
     )
     return in_turn(model.parallel.once(solution.zero_), product)
-
-
-def view(array: wp.array, dtype: Any, size: int) -> wp.array:
-    """The same memory with elements of another type."""
-    return wp.array(ptr=array.ptr, shape=(size,), dtype=dtype, device=array.device)
 
 
 def invert(matrix: np.ndarray) -> np.ndarray:

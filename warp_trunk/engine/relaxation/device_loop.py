@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import warp as wp
 
 from ..model import Model
-from ..parallel import Launch
+from ..parallel import Launch, in_turn
 
 
-def record_loop(model: Model, begin: Callable[[], None], go_on: wp.array, repeat: Callable[[], None]) -> Launch:
-    """Records `begin`, then `repeat` as long as `go_on`, shape (1,), int32, is not 0; see `Parallel.capture`."""
+def record_loop(
+    model: Model, begin: Launch, go_on: wp.array, repeat: Launch, end: Launch = lambda: None
+) -> Launch:
+    """Records `begin`, then `repeat` as long as `go_on`, shape (1,), int32, is not 0, then `end`.
 
-    def work() -> None:
-        begin()
-        wp.capture_while(go_on, repeat)
-
-    return model.parallel.capture(work)
+    See `Parallel.capture`.
+    """
+    return model.parallel.capture(in_turn(begin, lambda: wp.capture_while(go_on, repeat), end))

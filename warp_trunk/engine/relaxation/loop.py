@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -16,6 +17,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.kernels.elements import COLUMNS
 from warp_trunk.kernels.loop import loop_kernels
 
+from ..host_report import Report
 from ..model import Model
 from ..state import State
 from .block_matrix import BlockMatrix
@@ -59,14 +61,23 @@ class Relaxer:
         self._trial_products = ProductReader(self._trial, direction, self.state.gradient)
         self._length = model.zeros(wp.float64, 1)
         self._longest = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
-        self._read_longest = model.parallel.reader(self._longest)
+        self._told_longest = Report(model.parallel, self._longest)
         kernels = loop_kernels(*model.variant)
-        self._find_longest = model.over_nodes(kernels.longest, [self.state.displacement], [self._longest])
-        self._step = model.over_free(
-            kernels.step,
-            [self._length, self.state.displacement, direction],
-            [self._trial.displacement],
+        find_longest = model.over_nodes(kernels.longest, [self.state.displacement], [self._longest])
+        self._step, whole_step = (
+            model.over_free(kernels.step, [length, self.state.displacement, direction], [self._trial.displacement])
+            for length in (self._length, model.array(np.ones(1), wp.float64))
         )
+        graph, held = model.parallel.graph, (self._trial.displacement, self.state.displacement)
+        self._evaluate = graph(
+            self.state.evaluate,
+            self._longest.zero_,
+            find_longest,
+            self._told_longest.send,
+            partial(wp.copy, *held),  # the nodes that no step moves
+        )
+        self._try_whole = graph(self._products.take, whole_step, self._trial.evaluate, self._trial_products.take)
+        self._take = graph(partial(self.state.copy_from, self._trial))
 
     def others(self, count: int) -> list[Relaxer]:
         """So many more of the same model and options, each with a state of its own; they are kept with this one.
@@ -101,6 +112,7 @@ class Relaxer:
         *,
         confirm: bool = True,
         near: bool = False,
+        meanwhile: Callable[[], None] | None = None,
     ) -> Relaxation:
         """Relaxes `state` until it is known to be nearer to an equilibrium, no saddle, than the tolerance [mm].
 
@@ -109,11 +121,12 @@ class Relaxer:
         is told of each accepted step and sees the state after it, to read and not to change. Without `confirm` it
         ends, NEAR, as soon as the distance before the last step is estimated to be below the tolerance: what is on
         the way to something else need not be known so well. `near` tells that the state is likely some tolerances
-        from its end, which saves work where it is so.
+        from its end, which saves work where it is so. `meanwhile` is done while a device is at work.
         """
         tolerance = self.options.tolerance if tolerance is None else tolerance
-        self.state.evaluate()
         self._begin(tolerance, confirm, near)
+        if meanwhile is not None:
+            meanwhile()
         energy, inverted, _ = self.state.read()
         course = Course(energy, inverted, ROUNDING[self.model.precision])
         if not math.isfinite(energy.total):
@@ -139,7 +152,7 @@ class Relaxer:
             here = self._products_here()
             trial = self._search(method, length, here.slope, course)
             if trial is not None:
-                self.state.copy_from(self._trial)
+                self._take()
                 products, length = trial.products, trial.length
             ends, more = False, 0
             if method is newton:
@@ -159,18 +172,17 @@ class Relaxer:
 
     def _begin(self, tolerance: float, confirm: bool, near: bool) -> None:
         """Begins a relaxation to a tolerance [mm], as far as the device can go without being asked."""
-        self._started = self._tried = False
         if not self.model.free_nodes:
+            self.state.evaluate()
             return
-        self._longest.zero_()
-        self._find_longest()
-        wp.copy(self._trial.displacement, self.state.displacement)  # the nodes that no step moves
+        self._started = self._tried = False
+        self._evaluate()
         self._newton.begin(tolerance, confirm=confirm, near=near)
         self._start(None, 0.0)
 
     def _floor(self) -> float:
         """What rounding leaves of every distance [mm], by the largest displacement of a node from rest."""
-        largest = float(self._read_longest().max()) ** 0.5
+        largest = float(self._told_longest.read().max()) ** 0.5
         return ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * largest
 
     def _start(self, products: Products | None, length: float) -> None:
@@ -179,8 +191,7 @@ class Relaxer:
         A device that waits for what it was asked to tell does nothing; so it is asked when all this is launched.
         """
         if self._method is self._newton and not self._started and self._newton.start(products, length):
-            self._products.take()
-            self._launch(1.0)
+            self._try_whole()
             self._started = self._tried = True
 
     def _products_here(self) -> Products:

@@ -34,6 +34,7 @@ from .columns import Columns
 from .dense_inverse import dense_strips, invert, record_dense_columns, record_dense_product
 from .dots import Dots
 from .grid import CoarseGrid, Interpolation
+from .iterates import Iterates
 
 DENSE_CELLS = 480
 """Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
@@ -124,6 +125,11 @@ class Multilevel:
             inverse_diagonal, dots = level.inverse_diagonal, Dots.unread(model)
             r, z = residual, correction
         return in_turn(*down, record_dense_product(model, self._strips, r, z), *up[::-1])
+
+    def apply_with_steps(self, at: Iterates) -> tuple[Launch, Launch]:
+        """Records z = M^-1 r, and the same after a step, on CUDA; see `Preconditioner`."""
+        assert self._all_grids is not None
+        return self._all_grids.apply_with_steps(self._inverse_diagonal, at)
 
     def apply_columns(self, columns: Columns, r: wp.array, z: wp.array, r_dot_z: wp.array) -> Launch:
         """Records z = M^-1 r with r . z of each column, for fields of the free nodes; see `Columns`."""
@@ -220,7 +226,7 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int, weight: floa
     inverse = model.zeros(mat33, size)
     own = model.array(np.arange(size, dtype=np.int32), wp.int32)
     model.parallel.record(
-        sparse_kernels(*model.variant).invert_diagonal, size, [own, diagonal, model.scalar(weight)], [inverse]
+        sparse_kernels(model.scalar).invert_diagonal, size, [own, diagonal, model.scalar(weight)], [inverse]
     )()
     return inverse
 

@@ -62,6 +62,11 @@ class Newton:
         else:
             self._matrix = BlockMatrix(state, like._matrix.sparsity)
             self._preconditioner = like._preconditioner.of(self._matrix)
+        graph = state.model.parallel.graph
+        self._assemble_positive, self._assemble_true = (
+            graph(self._matrix.assemble),
+            graph(self._matrix.assemble_true),
+        )
         self._solver = ConjugateGradient(self._matrix, self._preconditioner, state.gradient)
         self._confirmation = Confirmation(state, self._matrix, self._preconditioner)
         self.begin(math.inf, 0.0)
@@ -94,8 +99,8 @@ class Newton:
 
     def true_curvature(self) -> tuple[BlockMatrix, Multilevel]:
         """The matrix, set to the true curvature at the state, and the preconditioner."""
-        self._matrix.assemble()
-        self._matrix.assemble_true()
+        self._assemble_positive()
+        self._assemble_true()
         return self._matrix, self._preconditioner
 
     @property
@@ -110,9 +115,9 @@ class Newton:
     def _assemble(self) -> None:
         """Sets the matrix to the curvature at the state; the preconditioner needs a positive one before all."""
         if not self._true or self._starts_near:
-            self._matrix.assemble()
+            self._assemble_positive()
         if self._true:
-            self._matrix.assemble_true()
+            self._assemble_true()
 
     def start(self, products: Products | None, last_length: float) -> bool:
         """Begins to solve for the direction at the state, what `propose` with the same arguments then waits for.
@@ -196,7 +201,7 @@ class Newton:
         if not self._true or self.floor + self._length > CLOSE * self._tolerance:
             return False, 0
         if length:
-            self._matrix.assemble_true()
+            self._assemble_true()
             self._shrink = 0.0  # the curvature of here
         norm = self._solver.norm() if length else self._norm
         last = self._last_step(norm) if length == 1.0 else None

@@ -17,6 +17,7 @@ from warp_trunk.kernels.loop import (
     loop_kernels,
 )
 
+from ..host_report import Report
 from ..state import State
 
 
@@ -44,7 +45,7 @@ class ProductReader:
     def __init__(self, state: State, direction: wp.array, previous: wp.array) -> None:
         model = state.model
         self._products = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
-        self._read = model.parallel.reader(self._products)
+        self._told = Report(model.parallel, self._products)
         self._launch = model.over_free(
             loop_kernels(*model.variant).products, [state.gradient, direction, previous], [self._products]
         )
@@ -53,10 +54,11 @@ class ProductReader:
         """Computes the products of the vectors as they are now, on the device."""
         self._products.zero_()
         self._launch()
+        self._told.send()
 
     def read(self) -> Products:
         """The products last taken; waits for the device."""
-        sums = self._read().sum(axis=0)
+        sums = self._told.read().sum(axis=0)
         return Products(
             slope=float(sums[SLOPE]),
             gradient_squared=float(sums[GRADIENT_SQUARED]),

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.elements import vec16i
-
+from ..assembly import Assembly, assembly_of_rows
 from ..memo import Arrays, arrays_of
 from ..model import Model
 
@@ -23,13 +22,8 @@ class Sparsity:
     """Column of each block, shape (blocks,), int32."""
     diagonal: wp.array
     """The diagonal block of each row, shape (free,), int32."""
-    block_of: wp.array
-    """The block of corner pair (row, column) of each tetrahedron, -1 with a prescribed corner or where it is below
-    the diagonal; (tets,), vec16i."""
-    lower: wp.array
-    """The blocks below the diagonal, shape (lower,), int32."""
-    mirrored: wp.array
-    """The block above the diagonal that each of them is the transpose of, likewise."""
+    assembly: Assembly
+    """Where curvatures go: for a pair of free nodes one block is added up, and the other is its image."""
     row_bounds: np.ndarray
     """Ranges of rows with equally many blocks, for the threads, shape (ranges + 1,)."""
 
@@ -44,23 +38,14 @@ def find_sparsity(model: Model) -> Sparsity:
     found = arrays_of(model.memo, "pattern", lambda: _pattern(model), lambda known: _is_pattern(known, model))
     row_start, columns = found["row_start"], found["columns"]
     size = model.free_nodes
-    row_of_corner = np.minimum(model.corners, size - 1)
-    block_of = row_start[row_of_corner][:, :, None] + found["place"].astype(np.int32).reshape(-1, 4, 4) - 1
-    block_of[found["place"].reshape(-1, 4, 4) == 0] = -1
-    block_of[model.corners[:, :, None] > model.corners[:, None, :]] = -1
     row = np.repeat(np.arange(size), np.diff(row_start))
-    own, lower = np.flatnonzero(columns == row), np.flatnonzero(columns < row)
-    upper = np.flatnonzero(columns > row)
-    mirrored = upper[np.argsort(columns[upper], kind="stable")]  # in the order of the lower ones
     bounds = np.searchsorted(row_start, np.linspace(0, len(columns), model.parallel.ranges + 1)).clip(0, size)
     bounds[0], bounds[-1] = 0, size
     return Sparsity(
         row_start=model.array(row_start, wp.int32),
         columns=model.array(columns, wp.int32),
-        diagonal=model.array(own.astype(np.int32), wp.int32),
-        block_of=model.array(block_of.reshape(-1, 16), vec16i),
-        lower=model.array(lower.astype(np.int32), wp.int32),
-        mirrored=model.array(mirrored.astype(np.int32), wp.int32),
+        diagonal=model.array(np.flatnonzero(columns == row), wp.int32),
+        assembly=assembly_of_rows(model, row_start, columns, found["place"]),
         row_bounds=bounds,
     )
 

@@ -1,0 +1,142 @@
+"""Curvatures of tetrahedra, added up into 3x3 blocks for the pairs of their corners."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.gathering import (
+    PARTS,
+    blocks_of_rows,
+    find_starts,
+    gathering_kernels,
+    kept_numbers,
+    list_parts,
+    vec16i,
+)
+from warp_trunk.kernels.row_product import NUMBERS, warps_over
+from warp_trunk.kernels.slabs import slab_kernels
+from warp_trunk.kernels.sparse import sparse_kernels
+
+from .model import Model
+from .parallel import Launch, in_turn, view
+
+
+class Assembly(Protocol):
+    """Where the curvature of each tetrahedron goes; made once for a pattern of blocks."""
+
+    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[Any], Launch]:
+        """Records, for a kernel of `TetEnergy.kernels`, that blocks become the sums of its curvatures.
+
+        Args:
+            blocks: in the first slab, shape (ranges, blocks), mat33; the others are what threads add into.
+            displacement: where the curvature is taken, shape (nodes,), vec3.
+        """
+        ...
+
+
+def assembly_of_blocks(model: Model, block_of: np.ndarray, size: int) -> Assembly:
+    """The assembly of blocks of which none is the mirror image of another.
+
+    Args:
+        model: the trunk.
+        block_of: the block of corner pair (row, column) of each tetrahedron, -1 for none, shape (tets, 16), int32;
+            of a pair and the pair turned round one at most.
+        size: number of blocks, all of them in `block_of`.
+    """
+    on_device = model.array(block_of, vec16i)
+    if not model.parallel.is_cuda:
+        return _Added(model, on_device, [model.zeros(wp.int32, 0)] * 2)
+    return _Gathered(model, on_device, np.arange(size, dtype=np.int32))
+
+
+def assembly_of_rows(model: Model, row_start: np.ndarray, columns: np.ndarray, place: np.ndarray) -> Assembly:
+    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others their images.
+
+    Args:
+        model: the trunk.
+        row_start: first block of each row and the end of the last, shape (rows + 1,), int32.
+        columns: column of each block, ascending within a row, shape (blocks,), int32.
+        place: the place of each corner pair in its row, from 1; 0 for none, shape (tets, 16), uint16.
+    """
+    rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int32), np.diff(row_start))
+    upper = np.flatnonzero(columns > rows)
+    if model.parallel.is_cuda:
+        number = np.full(len(columns), -1, dtype=np.int32)
+        number[columns == rows] = np.arange(len(row_start) - 1)  # with most parts, and so first
+        number[upper] = np.arange(len(upper)) + len(row_start) - 1
+        block_of = model.zeros(vec16i, len(place))
+        at = [model.array(row_start, wp.int32), model.tets, model.array(place, wp.uint16)]
+        wp.launch(blocks_of_rows, len(place), at, [block_of], device=model.device)
+        return _Gathered(model, block_of, number)
+    block_of = row_start[np.minimum(model.corners, len(row_start) - 2)][:, :, None] + place.reshape(-1, 4, 4) - 1
+    block_of[place.reshape(-1, 4, 4) == 0] = -1
+    block_of[model.corners[:, :, None] > model.corners[:, None, :]] = -1
+    mirrored = upper[np.argsort(columns[upper], kind="stable")]  # in the order of the lower ones
+    mirrors = [
+        model.array(blocks.astype(np.int32), wp.int32) for blocks in (np.flatnonzero(columns < rows), mirrored)
+    ]
+    return _Added(model, model.array(block_of.reshape(-1, 16), vec16i), mirrors)
+
+
+class _Added:
+    """On the CPU: every range of tetrahedra adds to blocks of its own."""
+
+    def __init__(self, model: Model, block_of: wp.array, mirrors: list[wp.array]) -> None:
+        """`mirrors` are blocks, shape (k,), int32, and those that they are the transposes of."""
+        self._model, self._block_of, self._mirrors = model, block_of, mirrors
+
+    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[Any], Launch]:
+        model = self._model
+        ranges, size = blocks.shape
+        record, slabs = model.parallel.record, slab_kernels(blocks.dtype)
+        mirror = sparse_kernels(model.scalar).mirror
+        before = [record(slabs.clear, size, [ranges], [blocks])]
+        after = [record(slabs.gather, size, [ranges], [blocks])] if ranges > 1 else []
+        after.append(record(mirror, len(self._mirrors[0]), self._mirrors, [blocks]))
+
+        def recorded(kernel: Any) -> Launch:
+            return in_turn(*before, model.over_tets(kernel, [self._block_of, displacement], [blocks]), *after)
+
+        return recorded
+
+
+class _Gathered:
+    """On CUDA: every block gathers what the tetrahedra keep for it."""
+
+    def __init__(self, model: Model, block_of: wp.array, number: np.ndarray) -> None:
+        """`number` is the place of each block in the order of gathering, -1 for those that are images."""
+        self._model, self._kept = model, kept_numbers(model.scalar)
+        parts, count = PARTS * len(model.corners), int(number.max(initial=-1)) + 1
+        keys, places = (model.zeros(wp.int32, 2 * parts) for _ in range(2))  # half of it is for the sort
+        block, mirrored, start = (model.zeros(wp.int32, count + 1) for _ in range(3))
+        wp.launch(
+            list_parts,
+            len(model.corners),
+            [self._kept, count, block_of, model.array(number, wp.int32)],
+            [keys, places, block, mirrored],
+            device=model.device,
+        )
+        wp.utils.radix_sort_pairs(keys, places, parts)
+        start.fill_(parts)  # where all parts are gathered nothing follows the last block
+        wp.launch(find_starts, parts, [keys], [start], device=model.device)
+        self._blocks, self._lists = count, (start, places, block, mirrored)
+
+    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[Any], Launch]:
+        model = self._model
+        parts = model.zeros(model.scalar, self._kept * len(model.corners))
+        gather = model.parallel.record(
+            gathering_kernels(model.scalar).gather,
+            warps_over(self._blocks),
+            [self._blocks, *self._lists, parts],
+            [view(blocks, model.scalar, NUMBERS * blocks.shape[1])],
+        )
+        unused = model.zeros(vec16i, 0)
+
+        def recorded(kernel: Any) -> Launch:
+            return in_turn(model.over_tets(kernel, [unused, displacement], [parts]), gather)
+
+        return recorded
