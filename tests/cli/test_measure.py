@@ -164,6 +164,7 @@ def test_unfit_skin_is_refused_in_one_line(place, tmp_path, capsys, spoil, named
 
 def test_place_that_cannot_be_written_is_refused_before_reading(place, tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert run(place, "no/such/skin.ply", "--out", tmp_path / "file" / "m") == BAD_INPUT
+    (tmp_path / "skin.ply").write_text("no surface")
+    assert run(place, tmp_path / "skin.ply", "--out", tmp_path / "file" / "m") == BAD_INPUT
     (line,) = capsys.readouterr().err.splitlines()
     assert "--out" in line

@@ -44,7 +44,7 @@ class Measure:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Prints the measures and writes them."""
-        file = skin_file(self.skin)
+        file = skin_file(self.skin, finished=self.case is None)
         stem = self.out or file.with_name(f"{file.stem}_measures")
         stem = stem / "measures" if stem.is_dir() else stem
         if self.out is not None:
@@ -66,10 +66,11 @@ class Measure:
         return OK
 
 
-def skin_file(path: Path) -> Path:
+def skin_file(path: Path, *, finished: bool) -> Path:
     """The file of a skin, the predicted one of a result folder; InputError where there is none."""
     if path.is_dir():
-        read_summary(path)
+        if finished:
+            read_summary(path)
         return path / PREDICTED_SKIN
     if not path.exists():
         raise InputError(f"{path}: there is no such file; give a closed surface or a result folder")
