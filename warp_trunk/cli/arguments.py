@@ -5,12 +5,20 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-from collections.abc import Sequence
-from typing import Any, get_type_hints
+from collections.abc import Callable, Sequence
+from dataclasses import is_dataclass, replace
+from types import NoneType
+from typing import Any, get_args, get_type_hints
 
 import tyro
 from tyro.conf import OmitArgPrefixes, UseAppendAction
-from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+from tyro.constructors import (
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    StructConstructorSpec,
+    StructTypeInfo,
+)
 
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import number
@@ -32,6 +40,54 @@ def _whole_numbers(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | N
         is_instance=lambda value: isinstance(value, int),
         str_from_instance=lambda value: [str(value)],
     )
+
+
+@_registry.primitive_rule
+def _may_be_left_out(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
+    """A value or nothing is asked for as the value: `None` is no word for a command line."""
+    kinds = get_args(info.type)
+    if NoneType not in kinds or len(kinds) != 2:
+        return None
+    (kind,) = (kind for kind in kinds if kind is not NoneType)
+    found = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(kind, info.markers))
+    if not isinstance(found, PrimitiveConstructorSpec):
+        return None
+    return replace(
+        found,
+        is_instance=lambda value: value is None or found.is_instance(value),
+        str_from_instance=lambda value: ["unset"] if value is None else found.str_from_instance(value),
+    )
+
+
+_being_described: set[Any] = set()
+"""Classes whose fields tyro is describing; it asks the rule below for them again."""
+
+
+@_registry.struct_rule
+def _help_in_one_paragraph(info: StructTypeInfo) -> StructConstructorSpec | None:
+    """Help as the terminal is wide: tyro keeps the line breaks of docstrings where the next line is indented."""
+    if not is_dataclass(info.type) or info.type in _being_described:
+        return None
+    _being_described.add(info.type)
+    try:
+        found = ConstructorRegistry.get_struct_spec(info)
+    finally:
+        _being_described.remove(info.type)
+    if not isinstance(found, StructConstructorSpec):
+        return None
+    return replace(
+        found, fields=tuple(replace(field, helptext=_flowing(field.helptext)) for field in found.fields)
+    )
+
+
+def _flowing(text: str | Callable[[], str | None] | None) -> Callable[[], str | None]:
+    """The text, found only when it is shown, with a space for each break."""
+
+    def found() -> str | None:
+        known = text() if callable(text) else text
+        return known and " ".join(known.split())
+
+    return found
 
 
 def whole_number(text: str) -> int:

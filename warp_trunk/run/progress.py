@@ -37,6 +37,7 @@ class Progress:
                 progress.TextColumn("left"),
                 progress.TimeRemainingColumn(),
                 console=console.Console(file=self._stream),
+                redirect_stdout=sys.stdout.isatty(),  # else a file would miss what is printed
             )
             self._bars.start()
         return self
