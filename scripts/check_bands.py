@@ -199,7 +199,7 @@ def table(rows: list[Checked]) -> str:
         ends += [f" {r.same:.2f} | {'yes' if r.linear else 'no'} |" for r in rows]
         lines = [line + end for line, end in zip(lines, ends, strict=True)]
     worst = max(rows, key=lambda r: abs(r.band / r.drawn - 1.0))
-    return "\n".join([*lines, "", f"Farthest: {worst.name}, {100.0 * (worst.band / worst.drawn - 1.0):+.0f} %."])
+    return "\n".join([*lines, "", f"Farthest: {worst.name}, {100.0 * (worst.band / worst.drawn - 1.0):+z.0f} %."])
 
 
 def skin_text(ratio: np.ndarray) -> str:

@@ -59,7 +59,7 @@ def main() -> None:
                 mean = np.mean(np.abs(list(off.values())))
                 missing = [n for n in known if one.get(n) is None]
                 print(
-                    f"{what}: {len(off)} levels, mean {mean:.2f}, largest {off[worst]:+.2f} at {worst}; "
+                    f"{what}: {len(off)} levels, mean {mean:.2f}, largest {off[worst]:+z.2f} at {worst}; "
                     f"missing {missing}"
                 )
 
@@ -91,7 +91,7 @@ def surfaces(true: Case, made: Case) -> None:
         print(f"{what}: {told(alone)}; with the {sum(left_out.values())} points near other bones {told(every)}")
     over = {name: volume_beyond(made.bones[name], true.bones[name], name, fields) for name in names}
     worst = max(over, key=lambda n: abs(over[n]))
-    print(f"volumes: worst {100 * over[worst]:+.2f} % ({worst}) beyond what overlap explains")
+    print(f"volumes: worst {100 * over[worst]:+z.2f} % ({worst}) beyond what overlap explains")
     print("skin: mean {:.3f}, largest {:.2f}; the truth from it {:.3f}, {:.2f} mm".format(*skins(true, made)))
 
 

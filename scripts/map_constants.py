@@ -171,7 +171,7 @@ def table(points: list[dict[str, Any]]) -> str:
                 point["weights"],
                 pair,
                 *near,
-                f"{point['volume_percent']:+.2f}",
+                f"{point['volume_percent']:+z.2f}",
                 str(point["linear_iterations"]),
                 point["status"],
             ]

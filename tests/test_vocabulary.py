@@ -19,6 +19,7 @@ BANNED = {
     r"\bsteer(s|ed|ing)?\b": "the verb for what it does",
     r"\bpreop\b|\bpostop\b": "before, after",
     r"\bright-hand hump\b": "hump on the right",
+    r":[<>^]?\+\d*\.\df": "z after the sign: a number that rounds to 0 is never -0",
 }
 """What is not written, as a pattern, and what is written instead."""
 ALLOWED = {"warp_trunk/case/header.py": "skin_after"}

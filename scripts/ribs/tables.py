@@ -32,7 +32,7 @@ def by_patient(rows: Sequence[Row]) -> str:
                 ", ".join(ratios.get(correction, "-") for correction in CORRECTIONS),
                 f"{abs(change[row.apex]) / row.derotation:.2f}",
                 "-" if row.less is None else f"{row.of_less:.1f}",
-                "; ".join(f"{change[LEVELS.index(level)]:+.1f}" for level in ("T1", "L2", "L3")),
+                "; ".join(f"{change[LEVELS.index(level)]:+z.1f}" for level in ("T1", "L2", "L3")),
                 *_skin(row.smooth),
                 str(row.iterations),
                 str(row.inverted),
@@ -68,8 +68,8 @@ def imposed(study: Study) -> str:
         skin = study.imposed(curve.corrected(SHOWN))[0]
         before = rotations(case.skin, case.landmarks_before)
         change = np.subtract(rotations(skin, case.planned_landmarks), before)
-        told = [f"{change[LEVELS.index(level)]:+.1f}" for level in ("T1", "L2", "L3")]
-        at_apex = f"{change[apex_of(before)]:+.1f}"
+        told = [f"{change[LEVELS.index(level)]:+z.1f}" for level in ("T1", "L2", "L3")]
+        at_apex = f"{change[apex_of(before)]:+z.1f}"
         lines.append([name_of(curve), *_skin(smoothness(case.skin, skin)), told[0], at_apex, *told[1:]])
     return markdown(["curve", "edges", "fold", "BSR at T1", "at the apex of BSR", "at L2", "at L3"], lines)
 
@@ -78,7 +78,7 @@ def by_share(rows: Mapping[str, Row], usual: Row) -> str:
     """What other shares change, by level [degrees]; `rows` by what is other in them."""
     at = [LEVELS.index(level) for level in TOLD]
     lines = [
-        [what, *(f"{value:+.1f}" for value in np.subtract(row.after, usual.after)[at])]
+        [what, *(f"{value:+z.1f}" for value in np.subtract(row.after, usual.after)[at])]
         for what, row in rows.items()
     ]
     return markdown(["what", *TOLD], lines)

@@ -80,13 +80,13 @@ def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, whe
     growth = float(sizes[1] / sizes[0] - 1.0)
     if abs(growth) > SIZE_REFUSED or usual > MISFIT:
         raise InputError(
-            f"{where}: the vertebrae are another patient's: against those before they are {100 * growth:+.1f} % "
+            f"{where}: the vertebrae are another patient's: against those before they are {100 * growth:+z.1f} % "
             f"larger ({100 * SIZE_REFUSED:g} is the most) and {usual:.1f} mm off in shape (median of root mean "
             f"squares, {MISFIT:g} is the most); give landmarks of one patient, in one unit"
         )
     if abs(growth) > SIZE_WARNED:
         return [
-            f"{where}: the vertebrae are {100 * growth:+.1f} % larger than before; errors of landmarks seldom "
+            f"{where}: the vertebrae are {100 * growth:+z.1f} % larger than before; errors of landmarks seldom "
             f"come to {100 * SIZE_WARNED:g} %, so look whether both files are of one patient."
         ]
     return []

@@ -50,8 +50,8 @@ class Register:
             f"{mean_and_largest(found.rigid_miss, found.names)}"
         )
         print(
-            f"Spline part: stretches by {100.0 * found.strain.min():+.2f} to {100.0 * found.strain.max():+.2f} %, "
-            f"bends the skin by {mean_and_largest(found.bending)}; markers are off by "
+            f"Spline part: stretches by {100.0 * found.strain.min():+z.2f} to {100.0 * found.strain.max():+z.2f} "
+            f"%, bends the skin by {mean_and_largest(found.bending)}; markers are off by "
             f"{mean_and_largest(found.miss, found.names)}; least volume {found.least_volume:.2f}, no fold"
         )
         return OK

@@ -125,7 +125,7 @@ def _level_rows(summary: CohortSummary) -> list[list[str]]:
             str(one.error.patients),
             _plus_minus(one.error),
             _interval(one.error),
-            f"{one.bias:+.2f}",
+            f"{one.bias:+z.2f}",
             f"{one.nothing_changes:.2f}",
             f"{one.spline:.2f}",
         ]
@@ -157,9 +157,9 @@ def _hump(summary: CohortSummary) -> str:
     if summary.hump is None:
         return ""
     found, line = summary.hump.agreement, summary.hump.line
-    text = f"Mean absolute error {_plus_minus(summary.hump.error)} mm; predicted less actual {found.bias:+.1f} mm"
+    text = f"Mean absolute error {_plus_minus(summary.hump.error)} mm; predicted less actual {found.bias:+z.1f} mm"
     if found.low is not None and found.high is not None:
-        text += f", 95 % of cases from {found.low:+.1f} to {found.high:+.1f} mm"
+        text += f", 95 % of cases from {found.low:+z.1f} to {found.high:+z.1f} mm"
     if line is not None:
         text += f"; correlation {line.correlation:.2f}, slope {line.slope:.2f}"
     return text + "."

@@ -144,7 +144,7 @@ def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary, known: Seque
         if line is not None:
             ends = np.array([pairs[:, 0].min(), pairs[:, 0].max()])
             axes.plot(ends, line.intercept + line.slope * ends, color=INK, linewidth=1.0)
-            axes.set_title(f"r = {line.correlation:+.2f}, p = {line.p:.2f}", fontsize=9.0)
+            axes.set_title(f"r = {line.correlation:+z.2f}, p = {line.p:.2f}", fontsize=9.0)
         axes.axhline(DETECTABLE, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
         axes.grid()
         axes.set_ylim(bottom=0.0)

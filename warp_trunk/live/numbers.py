@@ -138,8 +138,7 @@ def _row(name: str, values: Sequence[float | None], *, sign: bool = False, stale
 def _number(value: float | None, sign: bool) -> str:
     if value is None:
         return "–"
-    rounded = round(value, 1) + 0.0  # never -0.0
-    return f"{rounded:+.1f}" if sign and rounded else f"{rounded:.1f}"
+    return f"{value:+z.1f}" if sign and round(value, 1) else f"{value:z.1f}"
 
 
 def _rotation(back: Sequence[TrunkMeasures | None], titles: Sequence[str], stale: bool) -> str:

@@ -86,7 +86,7 @@ def comparison_text(comparison: SkinComparison) -> str:
         verdict = "below" if error.undetectable else "not below"
         lines.append(
             f"{name:<8} {error.mean:.2f}{spread}° on average over {len(error.levels)} levels, {verdict} the "
-            f"{DETECTABLE:g}° that can be detected; of the largest {error.of_maximum:+.2f}°"
+            f"{DETECTABLE:g}° that can be detected; of the largest {error.of_maximum:+z.2f}°"
         )
     lines += ["", "Back surface rotation, predicted less actual [°]"]
     differences = [f"{level} {_number(value)}" for level, value in comparison.bsr_difference.items()]
@@ -102,7 +102,7 @@ def comparison_text(comparison: SkinComparison) -> str:
             lines.append(f"{region:<28}  missing: no skin there that both have")
             continue
         cells = (
-            f"{found.area:.0f}", f"{found.signed_mean:+.2f}", f"{found.mean:.2f}", f"{found.rms:.2f}",
+            f"{found.area:.0f}", f"{found.signed_mean:+z.2f}", f"{found.mean:.2f}", f"{found.rms:.2f}",
             f"{found.p95:.2f}", f"{found.maximum:.2f}", f"{found.symmetric_mean:.2f}",
             f"{found.symmetric_maximum:.2f}",
         )  # fmt: skip
@@ -112,4 +112,4 @@ def comparison_text(comparison: SkinComparison) -> str:
 
 
 def _number(value: float | None, unit: str = "") -> str:
-    return "missing" if value is None else f"{round(value, 1) + 0.0:+.1f}{unit}"  # never -0.0
+    return "missing" if value is None else f"{value:+z.1f}{unit}"

@@ -32,7 +32,7 @@ SPARE = 5.0
 
 def degrees(angle: float | None, sign: str = "+") -> str:
     """An angle [degrees] as a text; 'missing' where there is none."""
-    return "missing" if angle is None else f"{round(angle, 1) + 0.0:{sign}.1f}°"  # never -0.0
+    return "missing" if angle is None else f"{angle:{sign}z.1f}°"
 
 
 def seen_from_above(points: np.ndarray) -> np.ndarray:

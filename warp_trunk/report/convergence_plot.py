@@ -27,13 +27,16 @@ def convergence_plot(summary: Summary) -> Figure:
         start += row.seconds
         axes.axvline(start, color="#dddddd", linewidth=0.6, zorder=0)
     tolerance = summary.parameters.get("tolerance") or 0.0
-    for height, words in ((tolerance, "at the end"), (10.0 * tolerance, "before the last increment")):
+    for height, words, side in (
+        (tolerance, "at the end", "top"),
+        (10.0 * tolerance, "before the\nlast increment", "bottom"),
+    ):
         if not height:
             continue
         axes.axhline(height, color=INK, linewidth=0.8, linestyle=":")
-        axes.annotate(
-            f"tolerance {words}, {height:g} mm", (1.0, height), ha="right",
-            xycoords=("axes fraction", "data"), xytext=(-2, 3), textcoords="offset points", fontsize=8, color=INK,
+        axes.annotate(  # beside the axes, where no curve runs
+            f"tolerance {words},\n{height:g} mm", (1.0, height), va=side, xycoords=("axes fraction", "data"),
+            xytext=(4, 0), textcoords="offset points", fontsize=8, color=INK,
         )  # fmt: skip
     if points:
         axes.plot(*zip(*points, strict=True), color=PREDICTED.colour, linewidth=0.5, linestyle=":")

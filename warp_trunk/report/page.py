@@ -12,6 +12,7 @@ from warp_trunk.measures.comparison import DETECTABLE
 
 from .band_rows import BAND_HEAD, SOURCE_HEAD, band_rows, source_rows
 from .modelled import modelled, not_modelled
+from .option_rows import option_rows, value_text
 from .sentences import glance, sentences
 from .tables import error_rows, head, measure_rows, rotation_rows
 
@@ -73,8 +74,8 @@ def page(
         reached=_reached(summary),
         modelled=modelled(summary),
         not_modelled=not_modelled(summary),
-        options=[(name, _text(value)) for name, value in summary.parameters.items()],
-        versions=[(name, _text(value)) for name, value in summary.versions.items()],
+        options=option_rows(summary.parameters),
+        versions=[(name, value_text(value)) for name, value in summary.versions.items()],
         seconds=[(name, "–" if value is None else f"{value:.1f}") for name, value in summary.seconds.items()],
     )
 
@@ -105,9 +106,3 @@ def _reached(summary: Summary) -> str:
         f"the one before it may stop at {10.0 * tolerance:g} mm (it stopped at {errors[0]:.2g}) "
         f"and the last one at {tolerance:g} mm (it reached {errors[1]:.2g})"
     )
-
-
-def _text(value: object) -> str:
-    if value is None or value == []:
-        return "–"
-    return ("no", "yes")[value] if isinstance(value, bool) else str(value)

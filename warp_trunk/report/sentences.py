@@ -65,7 +65,7 @@ def glance(poses: Sequence[Pose]) -> list[tuple[str, str]]:
             tiles.append((name, f"{abs(was):.0f} → {abs(will):.0f}{unit}"))
     gained = height_gained(before, predicted)
     if gained is not None:
-        tiles.append(("height of the spine", f"{gained:+.0f} mm".replace("-", "−")))
+        tiles.append(("height of the spine", f"{gained:+z.0f} mm".replace("-", "−")))
     return tiles
 
 

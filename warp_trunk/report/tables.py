@@ -112,14 +112,14 @@ def sided(value: float | None, digits: int = 1) -> str:
 
 def plain(value: float | None, digits: int = 1) -> str:
     """A number, never -0; a dash where it is missing."""
-    return MISSING if value is None else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+    return MISSING if value is None else f"{value:z.{digits}f}".replace("-", "−")
 
 
 def signed(value: float | None, digits: int = 1) -> str:
     """A number with its sign, 0 without one; a dash where it is missing."""
     if value is None:
         return MISSING
-    text = f"{round(value, digits) + 0.0:+.{digits}f}".replace("-", "−")
+    text = f"{value:+z.{digits}f}".replace("-", "−")
     return text if float(text[1:]) else text[1:]
 
 

@@ -48,7 +48,7 @@ def judged(
         record["against"]["in_band"] = inside
         text += f"\n\n{_bands_text(inside)}"
     if tissue is not None:
-        text += f"\n\nvolume of the soft tissue   {tissue:+.2f} %"
+        text += f"\n\nvolume of the soft tissue   {tissue:+z.2f} %"
     return record, text
 
 

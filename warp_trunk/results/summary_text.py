@@ -92,7 +92,7 @@ def _curves(curves: Sequence[CobbAngle], after: Sequence[float | None]) -> str:
 
 def _number(angle: float | None) -> str:
     """An angle [degrees] with its sign; 'missing' where the plane missed the trunk."""
-    return "missing" if angle is None else f"{round(angle, 1) + 0.0:+.1f}"  # never -0.0
+    return "missing" if angle is None else f"{angle:+z.1f}"
 
 
 def _files(folder: Path) -> list[str]:

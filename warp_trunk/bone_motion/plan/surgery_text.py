@@ -41,7 +41,7 @@ def surgery_text(surgery: PlannedSurgery) -> str:
 
 
 def _measure(name: str, before: float, after: float) -> str:
-    return f"{f'{name} [{unit_of(name)}]':<32}{before:>9.1f}{after:>9.1f}{_change(after - before):>9}"
+    return f"{f'{name} [{unit_of(name)}]':<32}{before:>z9.1f}{after:>z9.1f}{_change(after - before):>9}"
 
 
 def unit_of(name: str) -> str:
@@ -64,17 +64,17 @@ def surgery_record(surgery: PlannedSurgery) -> dict[str, Any]:
 def _curve(curve: CurveMotion) -> str:
     before, (turned, left) = curve.before, curve.rotation
     name = f"{before.upper}-{before.lower} {before.convex}{', planned' if curve.planned else ''}"
-    corrected = f"{100.0 * (curve.cobb_after / before.angle - 1.0):+.0f} %"
+    corrected = f"{100.0 * (curve.cobb_after / before.angle - 1.0):+z.0f} %"
     bends = "" if curve.flexibility is None else f"{100.0 * curve.flexibility:.0f} %"
-    cobb = f"{before.angle:.1f} to {curve.cobb_after:.1f}"
-    return f"{name:<24}{cobb:>16}{corrected:>8}{f'{turned:+.1f} to {left:+.1f}':>20}{bends:>11}"
+    cobb = f"{before.angle:.1f} to {curve.cobb_after:z.1f}"
+    return f"{name:<24}{cobb:>16}{corrected:>8}{f'{turned:+z.1f} to {left:+z.1f}':>20}{bends:>11}"
 
 
 def _vertebra(vertebra: VertebraMotion) -> str:
     before, after = vertebra.rotation
     name = f"{vertebra.level:<4}{'F' if vertebra.fused else '':<4}"
     moves = f"{_row(vertebra.shift, 7)}   {_row(vertebra.turn, 7)}      {_row(vertebra.segment, 7)}"
-    return f"{name}{moves}{before:>10.1f}{after:>7.1f}"
+    return f"{name}{moves}{before:>z10.1f}{after:>z7.1f}"
 
 
 def _row(values: Sequence[float], width: int) -> str:
@@ -82,7 +82,7 @@ def _row(values: Sequence[float], width: int) -> str:
 
 
 def _change(value: float) -> str:
-    return f"{round(value, 1) + 0.0:+.1f}"  # never -0.0
+    return f"{value:+z.1f}"
 
 
 def back_text(before: TrunkMeasures, after: TrunkMeasures) -> str:

@@ -74,7 +74,7 @@ def calibration_page(calibration: Calibration) -> str:
         ],
         correlation_head=("", *names),
         correlation_rows=[
-            [name, *(f"{value:+.2f}" for value in row)]
+            [name, *(f"{value:+z.2f}" for value in row)]
             for name, row in zip(names, calibration.correlation, strict=True)
         ],
         rounds=calibration.rounds,
@@ -118,7 +118,7 @@ def gain_text(calibration: Calibration) -> str:
     way = "nearer to" if gain.mean > 0.0 else "further from"
     text = f"A back that had no part in it comes {abs(gain.mean):.2f} mm {way} the actual one in the mean"
     if gain.low is not None and gain.high is not None:
-        text += f" (95 % interval {gain.low:+.2f} to {gain.high:+.2f} mm, drawn over {gain.patients} patients)"
+        text += f" (95 % interval {gain.low:+z.2f} to {gain.high:+z.2f} mm, drawn over {gain.patients} patients)"
     return text + "."
 
 
