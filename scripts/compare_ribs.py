@@ -29,7 +29,7 @@ from pathlib import Path
 from benchmarking.process import be_quiet
 from marked import write_into
 from ribs.pictures import draw_cage, draw_flank
-from ribs.rows import Row, Smoothness
+from ribs.rows import Row, Shoulders, Smoothness
 from ribs.study import CORRECTIONS, PATIENTS, SHOWN, WAYS, Study
 from ribs.tables import by_bar, by_patient, by_share, imposed
 
@@ -109,7 +109,8 @@ def _kept(folder: Path, name: str, make: Callable[[], Row]) -> Row:
         making.write_text(json.dumps(asdict(make())))
         os.replace(making, path)
     entries = json.loads(path.read_text())
-    row = Row(**{**entries, "smooth": Smoothness(**entries["smooth"])})
+    parts = {"smooth": Smoothness, "shoulders_before": Shoulders, "shoulders_after": Shoulders}
+    row = Row(**entries | {name: kind(**entries[name]) for name, kind in parts.items()})
     print(f"{name}: {row.status}, {row.over_cobb:.2f}", flush=True)
     return row
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from warp_trunk import Landmarks, Surface, measure
 from warp_trunk.measures.skin_quality import skin_change
+from warp_trunk.measures.upper_back import rotation_along_shoulders
 
 LEVELS = (*(f"T{number}" for number in range(1, 13)), "L1", "L2", "L3", "L4")
 HUMP = slice(LEVELS.index("T5"), LEVELS.index("L3") + 1)
@@ -50,6 +51,23 @@ def rotations(skin: Surface, landmarks: Landmarks) -> list[float]:
     return [float(np.nan_to_num(found[level] or 0.0)) for level in LEVELS]
 
 
+@dataclass(frozen=True)
+class Shoulders:
+    """Shoulders and the upper back under them, whose horizontal section turns as they slope."""
+
+    higher: float
+    """By how much the right one stands higher [mm]."""
+    rotations: list[float]
+    """BSR at T1 and T2, of sections along the shoulders [degrees]."""
+
+
+def shoulders(skin: Surface, landmarks: Landmarks) -> Shoulders:
+    """Shoulders of a skin, 0 where they are missing."""
+    found = measure(skin, landmarks).shoulders
+    along = [angle or 0.0 for angle in rotation_along_shoulders(skin, landmarks).values()]
+    return Shoulders(0.0 if found is None else found.difference, along)
+
+
 def apex_of(before: list[float]) -> int:
     """The level where back surface rotation is largest."""
     return int(np.abs(before[HUMP]).argmax()) + HUMP.start
@@ -70,6 +88,10 @@ class Row:
     before: list[float]
     """Back surface rotation (BSR) by level [degrees]."""
     after: list[float]
+    """The same after."""
+    shoulders_before: Shoulders
+    """Shoulders and upper back before."""
+    shoulders_after: Shoulders
     """The same after."""
     less: list[float] | None
     """The same with less derotation at the same Cobb angle; None where that was not simulated."""
@@ -102,7 +124,19 @@ class Row:
         """What less derotation changes at the apex [degrees]; NaN where that was not simulated."""
         return float("nan") if self.less is None else abs(self.less[self.apex] - self.after[self.apex])
 
+    @property
+    def along(self) -> np.ndarray:
+        """Change of BSR at T1 and T2, of sections along the shoulders [degrees]."""
+        return np.subtract(self.shoulders_after.rotations, self.shoulders_before.rotations)
+
     def quiet(self, levels: slice) -> bool:
         """Whether none of some levels changes by more than the apex."""
-        change = np.abs(self.change)
-        return bool(change[levels].max() <= change[self.apex])
+        return self._least(self.change[levels])
+
+    @property
+    def quiet_along(self) -> bool:
+        """Whether T1 and T2, of sections along the shoulders, change by no more than the apex."""
+        return self._least(self.along)
+
+    def _least(self, changes: np.ndarray) -> bool:
+        return bool(np.abs(changes).max() <= abs(self.change[self.apex]))

@@ -29,7 +29,7 @@ from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.prepare import prepare
 
-from .rows import Row, rotations, smoothness
+from .rows import Row, rotations, shoulders, smoothness
 
 Way = Literal["spline", "follow", "known"]
 WAYS: tuple[Way, ...] = ("spline", "follow", "known")
@@ -98,6 +98,8 @@ class Study:
             derotation=curve.rotation - curve.corrected(correction).rotation,
             before=rotations(plan.skin, plan.landmarks_before),
             after=rotations(skin, plan.planned_landmarks),
+            shoulders_before=shoulders(plan.skin, plan.landmarks_before),
+            shoulders_after=shoulders(skin, plan.planned_landmarks),
             less=with_less,
             smooth=smoothness(plan.skin, skin),
             iterations=sum(one.relaxation.linear_iterations for one in increments),

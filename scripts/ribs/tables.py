@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from benchmarking.tables import markdown
 
-from .rows import LEVELS, Row, Smoothness, apex_of, rotations, smoothness
+from .rows import LEVELS, Row, Shoulders, Smoothness, apex_of, rotations, shoulders, smoothness
 from .study import CORRECTIONS, PATIENTS, SHOWN, WAYS, Study, name_of
 
 ABOVE = slice(0, LEVELS.index("T3"))
@@ -32,7 +32,9 @@ def by_patient(rows: Sequence[Row]) -> str:
                 ", ".join(ratios.get(correction, "-") for correction in CORRECTIONS),
                 f"{abs(change[row.apex]) / row.derotation:.2f}",
                 "-" if row.less is None else f"{row.of_less:.1f}",
-                "; ".join(f"{change[LEVELS.index(level)]:+z.1f}" for level in ("T1", "L2", "L3")),
+                f"{change[0]:+z.1f} ({row.along[0]:+z.1f})",
+                "; ".join(f"{change[LEVELS.index(level)]:+z.1f}" for level in ("L2", "L3")),
+                _heights(row.shoulders_before, row.shoulders_after),
                 *_skin(row.smooth),
                 str(row.iterations),
                 str(row.inverted),
@@ -48,8 +50,8 @@ def by_patient(rows: Sequence[Row]) -> str:
         "for each degree of derotation",
         "5 degrees less derotation",
     ]
-    at = f"T1; L2; L3 at {SHOWN:g}"
-    return markdown([*names, at, f"skin edges at {SHOWN:g}", "fold", "iterations", "inverted", "ends"], lines)
+    names += [f"T1 at {SHOWN:g} (along the shoulders)", f"L2; L3 at {SHOWN:g}", "right shoulder higher [mm]"]
+    return markdown([*names, f"skin edges at {SHOWN:g}", "fold", "iterations", "inverted", "ends"], lines)
 
 
 def by_bar(rows: Sequence[Row]) -> str:
@@ -68,10 +70,13 @@ def imposed(study: Study) -> str:
         skin = study.imposed(curve.corrected(SHOWN))[0]
         before = rotations(case.skin, case.landmarks_before)
         change = np.subtract(rotations(skin, case.planned_landmarks), before)
-        told = [f"{change[LEVELS.index(level)]:+z.1f}" for level in ("T1", "L2", "L3")]
-        at_apex = f"{change[apex_of(before)]:+z.1f}"
-        lines.append([name_of(curve), *_skin(smoothness(case.skin, skin)), told[0], at_apex, *told[1:]])
-    return markdown(["curve", "edges", "fold", "BSR at T1", "at the apex of BSR", "at L2", "at L3"], lines)
+        was, now = shoulders(case.skin, case.landmarks_before), shoulders(skin, case.planned_landmarks)
+        told = [f"{change[at]:+z.1f}" for at in (apex_of(before), LEVELS.index("L2"), LEVELS.index("L3"))]
+        upper = f"{change[0]:+z.1f} ({now.rotations[0] - was.rotations[0]:+z.1f})"
+        edges, fold = _skin(smoothness(case.skin, skin))
+        lines.append([name_of(curve), edges, fold, upper, *told, _heights(was, now)])
+    names = ["BSR at T1 (along the shoulders)", "at the apex of BSR", "at L2", "at L3"]
+    return markdown(["curve", "edges", "fold", *names, "right shoulder higher [mm]"], lines)
 
 
 def by_share(rows: Mapping[str, Row], usual: Row) -> str:
@@ -92,6 +97,10 @@ def _skin(smooth: Smoothness) -> tuple[str, str]:
     )
 
 
+def _heights(before: Shoulders, after: Shoulders) -> str:
+    return f"{before.higher:z.0f} to {after.higher:z.0f}"
+
+
 def _bars(rows: Sequence[Row]) -> dict[str, str]:
     shown = [row for row in rows if row.correction == SHOWN] or rows
     ratios = np.array([row.over_cobb for row in rows])
@@ -109,6 +118,7 @@ def _bars(rows: Sequence[Row]) -> dict[str, str]:
         "BSR for each degree of derotation 0.3 to 0.6": _span(slopes, 2),
         f"residual BSR 4 to 12 degrees, T7 to T10 (60 degrees, {SHOWN:g})": "; ".join(left) or "-",
         "no level above T3 changes by more than the apex": _count([row.quiet(ABOVE) for row in rows]),
+        "the same where T1 and T2 are cut along the shoulders": _count([row.quiet_along for row in rows]),
         "no level below L2 changes by more than the apex": _count([row.quiet(BELOW) for row in rows]),
         "edges of skin 0.85 to 1.2, folds to 10 degrees": _worst([row.smooth for row in rows]),
         "plans with inverted tetrahedra, the most of them": f"{sum(row.inverted > 0 for row in rows)} of "

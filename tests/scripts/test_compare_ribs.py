@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from ribs.rows import LEVELS, Row, Smoothness, smoothness
+from ribs.rows import LEVELS, Row, Shoulders, Smoothness, smoothness
 from ribs.tables import ABOVE, BELOW, by_bar, by_patient, by_share
 
 from support.synthetic import sphere
@@ -20,6 +20,8 @@ ROW = Row(
     derotation=14.0,
     before=BEFORE,
     after=[0.6 * value for value in BEFORE],
+    shoulders_before=Shoulders(20.0, [6.0, 4.0]),
+    shoulders_after=Shoulders(5.0, [3.0, 1.0]),
     less=[0.65 * value for value in BEFORE],
     smooth=GOOD,
     iterations=1200,
@@ -44,6 +46,14 @@ def test_an_end_that_changes_by_more_than_the_apex_is_told(level: str, levels: s
     assert ROW.quiet(levels)
     assert changed(level, -3.9).quiet(levels)
     assert not changed(level, 4.1).quiet(levels)
+
+
+def test_the_upper_back_is_told_along_the_shoulders_too() -> None:
+    sloping = changed("T1", -7.0)
+    assert not sloping.quiet(ABOVE)
+    assert sloping.quiet_along  # 3 degrees, and 4 at the apex
+    assert not replace(sloping, shoulders_after=Shoulders(5.0, [1.9, 1.0])).quiet_along
+    assert "| 0.29 | 0.5 | -7.0 (-3.0) | +0.0; +0.0 | 20 to 5 |" in by_patient([sloping]).splitlines()[2]
 
 
 def test_a_skin_that_grows_is_stretched_and_not_folded() -> None:

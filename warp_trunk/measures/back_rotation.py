@@ -88,9 +88,19 @@ def tangents_of(
 ) -> dict[str, DualTangent | None]:
     """The dual tangent by level, from the outlines of the trunk (`outlines_of`); None where there is none."""
     return {
-        level: None if (outline := outlines[level]) is None else _measured(outline, centroid, across)
+        level: None if (outline := outlines[level]) is None else tangent_of(outline, centroid, across)
         for level, centroid in zip(spine.levels, spine.centroids, strict=True)
     }
+
+
+def tangent_of(outline: np.ndarray, centroid: np.ndarray, across: np.ndarray) -> DualTangent | None:
+    """The dual tangent of one section (points, 2), at the height of a vertebra's centroid (3,) [mm]."""
+    touching = dual_tangent(outline, centroid[:2], across)
+    if touching is None:
+        return None
+    left, right = touching
+    angle = -math.degrees(turn(across, left - right))
+    return DualTangent(float(centroid[2]), left, right, angle, outline, centroid[:2], across)
 
 
 def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> np.ndarray | None:
@@ -139,15 +149,6 @@ def find_contacts(outline: np.ndarray, across: np.ndarray) -> Contacts | None:
 def turn(a: np.ndarray, b: np.ndarray) -> float:
     """Angle from a to b, counterclockwise [radians]."""
     return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
-
-
-def _measured(outline: np.ndarray, centroid: np.ndarray, across: np.ndarray) -> DualTangent | None:
-    touching = dual_tangent(outline, centroid[:2], across)
-    if touching is None:
-        return None
-    left, right = touching
-    angle = -math.degrees(turn(across, left - right))
-    return DualTangent(float(centroid[2]), left, right, angle, outline, centroid[:2], across)
 
 
 def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:

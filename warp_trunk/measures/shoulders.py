@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,11 @@ class Shoulders:
     def difference(self) -> float:
         """How much higher the right shoulder stands [mm], negative where the left one does."""
         return self.right - self.left
+
+    @property
+    def slope(self) -> float:
+        """How steeply the line over both shoulders rises to the right [degrees]."""
+        return math.degrees(math.atan2(self.difference, self.inner + self.outer))
 
 
 @dataclass(frozen=True, eq=False)

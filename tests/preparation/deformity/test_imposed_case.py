@@ -10,6 +10,7 @@ from warp_trunk.case import Case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import check_solid
 from warp_trunk.io.surface_files import read_surface
+from warp_trunk.measures import measure
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
@@ -67,3 +68,16 @@ def test_real_rib_hump_is_of_the_size_seen_in_patients() -> None:
     )
     slope = np.degrees(np.arctan2(right[1] - left[1], left[0] - right[0]))
     assert 12.3 - 2 * 3.6 < slope < 12.3 + 2 * 3.6
+
+
+def test_real_upper_back_is_within_a_standard_deviation_of_patients() -> None:
+    # BMC Musculoskeletal Disorders 2014;15:366, n = 106, main thoracic curve of 54.6 degrees: upper curve
+    # 26.7 +- 7.9, T1 tilted by 2.6 +- 6.3 and clavicles by 2.9 +- 2.8 degrees, the right side higher.
+    case = real_case()
+    axes = [np.subtract(*case.landmarks_before.of_bone(bone).points[:2]) for bone in ("T1", "T5")]
+    t1, t5 = (float(np.degrees(np.arctan2(axis[0], axis[2]))) for axis in axes)
+    assert t5 - t1 == pytest.approx(26.7, abs=7.9)
+    assert t1 == pytest.approx(2.6, abs=6.3)
+    shoulders = measure(case.skin, case.landmarks_before).shoulders
+    assert shoulders is not None
+    assert shoulders.slope == pytest.approx(2.9, abs=2.8)

@@ -22,7 +22,9 @@ _ROTATION_PER_COBB = 0.32
 
 # Coronal tilt at vertebrae over the Cobb angle, from the sacrum (0) up: where it turns, and with which share.
 # "+" and "-" are end vertebrae, p and p - 1, where p is found so that T1 stands over the sacrum; numbers are
-# compensating tilts. A positive tilt leans to the convex side going up.
+# compensating tilts. A positive tilt leans to the convex side going up. Of 106 patients with a main thoracic curve
+# of 55 degrees the upper one had 27 ± 8; T1 leaned by 3 ± 6 degrees away from the convex side, and clavicles by
+# 3 ± 3 (BMC Musculoskeletal Disorders 2014;15:366).
 _TILTS: dict[str, dict[str, float | str]] = {
     "thoracic": {"L4": -0.10, "T12": "+", "T5": "-", "T1": -0.10},
     "thoracolumbar": {"L3": "+", "T10": "-", "T5": 0.10, "T1": 0.0},
