@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -218,3 +220,30 @@ def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
     with pytest.raises(InputError, match="--out"):
         simulated(case, tmp_path / "file", mesh, progress)
     assert progress.seconds == {}
+
+
+class InterruptedWhile(Progress):
+    """Has a run be interrupted when it begins a stage."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name = name
+
+    @contextmanager
+    def stage(self, name: str, doing: str) -> Iterator[None]:
+        if name == self.name:
+            raise KeyboardInterrupt
+        with super().stage(name, doing):
+            yield
+
+
+def test_a_run_that_is_refused_or_interrupted_leaves_no_empty_folder(
+    case: Case, mesh: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "there").mkdir()
+    for folder in (tmp_path / "there", tmp_path / "results" / "new"):
+        with pytest.raises(InputError, match=r"no\.vtu: there is no such file"):
+            simulated(case, folder, tmp_path / "no.vtu")
+        with pytest.raises(KeyboardInterrupt):
+            simulated(case, folder, mesh, InterruptedWhile("compile"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["there", "tissue.vtu"]

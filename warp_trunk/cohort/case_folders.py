@@ -6,6 +6,7 @@ from pathlib import Path
 
 from warp_trunk.case.places import HEADER, refuse_case
 from warp_trunk.errors import InputError
+from warp_trunk.io.folders import make_writable
 
 from .record import JUDGED
 
@@ -38,13 +39,5 @@ def check_out(out: Path, folder: Path, names: list[str]) -> list[str]:
     refuse_case(out)
     if out.resolve() == folder.resolve():
         raise InputError(f"{out}: holds the cases; give --out another folder")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        probe = out / ".writable"
-        probe.write_bytes(b"")
-        probe.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{out}: results cannot be written here ({error.strerror}); give --out a folder of your own"
-        ) from error
+    make_writable(out, "results")
     return sorted({path.parent.name for path in out.glob(f"*/{JUDGED}")} - set(names))

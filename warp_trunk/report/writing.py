@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.folders import make_writable
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.results import read_result
 from warp_trunk.results.folder import PAGE, PICTURES
@@ -153,16 +153,8 @@ def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, byte
 def _prepare(out: Path, pictures: str) -> Path:
     """The folder of pictures, made; InputError where it cannot be written to."""
     folder = out / pictures
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for place in (out, folder):
-            probe = place / ".writable"
-            probe.write_bytes(b"")
-            probe.unlink()
-    except OSError as error:
-        raise InputError(
-            f"{out}: a report cannot be written here ({error.strerror}); give --out a folder of your own"
-        ) from error
+    for place in (out, folder):
+        make_writable(place, "a report")
     return folder
 
 

@@ -16,6 +16,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
+from warp_trunk.io.folders import make_writable
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.io.trunk_file import write_trunk
 
@@ -52,15 +53,7 @@ def prepare_folder(folder: str | Path) -> Path:
     """
     folder = Path(folder)
     refuse_case(folder)
-    probe = folder / ".writable"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(b"x")
-        probe.unlink(missing_ok=True)  # another process may be at the same place
-    except OSError as error:
-        raise InputError(
-            f"{folder}: a result cannot be written here ({error.strerror}); give --out a folder of your own"
-        ) from error
+    make_writable(folder, "a result")
     free = shutil.disk_usage(folder).free
     if free < LEAST_SPACE:
         raise InputError(

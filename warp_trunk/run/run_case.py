@@ -14,6 +14,7 @@ from warp_trunk.bone_motion.plan import plan_text
 from warp_trunk.case import check_case
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
+from warp_trunk.io.folders import removed_if_empty
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
 from warp_trunk.results import (
@@ -91,23 +92,26 @@ def run_case(
     options = options or RunOptions()
     progress = progress or Progress()
     _ = case.planned_landmarks  # refused before any work where nothing is planned
-    folder = prepare_folder(folder)
-    check_colours(case, options.record_colours)
-    if patient is not None and patient.options != options:
-        raise InputError("run_case: 'patient' was made ready with other options; give the same, or leave it out")
-    if options.live and not options.record:
-        raise InputError("--live: shows what is recorded; leave --no-record out")
-    warnings = [
-        *(check_case(case) if warnings is None else warnings),
-        *curve_warnings(case.landmarks_before, case.planned_landmarks),
-        *option_warnings(
-            (case.tissue, *(() if case.layers is None else case.layers.tissues(case.tissue))), options.gravity
-        ),
-    ]
-    for warning in warnings:
-        progress.message(f"warning: {warning}")
-    with locked(folder):
-        return _run(case, folder, options, progress, warnings=warnings, patient=patient, plan=plan)
+    with removed_if_empty(Path(folder)):
+        folder = prepare_folder(folder)
+        check_colours(case, options.record_colours)
+        if patient is not None and patient.options != options:
+            raise InputError(
+                "run_case: 'patient' was made ready with other options; give the same, or leave it out"
+            )
+        if options.live and not options.record:
+            raise InputError("--live: shows what is recorded; leave --no-record out")
+        warnings = [
+            *(check_case(case) if warnings is None else warnings),
+            *curve_warnings(case.landmarks_before, case.planned_landmarks),
+            *option_warnings(
+                (case.tissue, *(() if case.layers is None else case.layers.tissues(case.tissue))), options.gravity
+            ),
+        ]
+        for warning in warnings:
+            progress.message(f"warning: {warning}")
+        with locked(folder):
+            return _run(case, folder, options, progress, warnings=warnings, patient=patient, plan=plan)
 
 
 def _run(

@@ -11,6 +11,7 @@ from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner
 from warp_trunk.bone_motion.plan.planned_folder import planned_case
 from warp_trunk.case import check_case
 from warp_trunk.errors import InputError
+from warp_trunk.io.folders import removed_if_empty
 from warp_trunk.results import prepare_folder
 
 from .options import RunOptions
@@ -68,7 +69,8 @@ def run_plans(
     surgeries = {name: _surgery(planner, name, plan) for name, plan in plans.items()}
     warnings = {name: check_case(planned_case(case, surgery, name)) for name, surgery in surgeries.items()}
     for name in plans:
-        prepare_folder(Path(folder) / name)
+        with removed_if_empty(Path(folder) / name):
+            prepare_folder(Path(folder) / name)
     return _run(case, surgeries, warnings, Path(folder), options=options, progress=progress)
 
 
