@@ -25,6 +25,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.results import read_result
+from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import RunResult, run_case
@@ -118,7 +119,12 @@ def test_sag_and_the_times_of_stages_are_in_the_summary(case: Case, mesh: Path, 
 
 @pytest.mark.parametrize("bands", [False, True])
 def test_bands_are_told_where_they_are_asked_for(case: Case, mesh: Path, tmp_path: Path, bands: bool) -> None:
-    summary = simulated(case, tmp_path, mesh, record=False, bands=bands).summary
+    result = simulated(case, tmp_path, mesh, record=False, bands=bands)
+    summary, told = result.summary, plain(tmp_path, result.summary, result.before, result.after).splitlines()
+    known = {} if summary.bands is None else summary.bands.bsr_deg
+    rows = {row.partition(" ")[0]: row for row in told}
+    assert [level for level in summary.bsr_deg.after if " and " in rows[level]] == list(known)
+    assert all(rows[level].endswith(f"{one.low:+z.1f} and {one.high:+z.1f}") for level, one in known.items())
     assert (summary.bands is not None) == bands == (tmp_path / "skin_sd.csv").is_file()
     assert summary.parameters["bands"] == bands
 

@@ -21,6 +21,7 @@ RESEARCH = "A research simulation, not for clinical use."
 def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMeasures) -> str:
     """What is printed at the end: why it ended, what changed, and where the files are."""
     status, bsr = summary.ending, summary.bsr_deg
+    bands = {} if summary.bands is None else summary.bands.bsr_deg
     lines = [
         f"{status.name}: {status.value}",
         *(f"Warning: {warning}" for warning in summary.warnings),
@@ -31,12 +32,15 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
         "",
         "Back surface rotation (BSR): how far the back is turned at the height of each vertebra [degrees];",
         "positive: the right side stands further back",
-        "level  before   after" + ("  actual" if bsr.actual else ""),
+        "level  before   after"
+        + ("  actual" if bsr.actual else "")
+        + ("   after, 19 of 20 between" if bands else ""),
     ]
     for level in bsr.before:
         cells = [bsr.before[level], bsr.after.get(level)]
         cells += [bsr.actual.get(level)] if bsr.actual else []
-        lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells))
+        band = f"{bands[level].low:>+z10.1f} and {bands[level].high:+z.1f}" if level in bands else ""
+        lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells) + band)
     lines += [
         "",
         f"Written to {folder}: {', '.join(sorted(_files(folder)))}",
