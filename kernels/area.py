@@ -36,12 +36,12 @@ def area_curvature(a0: Any, b0: Any, da: Any, db: Any, rest_area: Any, weight: A
     stiffness = (weight + weight) / (rest_area * rest_area)
     area = half * wp.length(wp.cross(a, b))
     zero = type(area)(0.0)
-    tension = zero
-    if area > rest_area or (area > zero and not positive):
-        tension = (area - rest_area) / (type(area)(4.0) * area)
-    in_plane = half * (area - rest_area)
-    if positive:
-        in_plane = zero
+    least = rest_area
+    in_plane = zero
+    if not positive:
+        least = zero
+        in_plane = half * (area - rest_area)
+    tension = wp.where(area > least, (area - rest_area) / (type(area)(4.0) * area), zero)
     out = wp.outer(normal, normal)
     return (
         stiffness * (wp.outer(ga, ga) + (tension * wp.dot(b, b)) * out),

@@ -25,9 +25,10 @@ def distance_curvature(rest: Any, change: Any, rest_length: Any, weight: Any, po
     length = wp.length(edge)
     along = direction_of(edge)
     zero = type(length)(0.0)
-    across = zero
-    if length > rest_length or (length > zero and not positive):
-        across = type(length)(1.0) - rest_length / length
+    least = rest_length
+    if not positive:
+        least = zero
+    across = wp.where(length > least, type(length)(1.0) - rest_length / length, zero)
     stiffness = (weight + weight) / (rest_length * rest_length)
     identity = wp.identity(n=3, dtype=type(length))
     axial = wp.outer(along, along)

@@ -17,12 +17,21 @@ COLUMNS = 8
 
 
 @wp.func
-def add_gradient(gradient: wp.array2d(dtype=Any), slab: int, n: wp.vec4i, ga: Any, gb: Any, gc: Any, g: Any):
-    """Adds the gradient in the edge vectors a, b, c from corner 0, and g at every corner, to the four nodes."""
-    wp.atomic_add(gradient, slab, n[0], g - (ga + gb + gc))
-    wp.atomic_add(gradient, slab, n[1], g + ga)
-    wp.atomic_add(gradient, slab, n[2], g + gb)
-    wp.atomic_add(gradient, slab, n[3], g + gc)
+def add_gradient(gradient: wp.array2d(dtype=Any), slab: int, n: wp.vec4i, g0: Any, g1: Any, g2: Any, g3: Any):
+    """Adds the gradients of the four corners to their nodes."""
+    wp.atomic_add(gradient, slab, n[0], g0)
+    wp.atomic_add(gradient, slab, n[1], g1)
+    wp.atomic_add(gradient, slab, n[2], g2)
+    wp.atomic_add(gradient, slab, n[3], g3)
+
+
+@wp.func
+def with_corner_0(aa: Any, ab: Any, ac: Any, bb: Any, bc: Any, cc: Any):
+    """The blocks of corner 0 with itself and the others: it moves a, b and c at once, so minus the row sums."""
+    oa = -(aa + wp.transpose(ab) + wp.transpose(ac))
+    ob = -(ab + bb + wp.transpose(bc))
+    oc = -(ac + bc + cc)
+    return -(oa + ob + oc), oa, ob, oc
 
 
 @wp.func
@@ -53,11 +62,7 @@ def curvature_adder(scalar: type, cuda: bool) -> Any:
         bc: Any,
         cc: Any,
     ):
-        # x0 moves a, b and c at once: its blocks are minus the row sums
-        oa = -(aa + wp.transpose(ab) + wp.transpose(ac))
-        ob = -(ab + bb + wp.transpose(bc))
-        oc = -(ac + bc + cc)
-        oo = -(oa + ob + oc)
+        oo, oa, ob, oc = with_corner_0(aa, ab, ac, bb, bc, cc)
         if wp.static(cuda):
             keep_blocks(blocks, t, oo, oa, ob, oc, aa, ab, ac, bb, bc, cc)
         else:

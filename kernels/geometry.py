@@ -20,9 +20,7 @@ def relative_norm_change(rest: Any, change: Any, rest_norm: Any):
 def direction_of(v: Any):
     """Unit vector along v, or zero where v is zero: the gradient of |v| that a collapsed feature gets."""
     norm = wp.length(v)
-    if norm > type(norm)(0.0):
-        return v / norm
-    return v - v
+    return wp.where(norm > type(norm)(0.0), v / norm, v - v)
 
 
 @wp.func

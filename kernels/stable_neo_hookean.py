@@ -79,13 +79,11 @@ def bounded_turn(c: Any, bulk: Any, turn: Any, h: Any, x: Any, j: Any):
     squared = third * (type(c)(3.0) + x)
     root = wp.sqrt(wp.max(squared, tiny))
     angle = third * safe_acos((type(c)(1.0) + j) / (root * root * root))
-    if turn > type(c)(0.0):
-        least_root = -root * (wp.cos(angle) + wp.sqrt(type(c)(3.0)) * wp.sin(angle))
-        return wp.min(turn, -c / least_root)
+    least_root = -root * (wp.cos(angle) + wp.sqrt(type(c)(3.0)) * wp.sin(angle))
     largest_root = (root + root) * wp.cos(angle)
     bound = c / largest_root
     held = wp.min(c / largest_stretch(h, squared), type(c)(1.5) * bulk * (type(c)(1.0) + j))
-    return -wp.min(-turn, wp.max(bound, held))
+    return wp.where(turn > type(c)(0.0), wp.min(turn, -c / least_root), -wp.min(-turn, wp.max(bound, held)))
 
 
 @wp.func

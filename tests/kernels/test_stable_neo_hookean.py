@@ -4,6 +4,7 @@
 # pyright: reportInvalidTypeForm=false
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -163,10 +164,14 @@ class Corners:
         self.kernels = neo_hookean_kernels(wp.float64, False, False, False)
         self.elements = [
             self.array(np.arange(4 * len(rest)).reshape(-1, 4), wp.vec4i),
-            self.array(self.shape_gradient, wp.vec3d),
-            self.array(self.volume, wp.float64),
-            self.array([[mu, bulk]], wp.vec2d),
-            self.array([0.0], wp.float64),
+            self.kernels.bundle(
+                SimpleNamespace(
+                    shape_gradient=self.array(self.shape_gradient, wp.vec3d),
+                    rest_volume=self.array(self.volume, wp.float64),
+                    moduli=self.array([[mu, bulk]], wp.vec2d),
+                    gravity_weight=self.array([0.0], wp.float64),
+                )
+            ),
         ]
 
     @staticmethod
@@ -186,7 +191,7 @@ class Corners:
         inverted = wp.zeros(count, dtype=wp.int8, device="cpu")
         sums = wp.zeros((1, 8), dtype=wp.float64, device="cpu")
         inputs = [0, count, 0, *self.elements, inverted, self.array(displacement.reshape(-1, 3), wp.vec3d)]
-        wp.launch(self.kernels.gradient, count, inputs, [gradient, inverted, sums], device="cpu")
+        wp.launch(self.kernels.gradient, 1, inputs, [gradient, inverted, sums], device="cpu")
         return gradient.numpy().reshape(-1, 4, 3), inverted.numpy() == 1
 
     def curvature(self, displacement: np.ndarray) -> np.ndarray:
@@ -195,7 +200,7 @@ class Corners:
         blocks = wp.zeros((1, 16 * count), dtype=wp.mat33d, device="cpu")
         places = self.array(np.arange(16 * count).reshape(-1, 16), wp.types.vector(16, wp.int32))
         inputs = [0, count, 0, *self.elements, places, self.array(displacement.reshape(-1, 3), wp.vec3d)]
-        wp.launch(self.kernels.curvature, count, inputs, [blocks], device="cpu")
+        wp.launch(self.kernels.curvature, 1, inputs, [blocks], device="cpu")
         return blocks.numpy().reshape(count, 4, 4, 3, 3).transpose(0, 1, 3, 2, 4).reshape(count, 12, 12)
 
     def exact_curvature(self, displacement: np.ndarray) -> np.ndarray:

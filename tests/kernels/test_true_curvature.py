@@ -48,7 +48,7 @@ class Kernels:
         gradient = wp.zeros((1, len(m.order)), dtype=wp.vec3d, device="cpu")
         flags = [wp.zeros(len(m.corners), dtype=wp.int8, device="cpu") for _ in range(2)]
         sums = wp.zeros((1, 8), dtype=wp.float64, device="cpu")
-        inputs = [m.tets, *m.elements.arguments, flags[0], self.place(displacement)]
+        inputs = [m.tets, m.elements.arrays, flags[0], self.place(displacement)]
         run(m, m.elements.kernels.gradient, inputs, [gradient, flags[1], sums])
         out = np.empty_like(displacement)
         out[m.order] = gradient.numpy()[0]
@@ -61,7 +61,7 @@ class Kernels:
         places = wp.array(
             np.arange(16 * tets, dtype=np.int32).reshape(-1, 16), dtype=wp.types.vector(16, wp.int32), device="cpu"
         )
-        inputs = [m.tets, *m.elements.arguments, places, self.place(displacement)]
+        inputs = [m.tets, m.elements.arrays, places, self.place(displacement)]
         run(m, getattr(m.elements.kernels, name), inputs, [blocks])
         out = np.zeros((nodes, nodes, 3, 3))
         corners = m.order[m.corners]
@@ -72,7 +72,7 @@ class Kernels:
 
 def run(model: Model, kernel: wp.Kernel, inputs: list, outputs: list) -> None:
     tets = len(model.corners)
-    wp.launch(kernel, dim=tets, inputs=[0, tets, 0, *inputs], outputs=outputs, device="cpu")
+    wp.launch(kernel, dim=1, inputs=[0, tets, 0, *inputs], outputs=outputs, device="cpu")
 
 
 def differences(gradient: Callable[[np.ndarray], np.ndarray], at: np.ndarray, step: float = 1e-5) -> np.ndarray:

@@ -115,9 +115,13 @@ class Model:
         return self.parallel.record(kernel, self.nodes, inputs, outputs)
 
     def over_tets(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        """Records a launch over the tetrahedra; the energy's arrays come first; see `Parallel.record`."""
+        """Records a launch of a kernel of the energy, which takes its arrays first; see `Parallel.record`."""
         return self.parallel.record(
-            kernel, len(self.corners), [self.tets, *self.elements.arguments, *inputs], outputs
+            kernel,
+            len(self.corners),
+            [self.tets, self.elements.arrays, *inputs],
+            outputs,
+            loops=not self.parallel.is_cuda,
         )
 
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:

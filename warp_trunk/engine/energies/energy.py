@@ -39,6 +39,9 @@ class TetEnergy(Protocol):
     """Whether its forces turn an inverted tetrahedron back. A step may then invert some: one that has no room
     between bones would hold up all others. Where they do not, no step inverts any."""
 
+    shape: ClassVar[str]
+    """Name of the array, vec3, that has the tetrahedra's shape at rest."""
+
     @property
     def kernels(self) -> SimpleNamespace:
         """`gradient` (with the energy), `curvature` (made positive semidefinite) and `true_curvature`."""
@@ -50,8 +53,8 @@ class TetEnergy(Protocol):
         ...
 
     @property
-    def arguments(self) -> list[Any]:
-        """The first arguments of its kernels after the tetrahedra."""
+    def arrays(self) -> Any:
+        """The struct of its arrays, which its kernels take after the tetrahedra."""
         ...
 
     @property

@@ -28,6 +28,8 @@ class Itmsm:
     """The column of the sums of each term."""
     rights_inverted: ClassVar[bool] = False
     """Edges and faces are at rest in the mirror image, too."""
+    shape: ClassVar[str] = "rest_edge"
+    """The array that rounding at rest shows in."""
     kernels: SimpleNamespace
     """`gradient` and `curvature` of the terms that the scene uses."""
     terms: tuple[str, ...]
@@ -56,18 +58,9 @@ class Itmsm:
     """What an edge, a face and a tetrahedron weigh before any constant."""
 
     @property
-    def arguments(self) -> list[Any]:
-        """The first arguments of its kernels after the tetrahedra."""
-        return [
-            self.rest_edge,
-            self.rest_length,
-            self.rest_area,
-            self.rest_volume,
-            self.edge_weight,
-            self.face_weight,
-            self.theta,
-            self.gravity_weight,
-        ]
+    def arrays(self) -> Any:
+        """What its kernels read of the tetrahedra, after their corners."""
+        return self.kernels.bundle(self)
 
     def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
         """What the arrays of these names hold for a rest state; the weights are those of the first."""

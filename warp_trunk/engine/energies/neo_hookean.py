@@ -27,6 +27,8 @@ class NeoHookean:
     """The column of the sums of each term."""
     rights_inverted: ClassVar[bool] = True
     """It is stable: defined for inverted tetrahedra, with no rest among them."""
+    shape: ClassVar[str] = "shape_gradient"
+    """The array that rounding at rest shows in."""
     kernels: SimpleNamespace
     """`gradient` and `curvature`, with gravity if the scene has it."""
     terms: tuple[str, ...]
@@ -43,9 +45,9 @@ class NeoHookean:
     """The gravity term of the trunk at rest [mJ], which the displacement's part adds to."""
 
     @property
-    def arguments(self) -> list[Any]:
-        """The first arguments of its kernels after the tetrahedra."""
-        return [self.shape_gradient, self.rest_volume, self.moduli, self.gravity_weight]
+    def arrays(self) -> Any:
+        """What its kernels read of the tetrahedra, after their corners."""
+        return self.kernels.bundle(self)
 
     def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
         """What the arrays of these names hold for a rest state."""

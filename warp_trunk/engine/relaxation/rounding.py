@@ -28,10 +28,10 @@ class Rounding:
     def __init__(self, state: State, matrix: BlockMatrix, preconditioner: Preconditioner) -> None:
         """For a state and the matrix as they are at the time of a solve."""
         model, elements = state.model, state.model.elements
-        name, shape = next((n, a) for n, a in vars(elements).items() if a is elements.arguments[0])
+        shape: wp.array = getattr(elements, elements.shape)
         changed = model.array(self._change(shape.numpy(), model.precision), model.vec3)
         self._state = state
-        self._sample = State(replace(model, elements=replace(elements, **{name: changed})))
+        self._sample = State(replace(model, elements=replace(elements, **{elements.shape: changed})))
         self._right_side = model.free_vectors()
         self._subtract = model.over_free(
             loop_kernels(*model.variant).step,

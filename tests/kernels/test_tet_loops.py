@@ -1,0 +1,92 @@
+"""Loops over several tetrahedra at a time, against the same formulas as Warp compiles them for one."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+from warp_trunk.kernels.elements import COLUMNS
+from warp_trunk.kernels.formulas import TetFormulas
+from warp_trunk.kernels.gathering import vec16i
+from warp_trunk.kernels.itmsm import itmsm_formulas
+from warp_trunk.kernels.neo_hookean import neo_hookean_formulas
+from warp_trunk.kernels.tet_kernels import item_kernels, tet_kernels
+
+from support.meshes import block
+from warp_trunk.engine.model import PRECISIONS, EnergyName, Model, build_model
+from warp_trunk.engine.tissue import Tissue
+
+ROUNDING = {"float32": 3e-6, "float64": 1e-14}
+ENERGIES: tuple[EnergyName, ...] = ("itmsm", "neo-hookean")
+
+
+def formulas(energy: EnergyName, precision: str, *, gravity: bool) -> TetFormulas:
+    scalar = PRECISIONS[precision]
+    if energy == "itmsm":
+        return itmsm_formulas(scalar, False, gravity, True, True)
+    return neo_hookean_formulas(scalar, False, gravity)
+
+
+def model_of(energy: EnergyName, precision: str, gravity: float) -> Model:
+    return build_model(
+        block((2, 2, 2)), Tissue(), energy=energy, gravity=gravity, precision=precision, device="cpu"
+    )
+
+
+def displacement(model: Model) -> wp.array:
+    """Far from rest: edges stretched and compressed, some tetrahedra inverted."""
+    noise = np.random.default_rng(5).normal(scale=3.0, size=(model.nodes, 3))
+    return model.array(noise, model.vec3)
+
+
+def gradients(model: Model, kernel: Any, items: int, first: int, end: int) -> list[np.ndarray]:
+    """Gradient, inverted tetrahedra and sums of a range, by so many items of a launch."""
+    before = model.zeros(wp.int8, len(model.corners))
+    before.assign(np.arange(len(model.corners)) % 2)
+    gradient, inverted = model.zeros(model.vec3, 2, model.nodes), model.zeros(wp.int8, len(model.corners))
+    sums = model.zeros(wp.float64, 2, COLUMNS)
+    inputs = [first, end, 1, model.tets, model.elements.arrays, before, displacement(model)]
+    wp.launch(kernel, items, inputs, [gradient, inverted, sums], device="cpu")
+    return [gradient.numpy(), inverted.numpy(), sums.numpy()]
+
+
+def blocks(model: Model, kernel: Any, items: int, first: int, end: int) -> np.ndarray:
+    """Blocks of corner pairs of a range, every third left out and two of each tetrahedron in one."""
+    places = np.arange(16 * len(model.corners), dtype=np.int32).reshape(-1, 16)
+    places[:, 7] = places[:, 2]
+    places[places % 3 == 1] = -1
+    mat33 = wp.types.matrix((3, 3), model.scalar)
+    result = model.zeros(mat33, 2, places.size)
+    inputs = [
+        first,
+        end,
+        1,
+        model.tets,
+        model.elements.arrays,
+        model.array(places, vec16i),
+        displacement(model),
+    ]
+    wp.launch(kernel, items, inputs, [result], device="cpu")
+    return result.numpy()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize("energy", ENERGIES)
+def test_are_what_warp_compiles_for_one(energy: EnergyName, gravity: float, precision: str) -> None:
+    model = model_of(energy, precision, gravity)
+    of = formulas(energy, precision, gravity=gravity != 0.0)
+    loops, items = tet_kernels(of, cuda=False), item_kernels(of, cuda=False)
+    tets = len(model.corners)
+    for first, end in ((0, tets), (3, tets - 2), (5, 9), (tets - 1, tets), (4, 4)):
+        count = end - first
+        found = gradients(model, loops.gradient, 1, first, end)
+        wanted = gradients(model, items.gradient, count, first, end)
+        for ours, theirs in zip(found, wanted, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ROUNDING[precision] * np.abs(theirs).max())
+        np.testing.assert_array_equal(found[1], wanted[1])
+        assert wanted[1].any() or count < tets
+        for name in ("curvature", "true_curvature"):
+            ours = blocks(model, getattr(loops, name), 1, first, end)
+            theirs = blocks(model, getattr(items, name), count, first, end)
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ROUNDING[precision] * np.abs(theirs).max())
