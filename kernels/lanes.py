@@ -1,8 +1,8 @@
 """Formulas of Warp functions in C++ for several items at a time: a CPU computes with whole vectors of numbers.
 
 Warp compiles its functions for one item, to scalar instructions. Called with expressions in the place of numbers
-they say what they compute; written down, that is the same formula with a vector for each number, which has a *lane*
-for each item. What depends on a comparison is written with `wp.where`, as lanes go different ways.
+they say what they compute; written down, that is the same formula with a vector for each number, a *lane* of which
+belongs to one item. What depends on a comparison is written with `wp.where`, as lanes go different ways.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Loops over tetrahedra on the CPU: an energy's formulas, as `lanes` writes them, between what they read and add to.
+"""Loops over tetrahedra on the CPU: an energy's formulas, as `lanes` writes them, between what they read and add.
 
 A launch has one item for each range, as those of `row_loops`.
 """
