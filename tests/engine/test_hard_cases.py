@@ -126,8 +126,8 @@ INVERTED = {
 def test_a_continuum_ends_in_a_true_way(name: str) -> None:
     """Also from the mirror image of the trunk, which the energy itmsm cannot leave."""
     ending = check_ending(replace(CONTINUUM_CASES[name](), energy="neo-hookean"))
-    if "collapse" in name:  # what is inverted on the way hangs on the last bits
-        assert ending.relaxation.status is RelaxStatus.STEP_LIMIT
+    if "collapse" in name:  # 6 m down, where float32 resolves no hundredth of a mm
+        assert ending.relaxation.status in (RelaxStatus.STALLED, RelaxStatus.STEP_LIMIT)
         return
     assert ending.relaxation.status is RelaxStatus.CONVERGED
     assert ending.relaxation.inverted_tets == INVERTED.get(name, 0)

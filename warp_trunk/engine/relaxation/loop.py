@@ -69,11 +69,11 @@ class Relaxer:
             for length in (self._length, model.array(np.ones(1), wp.float64))
         )
         graph, held = model.parallel.graph, (self._trial.displacement, self.state.displacement)
+        measure = (self._longest.zero_, find_longest, self._told_longest.send)
+        self._measure = graph(*measure)
         self._evaluate = graph(
             self.state.evaluate,
-            self._longest.zero_,
-            find_longest,
-            self._told_longest.send,
+            *measure,
             partial(wp.copy, *held),  # the nodes that no step moves
         )
         self._try_whole = graph(self._products.take, whole_step, self._trial.evaluate, self._trial_products.take)
@@ -158,6 +158,7 @@ class Relaxer:
             if method is newton:
                 ends, more = newton.arrives(trial.length, trial.products) if trial else newton.arrives(0.0, here)
             course.linear_iterations += more
+            ends = ends and (not confirm or self._is_resolved(tolerance))
             if trial is not None:
                 taken = course.take(trial, newton.distance, spent + more)
                 if watch is not None:
@@ -180,8 +181,16 @@ class Relaxer:
         self._newton.begin(tolerance, confirm=confirm, near=near)
         self._start(None, 0.0)
 
+    def _is_resolved(self, tolerance: float) -> bool:
+        """Whether a distance is known to be within the tolerance also with the rounding of where nodes are now."""
+        newton = self._newton
+        self._measure()
+        grown = max(0.0, self._floor() - newton.floor)
+        newton.floor, newton.distance = newton.floor + grown, newton.distance + grown
+        return newton.distance <= tolerance
+
     def _floor(self) -> float:
-        """What rounding leaves of every distance [mm], by the largest displacement of a node from rest."""
+        """What rounding leaves of every distance [mm], by the largest displacement when it was last measured."""
         largest = float(self._told_longest.read().max()) ** 0.5
         return ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * largest
 
