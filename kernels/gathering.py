@@ -119,21 +119,29 @@ def gathering_kernels(scalar: type) -> SimpleNamespace:
 
 @wp.kernel(enable_backward=False)
 def blocks_of_rows(
+    first: int,
+    end: int,
+    slab: int,
+    upper: bool,
     row_start: wp.array(dtype=wp.int32),
     tets: wp.array(dtype=wp.vec4i),
     place: wp.array(dtype=wp.uint16, ndim=2),
     block_of: wp.array(dtype=vec16i),
 ):
-    """The block of each corner pair by its place in its row, from 1; -1 where that is 0."""
-    t = wp.tid()
-    blocks = vec16i()
-    for a in range(4):
-        for b in range(4):
-            k = 4 * a + b
-            blocks[k] = -1
-            if wp.int32(place[t, k]) > 0:
-                blocks[k] = row_start[tets[t][a]] + wp.int32(place[t, k]) - 1
-    block_of[t] = blocks
+    """The block of each corner pair by its place in its row, from 1; -1 where that is 0.
+
+    With `upper` it is also -1 for blocks below the diagonal.
+    """
+    t = first + wp.tid()
+    if t < end:
+        blocks = vec16i()
+        for a in range(4):
+            for b in range(4):
+                k = 4 * a + b
+                blocks[k] = -1
+                if wp.int32(place[t, k]) > 0 and not (upper and tets[t][a] > tets[t][b]):
+                    blocks[k] = row_start[tets[t][a]] + wp.int32(place[t, k]) - 1
+        block_of[t] = blocks
 
 
 @wp.kernel(enable_backward=False)

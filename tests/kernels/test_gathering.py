@@ -14,7 +14,8 @@ from warp_trunk.engine.relaxation.sparsity import find_sparsity
 TRUNK = block_with_bone((4, 3, 3), holes=((1, 1, 1),))
 
 
-def test_the_blocks_of_rows_are_those_of_the_columns() -> None:
+@pytest.mark.parametrize("upper", [False, True])
+def test_the_blocks_of_rows_are_those_of_the_columns(upper: bool) -> None:
     model = build_model(TRUNK, device="cpu")
     sparsity = find_sparsity(model)
     row_start, columns = sparsity.row_start.numpy(), sparsity.columns.numpy()
@@ -25,8 +26,10 @@ def test_the_blocks_of_rows_are_those_of_the_columns() -> None:
         place[tet, pair] = 1 + np.flatnonzero(columns[row_start[row] : row_start[row + 1]] == column)[0]
     found = wp.zeros(len(place), dtype=vec16i, device="cpu")
     given = [wp.array(row_start, dtype=wp.int32, device="cpu"), model.tets, wp.array(place, device="cpu")]
-    wp.launch(blocks_of_rows, len(place), given, [found], device="cpu")
+    wp.launch(blocks_of_rows, len(place), [0, len(place), 0, upper, *given], [found], device="cpu")
     blocks: np.ndarray = found.numpy()
+    if upper:
+        both &= model.corners[:, np.arange(16) // 4] <= model.corners[:, np.arange(16) % 4]
     assert np.array_equal(blocks >= 0, both)
     tets, pairs = np.nonzero(both)
     assert np.array_equal(columns[blocks[both]], model.corners[tets, pairs % 4])

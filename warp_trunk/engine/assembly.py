@@ -22,6 +22,7 @@ from warp_trunk.kernels.slabs import slab_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from .model import Model
+from .ordering import stable_order
 from .parallel import Launch, in_turn, view
 
 
@@ -64,22 +65,19 @@ def assembly_of_rows(model: Model, row_start: np.ndarray, columns: np.ndarray, p
     """
     rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int32), np.diff(row_start))
     upper = np.flatnonzero(columns > rows)
-    if model.parallel.is_cuda:
+    block_of, cuda = model.zeros(vec16i, len(place)), model.parallel.is_cuda
+    at = [not cuda, model.array(row_start, wp.int32), model.tets, model.array(place, wp.uint16)]
+    model.parallel.record(blocks_of_rows, len(place), at, [block_of])()
+    if cuda:
         number = np.full(len(columns), -1, dtype=np.int32)
         number[columns == rows] = np.arange(len(row_start) - 1)  # with most parts, and so first
         number[upper] = np.arange(len(upper)) + len(row_start) - 1
-        block_of = model.zeros(vec16i, len(place))
-        at = [model.array(row_start, wp.int32), model.tets, model.array(place, wp.uint16)]
-        wp.launch(blocks_of_rows, len(place), at, [block_of], device=model.device)
         return _Gathered(model, block_of, number)
-    block_of = row_start[np.minimum(model.corners, len(row_start) - 2)][:, :, None] + place.reshape(-1, 4, 4) - 1
-    block_of[place.reshape(-1, 4, 4) == 0] = -1
-    block_of[model.corners[:, :, None] > model.corners[:, None, :]] = -1
-    mirrored = upper[np.argsort(columns[upper], kind="stable")]  # in the order of the lower ones
+    mirrored = upper[stable_order(columns[upper])]  # in the order of the lower ones
     mirrors = [
         model.array(blocks.astype(np.int32), wp.int32) for blocks in (np.flatnonzero(columns < rows), mirrored)
     ]
-    return _Added(model, model.array(block_of.reshape(-1, 16), vec16i), mirrors)
+    return _Added(model, block_of, mirrors)
 
 
 class _Added:

@@ -115,4 +115,4 @@ def _weights(model: Model, constant: Constant, change: float) -> dict[str, np.nd
 def scanned_mesh(model: Model) -> RestMesh:
     """The tetrahedra before surgery, where weights are taken, also if the rest state was moved from there."""
     nodes = model.rest if model.scan is None else model.rest + model.scan
-    return RestMesh(nodes, model.corners, model.tissues, model.label, model.scalar, model.device)
+    return RestMesh(nodes, model.corners, model.tissues, model.label, model.scalar, model.parallel)

@@ -1,4 +1,4 @@
-"""Edges and faces of tetrahedra, and in how many they occur."""
+"""Edges and faces of tetrahedra."""
 
 from __future__ import annotations
 
@@ -35,13 +35,3 @@ def _cross(a: np.ndarray, b: np.ndarray) -> list[np.ndarray]:
 
 def _length(v: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-
-
-def shared_by(features: np.ndarray) -> np.ndarray:
-    """For every edge or face of every tetrahedron (tets, features, corners): in how many it occurs, int64."""
-    flat = np.sort(features.reshape(-1, features.shape[2]), axis=1).astype(np.int64)
-    key = flat[:, 0]
-    for column in range(1, flat.shape[1]):
-        key = key * (int(features.max()) + 1) + flat[:, column]
-    _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
-    return counts[inverse].reshape(features.shape[:2])

@@ -15,7 +15,7 @@ from .energies.by_name import ENERGIES, EnergyName
 from .energies.energy import TetEnergy
 from .memo import Arrays, Memo, arrays_of
 from .model_checks import check_mesh, check_tissues
-from .ordering import bisect
+from .ordering import bisect, stable_order
 from .parallel import Launch, Parallel
 from .rest_mesh import RestMesh
 from .tissue import Tissue
@@ -177,9 +177,9 @@ def build_model(
     check_choice("weights", weights, get_args(WeightsName))
     if not np.isfinite(gravity):
         raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
-    check_mesh(trunk, memo)
-    check_tissues(trunk, tissues)
     parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
+    check_mesh(trunk, parallel.device, memo)
+    check_tissues(trunk, tissues)
     scalar = PRECISIONS[precision]
 
     order = arrays_of(
@@ -192,7 +192,7 @@ def build_model(
     tet_order = order_tets(corners)
     corners = corners[tet_order]
     label = trunk.tissue[tet_order] if trunk.tissue is not None and len(tissues) > 1 else None
-    rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel.device, memo)
+    rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel, memo)
     return Model(
         parallel=parallel,
         scalar=scalar,
@@ -202,7 +202,7 @@ def build_model(
         free_nodes=free_nodes,
         rest=rest.nodes,
         corners=corners,
-        tets=rest.upload(corners, wp.vec4i),
+        tets=rest.tets,
         elements=ENERGIES[energy](rest, gravity, weights),
         label=label,
         memo=memo,
@@ -227,7 +227,7 @@ def _is_numbering(known: Arrays, trunk: TrunkMesh) -> bool:
 
 def order_tets(corners: np.ndarray) -> np.ndarray:
     """The mesh tetrahedron of each model tetrahedron, (tets,), by their corners (tets, 4) in model numbers."""
-    return np.argsort(corners.min(axis=1), kind="stable")
+    return stable_order(np.minimum.reduce(corners.T))
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
+from .adjacency import pieces
 from .memo import Memo, arrays_of
 from .tissue import Tissue
 from .trunk_mesh import TrunkMesh, tet_volumes
@@ -37,8 +38,8 @@ def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
         )
 
 
-def check_mesh(trunk: TrunkMesh, memo: Memo | None = None) -> None:
-    """InputError where the trunk cannot be a rest state, before anything is uploaded."""
+def check_mesh(trunk: TrunkMesh, device: str, memo: Memo | None = None) -> None:
+    """InputError where the trunk cannot be a rest state, found out on a device."""
     if len(trunk.tets) == 0:
         raise InputError("trunk: the mesh has no tetrahedron; give a mesh with soft tissue")
     if not np.isfinite(trunk.nodes).all():
@@ -52,7 +53,7 @@ def check_mesh(trunk: TrunkMesh, memo: Memo | None = None) -> None:
             "every one needs a positive volume (check the order of its corners)"
         )
     held = arrays_of(
-        memo, "held", lambda: {"loose": np.array(unheld_nodes(trunk))}, lambda known: known["loose"] == 0
+        memo, "held", lambda: {"loose": np.array(unheld_nodes(trunk, device))}, lambda known: known["loose"] == 0
     )
     loose = int(held["loose"])
     if loose:
@@ -62,17 +63,9 @@ def check_mesh(trunk: TrunkMesh, memo: Memo | None = None) -> None:
         )
 
 
-def unheld_nodes(trunk: TrunkMesh) -> int:
+def unheld_nodes(trunk: TrunkMesh, device: str) -> int:
     """Number of free nodes in connected pieces of tissue whose prescribed nodes leave a rigid motion free."""
-    label = np.arange(len(trunk.nodes))
-    while True:
-        lowest = label[trunk.tets].min(axis=1)
-        new = label.copy()
-        np.minimum.at(new, trunk.tets.ravel(), np.repeat(lowest, 4))
-        new = new[new]
-        if np.array_equal(new, label):
-            break
-        label = new
+    label = pieces(trunk.tets, len(trunk.nodes), device)
     used = np.zeros(len(trunk.nodes), dtype=bool)
     used[trunk.tets] = True
     free_pieces = np.unique(label[~trunk.prescribed])

@@ -1,4 +1,4 @@
-"""The tetrahedra of a trunk at rest, on the host, as the energies measure them."""
+"""The tetrahedra of a trunk at rest, as the energies measure them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from .adjacency import Adjacency
 from .memo import Memo
+from .parallel import Parallel
 from .tissue import Tissue
+from .trunk_mesh import tet_volumes
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,30 +32,30 @@ class RestMesh:
     where there is one tissue."""
     scalar: Any
     """Precision of the device arrays, wp.float32 or wp.float64."""
-    device: str
-    """'cpu' or 'cuda:N'."""
+    parallel: Parallel
+    """Where they are measured."""
     memo: Memo | None = None
     """What is remembered of this trunk."""
 
     @property
     def is_cuda(self) -> bool:
         """Whether the device is a CUDA device."""
-        return self.device.startswith("cuda")
+        return self.parallel.is_cuda
 
     @cached_property
-    def positions(self) -> np.ndarray:
-        """Corners of every tetrahedron [mm], shape (tets, 4, 3)."""
-        return np.take(self.nodes, self.corners, axis=0)
+    def tets(self) -> wp.array:
+        """`corners` on the device, shape (tets,), vec4i."""
+        return self.upload(self.corners, wp.vec4i)
 
     @cached_property
-    def edges(self) -> np.ndarray:
-        """Vectors from corner 0 to corners 1, 2, 3 [mm], shape (tets, 3, 3)."""
-        return self.positions[:, 1:] - self.positions[:, :1]
+    def adjacency(self) -> Adjacency:
+        """What the tetrahedra share."""
+        return Adjacency(self.parallel, self.tets, len(self.nodes))
 
     @cached_property
     def volume(self) -> np.ndarray:
         """Volumes [mm^3], shape (tets,)."""
-        return np.einsum("ij,ij->i", self.edges[:, 0], np.cross(self.edges[:, 1], self.edges[:, 2])) / 6.0
+        return tet_volumes(self.nodes, self.corners)
 
     def by_tissue(self, values: Sequence[float]) -> np.ndarray:
         """A constant of the tissues for each tetrahedron, shape (tets,), or for all of them, shape (1,).
@@ -66,8 +69,21 @@ class RestMesh:
 
     def height_energy(self, weight: np.ndarray) -> float:
         """The gravity term at rest, of a weight per mm^3 and mm of a corner, shape (1,) or (tets,)."""
-        return float((weight * self.volume * self.positions[:, :, 2].sum(axis=1)).sum())
+        if not weight.any():
+            return 0.0
+        height = sum(self.nodes[:, 2].take(corner) for corner in self.corners.T)
+        return float((weight * self.volume * height).sum())
+
+    def measure(self, kernel: Any, arrays: dict[str, wp.array]) -> dict[str, wp.array]:
+        """The arrays, set to what a kernel of `rest_kernels` measures."""
+        given = [self.tets, self.upload(self.nodes, wp.vec3d)]
+        self.parallel.record(kernel, len(self.corners), given, list(arrays.values()))()
+        return arrays
+
+    def empty(self, dtype: Any, *shape: int) -> wp.array:
+        """A device array that holds nothing yet."""
+        return wp.empty(shape, dtype=dtype, device=self.parallel.device)
 
     def upload(self, values: np.ndarray, dtype: Any) -> wp.array:
         """The values as a device array."""
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.parallel.device)

@@ -115,15 +115,11 @@ def softest(model: Model) -> float:
 
 def mesh_at(model: Model, rest: np.ndarray) -> RestMesh:
     """The model's tetrahedra with their nodes at other places (nodes, 3) [mm]."""
-    return RestMesh(rest, model.corners, model.tissues, None, model.scalar, model.device)
+    return RestMesh(rest, model.corners, model.tissues, None, model.scalar, model.parallel)
 
 
 def at_rest(model: Model, mesh: RestMesh) -> TetEnergy:
     """The model's elements for another rest state, in arrays of their own."""
     elements = model.elements
-    measured = {
-        name: mesh.upload(values, getattr(elements, name).dtype)
-        for name, values in elements.measures(mesh).items()
-    }
     height_energy = mesh.height_energy(elements.gravity_weight.numpy())
-    return replace(elements, gravity_at_rest=height_energy, **measured)
+    return replace(elements, gravity_at_rest=height_energy, **elements.measures(mesh))

@@ -72,8 +72,8 @@ class TetEnergy(Protocol):
         """The gravity term of the trunk at rest, which the displacement's part adds to."""
         ...
 
-    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
-        """What its arrays of these names hold for a rest state."""
+    def measures(self, rest: RestMesh) -> dict[str, wp.array]:
+        """What its arrays of these names hold for a rest state, in arrays of their own."""
         ...
 
     def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:

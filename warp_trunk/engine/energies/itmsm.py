@@ -11,8 +11,9 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.itmsm import AREA, DISTANCE, GRAVITY, VOLUME, itmsm_kernels
+from warp_trunk.kernels.rest_measures import rest_kernels
 
-from ..features import EDGES, FACES, edge_lengths, face_areas, shared_by
+from ..features import EDGES, FACES, edge_lengths, face_areas
 from ..memo import Arrays, arrays_of
 from ..rest_mesh import RestMesh
 from .energy import of_each
@@ -62,7 +63,7 @@ class Itmsm:
         """What its kernels read of the tetrahedra, after their corners."""
         return self.kernels.bundle(self)
 
-    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
+    def measures(self, rest: RestMesh) -> dict[str, wp.array]:
         """What the arrays of these names hold for a rest state; the weights are those of the first."""
         return measures(rest, "area" in self.terms)
 
@@ -100,15 +101,11 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
         "gravity": gravity != 0.0,
     }
     vec4, vec6 = wp.types.vector(4, scalar), wp.types.vector(6, scalar)
-    measured = measures(rest, used["area"])
     layered = len(weight["theta"]) > 1
     return Itmsm(
         kernels=itmsm_kernels(scalar, rest.is_cuda, layered, used["gravity"], used["area"], used["volume"]),
         terms=tuple(name for name in used if used[name]),
-        rest_edge=rest.upload(measured["rest_edge"], wp.types.vector(3, scalar)),
-        rest_length=rest.upload(measured["rest_length"], vec6),
-        rest_area=rest.upload(measured["rest_area"], vec4),
-        rest_volume=rest.upload(measured["rest_volume"], scalar),
+        **measures(rest, used["area"]),
         edge_weight=rest.upload(weight["edge_weight"], vec6),
         face_weight=rest.upload(weight["face_weight"] if used["area"] else np.empty((0, 4)), vec4),
         theta=rest.upload(weight["theta"], scalar),
@@ -147,8 +144,7 @@ def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
 
 def _occurrences(rest: RestMesh) -> dict[str, np.ndarray]:
     """In how many tetrahedra the edges and the faces of each occur."""
-    counts = {"edge": shared_by(rest.corners[:, EDGES]), "face": shared_by(rest.corners[:, FACES])}
-    return {name: count.astype(np.uint16) for name, count in counts.items()}
+    return rest.adjacency.shared()
 
 
 def _are_counts(known: Arrays, rest: RestMesh) -> bool:
@@ -175,15 +171,16 @@ def weights(rest: RestMesh, gravity: float, shares: Shares) -> tuple[dict[str, n
     }, alpha
 
 
-def measures(rest: RestMesh, area: bool) -> dict[str, np.ndarray]:
+def measures(rest: RestMesh, area: bool) -> dict[str, wp.array]:
     """Edge vectors, lengths, areas (none without their term) and volumes, as the fields of `Itmsm`."""
-    p = rest.positions
-    return {
-        "rest_edge": rest.edges,
-        "rest_length": edge_lengths(p),
-        "rest_area": face_areas(p) if area else np.empty((0, 4)),
-        "rest_volume": rest.volume,
+    scalar, tets = rest.scalar, len(rest.corners)
+    arrays = {
+        "rest_edge": rest.empty(wp.types.vector(3, scalar), tets, 3),
+        "rest_length": rest.empty(wp.types.vector(6, scalar), tets),
+        "rest_area": rest.empty(wp.types.vector(4, scalar), tets if area else 0),
+        "rest_volume": rest.empty(scalar, tets),
     }
+    return rest.measure(rest_kernels(scalar).itmsm, arrays)
 
 
 def gravity_weights(rest: RestMesh, gravity: float, edges: float) -> tuple[float, np.ndarray]:

@@ -11,6 +11,7 @@ import warp as wp
 
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.neo_hookean import GRAVITY, SHAPE, VOLUME, neo_hookean_kernels
+from warp_trunk.kernels.rest_measures import rest_kernels
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
@@ -49,7 +50,7 @@ class NeoHookean:
         """What its kernels read of the tetrahedra, after their corners."""
         return self.kernels.bundle(self)
 
-    def measures(self, rest: RestMesh) -> dict[str, np.ndarray]:
+    def measures(self, rest: RestMesh) -> dict[str, wp.array]:
         """What the arrays of these names hold for a rest state."""
         return measures(rest)
 
@@ -73,12 +74,11 @@ def make_neo_hookean(rest: RestMesh, gravity: float, weights_by: str) -> NeoHook
         raise InputError(f"weights: '{weights_by}' is a choice of the energy itmsm; leave it out with neo-hookean")
     scalar = rest.scalar
     layered = rest.label is not None
-    measured, weight = measures(rest), weights(rest, gravity)
+    weight = weights(rest, gravity)
     return NeoHookean(
         kernels=neo_hookean_kernels(scalar, rest.is_cuda, layered, gravity != 0.0),
         terms=("volume", "gravity", "shape") if gravity else ("volume", "shape"),
-        shape_gradient=rest.upload(measured["shape_gradient"], wp.types.vector(3, scalar)),
-        rest_volume=rest.upload(measured["rest_volume"], scalar),
+        **measures(rest),
         moduli=rest.upload(weight["moduli"], wp.types.vector(2, scalar)),
         gravity_weight=rest.upload(weight["gravity_weight"], scalar),
         gravity_at_rest=rest.height_energy(weight["gravity_weight"]),
@@ -95,11 +95,12 @@ def weights(rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
     }
 
 
-def measures(rest: RestMesh) -> dict[str, np.ndarray]:
+def measures(rest: RestMesh) -> dict[str, wp.array]:
     """Gradients of the shape functions and volumes, as the fields of `NeoHookean`."""
-    a, b, c = np.moveaxis(rest.edges, 1, 0)
-    areas = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    return {"shape_gradient": areas / (6.0 * rest.volume[:, None, None]), "rest_volume": rest.volume}
+    scalar, tets = rest.scalar, len(rest.corners)
+    gradient = rest.empty(wp.types.vector(3, scalar), tets, 3)
+    arrays = {"shape_gradient": gradient, "rest_volume": rest.empty(scalar, tets)}
+    return rest.measure(rest_kernels(scalar).neo_hookean, arrays)
 
 
 def stable_moduli(tissue: Tissue) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from ..adjacency import Adjacency
 from ..assembly import Assembly, assembly_of_rows
 from ..memo import Arrays, arrays_of
 from ..model import Model
@@ -52,17 +53,7 @@ def find_sparsity(model: Model) -> Sparsity:
 
 def _pattern(model: Model) -> dict[str, np.ndarray]:
     """Compressed rows, and the place of each corner pair in its row, from 1; 0 with a prescribed corner."""
-    rows = np.repeat(model.corners, 4, axis=1).astype(np.int64)
-    columns = np.tile(model.corners, (1, 4)).astype(np.int64)
-    both_free = model.is_free(rows) & model.is_free(columns)
-    size = model.free_nodes
-    own = np.arange(size, dtype=np.int64) * (size + 1)
-    key = np.concatenate([(rows * size + columns)[both_free], own])
-    unique, inverse = np.unique(key, return_inverse=True)
-    row_start = np.searchsorted(unique, np.arange(size + 1, dtype=np.int64) * size).astype(np.int32)
-    place = np.zeros(rows.shape, dtype=np.uint16)
-    place[both_free] = inverse[: len(inverse) - size] - row_start[rows[both_free]] + 1
-    return {"row_start": row_start, "columns": (unique % max(size, 1)).astype(np.int32), "place": place}
+    return Adjacency(model.parallel, model.tets, model.nodes).rows(model.free_nodes)
 
 
 def _is_pattern(known: Arrays, model: Model) -> bool:
