@@ -36,13 +36,30 @@ def others_of_face(tet: wp.vec4i, face: int, corner: int):
 
 
 @wp.func
-def find(
-    low: wp.array(dtype=wp.int32), high: wp.array(dtype=wp.int32), first: int, end: int, one: int, other: int
+def edge_between(a: int, b: int) -> int:
+    """The edge of two corners: 01 02 03 12 13 23."""
+    return wp.where(wp.min(a, b) == 0, a + b - 1, a + b)
+
+
+@wp.func
+def counted(
+    low: wp.array(dtype=wp.int32),
+    high: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+    begin: int,
+    stop: int,
+    one: int,
+    other: int,
 ) -> int:
-    """Where two numbers stand together in a list; its end where they do not."""
-    k = int(first)
-    while k < end and (low[k] != one or high[k] != other):
+    """Where two numbers stand together in a list, counted there; where they do not, they are put at its end."""
+    k = int(begin)
+    while k < stop and (low[k] != one or high[k] != other):
         k += 1
+    if k == stop:
+        low[k] = one
+        high[k] = other
+        count[k] = 0
+    count[k] += 1
     return k
 
 
@@ -62,39 +79,43 @@ def count_shared(
 ):
     """How many tetrahedra have each edge and each face whose lowest node is this one.
 
-    `low`, `high` and `count` are room for three edges or faces of every corner.
+    `low`, `high` and `count` are room for three edges or faces of every corner. What is found of a tetrahedron is
+    first where its edge or face stands in the list.
     """
     i = first + wp.tid()
     if i < end:
         begin = 3 * start[i]
         for faces in range(2):
             stop = int(begin)
-            for writes in range(2):
-                for e in range(start[i], start[i + 1]):
-                    t = around[e] // 4
-                    a = around[e] % 4
-                    tet = tets[t]
-                    for b in range(4):
-                        if b != a:
-                            one = tet[b]
-                            other = wp.int32(0)
-                            if faces == 1:
-                                one, other = others_of_face(tet, b, a)
+            for e in range(start[i], start[i + 1]):
+                t = around[e] // 4
+                a = around[e] % 4
+                tet = tets[t]
+                for b in range(4):
+                    if b != a:
+                        if faces == 1:
+                            one, other = others_of_face(tet, b, a)
                             if one > i:
-                                k = find(low, high, begin, stop, one, other)
-                                if writes == 1:
-                                    if faces == 1:
-                                        face[t, b] = wp.uint16(count[k])
-                                    else:
-                                        across = wp.where(wp.min(a, b) == 0, a + b - 1, a + b)
-                                        edge[t, across] = wp.uint16(count[k])
-                                elif k < stop:
-                                    count[k] += 1
-                                else:
-                                    low[k] = one
-                                    high[k] = other
-                                    count[k] = 1
-                                    stop += 1
+                                k = counted(low, high, count, begin, stop, one, other)
+                                stop = wp.max(stop, k + 1)
+                                face[t, b] = wp.uint16(k - begin)
+                        elif tet[b] > i:
+                            k = counted(low, high, count, begin, stop, tet[b], 0)
+                            stop = wp.max(stop, k + 1)
+                            edge[t, edge_between(a, b)] = wp.uint16(k - begin)
+            for e in range(start[i], start[i + 1]):
+                t = around[e] // 4
+                a = around[e] % 4
+                tet = tets[t]
+                for b in range(4):
+                    if b != a:
+                        if faces == 1:
+                            one, other = others_of_face(tet, b, a)
+                            if one > i:
+                                face[t, b] = wp.uint16(count[begin + wp.int32(face[t, b])])
+                        elif tet[b] > i:
+                            k = edge_between(a, b)
+                            edge[t, k] = wp.uint16(count[begin + wp.int32(edge[t, k])])
 
 
 @wp.kernel(enable_backward=False)
@@ -162,13 +183,12 @@ def write_rows(
                 n = tets[t][b]
                 if n < size:
                     low = wp.int32(0)
-                    high = row_start[i + 1] - row - 1
-                    while low < high:
-                        middle = (low + high) // 2
-                        if neighbours[begin + middle] < n:
-                            low = middle + 1
-                        else:
-                            high = middle
+                    left = row_start[i + 1] - row
+                    while left > 0:  # without branches, which nothing could predict
+                        half = left // 2
+                        above = neighbours[begin + low + half] < n
+                        low = wp.where(above, low + half + 1, low)
+                        left = wp.where(above, left - half - 1, half)
                     place[t, 4 * a + b] = wp.uint16(low + 1)
 
 

@@ -129,9 +129,10 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                 search[i] = preconditioned[i] + scalar(beta) * search[i]
 
     @wp.kernel(module="unique", enable_backward=False)
-    def count_kernel(iteration: wp.array(dtype=wp.int32)):
-        """Counts the iteration just done."""
+    def count_kernel(window: int, iteration: wp.array(dtype=wp.int32), within: wp.array(dtype=wp.int32)):
+        """Counts the iteration just done; `within` tells whether its window goes on."""
         iteration[0] = iteration[0] + 1
+        within[0] = iteration[0] % window
 
     @wp.kernel(module="unique", enable_backward=False)
     def window_kernel(

@@ -16,7 +16,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 from .cache import cache_folder, read_arrays, write_arrays
 
-FORMAT = 3
+FORMAT = 4
 """Raised whenever the engine would find other arrays of the same mesh, so that old files are not used."""
 
 

@@ -34,3 +34,37 @@ def test_a_vertex_that_reaches_no_node_stays() -> None:
     others = np.setdiff1d(np.arange(size), alone)
     product = (found @ matrix)[np.ix_(others, others)]
     np.testing.assert_allclose(product, np.eye(len(others)), atol=1e-4)
+
+
+def layered(size: int, layer: int) -> np.ndarray:
+    """A stiffness that couples neighbouring layers alone."""
+    matrix = definite(size)
+    number = np.arange(size) // layer
+    matrix[np.abs(number[:, None] - number) > 1] = 0.0
+    matrix[np.diag_indices(size)] += np.abs(matrix).sum(axis=1)  # stays definite
+    return matrix
+
+
+def test_what_is_not_coupled_is_left_out() -> None:
+    matrix = layered(5 * SMALL + 7, SMALL // 2)
+    np.testing.assert_allclose(invert(matrix) @ matrix, np.eye(len(matrix)), atol=1e-5)
+
+
+def test_what_is_below_the_diagonal_is_not_read() -> None:
+    matrix = layered(5 * SMALL + 7, SMALL)
+    np.testing.assert_array_equal(invert(np.triu(matrix)), invert(matrix))
+
+
+@pytest.mark.parametrize("softest", [1.0, 1e-3, 1e-7])
+def test_float32_is_enough_or_left(softest: float) -> None:
+    """A direction so soft that float32 cannot tell what is left of it: the inverse stays definite."""
+    size = 5 * SMALL
+    matrix = definite(size)
+    soft = np.random.default_rng(4).normal(size=size)
+    across = np.eye(size) - np.outer(soft, soft) / (soft @ soft)
+    matrix = across @ matrix @ across + softest * np.outer(soft, soft)
+    found = invert(matrix, "float32")
+    assert found.dtype == np.float32
+    wanted = invert(matrix)
+    assert np.linalg.norm(found - wanted, 2) < 0.02 * np.linalg.norm(wanted, 2)
+    assert np.linalg.eigvalsh(found.astype(float)).min() > 0.0

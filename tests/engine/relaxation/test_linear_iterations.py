@@ -70,5 +70,5 @@ def test_a_spoiled_coarse_correction_is_noticed(
     trunk: str, energy: EnergyName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     invert = multilevel.invert
-    monkeypatch.setattr(multilevel, "invert", lambda matrix: 1.5 * invert(matrix))
+    monkeypatch.setattr(multilevel, "invert", lambda *given: 1.5 * invert(*given))
     assert iterations(trunk, energy) > (1.0 + WITHIN) * HELD[trunk, energy]

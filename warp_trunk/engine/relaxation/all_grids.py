@@ -40,16 +40,17 @@ class AllGrids:
         """
         self.model = model
         coarsest_first = grids[::-1]
-        sizes = [len(grid.row_start) - 1 for grid in coarsest_first]
+        sizes = [grid.vertices for grid in coarsest_first]
         starts = np.cumsum([0, *sizes])
         self._coarsest, self._vertices = sizes[0], int(starts[-1])
         number = wp.uint16 if max(self._vertices, model.free_nodes) <= 1 << 16 else wp.int32
         self._kernels = all_grids_kernels(model.scalar, number)
-        rows = np.concatenate([np.diff(grid.row_start) for grid in coarsest_first])
+        row_start, point, weight = zip(*(grid.by_vertex for grid in coarsest_first), strict=True)
+        rows = np.concatenate([np.diff(start) for start in row_start])
         self._by_vertex = (
             model.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32),
-            model.array(np.concatenate([grid.point for grid in coarsest_first]), number),
-            _shortened(model, [grid.point_weight for grid in coarsest_first]),
+            model.array(np.concatenate(point), number),
+            _shortened(model, weight),
         )
         self._by_node = (
             model.array(

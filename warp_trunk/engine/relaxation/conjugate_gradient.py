@@ -75,7 +75,7 @@ class ConjugateGradient:
         (x, runs_of_x), (r, runs_of_r), (p, runs_of_p), (z, runs_of_z), (q, runs_of_q) = (
             in_runs(model) for _ in range(5)
         )
-        self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
+        self._iteration, self._within, self._go_on = (model.zeros(wp.int32, 1) for _ in range(3))
         rows = most_iterations + WINDOW + 1
         self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
         self._limits, self._outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 6)
@@ -97,7 +97,7 @@ class ConjugateGradient:
             scalars = [ranges, self._iteration, r_dot_z, p_dot_q]
             turn = over_runs(model, kernels.turn, [*scalars, runs_of_z], [runs_of_p])
             advance = over_runs(model, kernels.advance, [*scalars, runs_of_p, runs_of_q], [runs_of_x, runs_of_r])
-            count = record_undivided(kernels.count, 1, [], [self._iteration])
+            count = record_undivided(kernels.count, 1, [WINDOW], [self._iteration, self._within])
             self._turn_and_multiply = in_turn(turn, matrix.multiply(p, q, self._p_dot_q))
             self._precondition = preconditioner.apply(r, z, self._r_dot_z)
             self._advance = in_turn(advance, count, self._precondition)
@@ -160,11 +160,18 @@ class ConjugateGradient:
 
     def _advance_window(self) -> None:
         """WINDOW iterations and a look at how far they moved the solution."""
-        for _ in range(WINDOW):
-            self._turn_and_multiply()  # p = z + beta p, q = H p
-            self._advance()  # d += step p, r -= step q, z = M^-1 r
+        if self.model.parallel.is_cuda:
+            for _ in range(WINDOW):
+                self._iterate()
+        else:  # a loop in the loop: the host takes as long to capture an iteration as to do one
+            self._iterate()
+            wp.capture_while(self._within, self._iterate)
         self._window()
         self._decide()
+
+    def _iterate(self) -> None:
+        self._turn_and_multiply()  # p = z + beta p, q = H p
+        self._advance()  # d += step p, r -= step q, z = M^-1 r
 
 
 def in_runs(model: Model) -> tuple[wp.array, wp.array]:

@@ -14,8 +14,11 @@ from ..model import Model
 from ..parallel import Launch, in_turn, view
 from .columns import Columns
 
-SMALL = 128
+SMALL = 64
 """A matrix is halved as long as its halves have so many rows."""
+FLAT = 10.0
+"""In float32 the trace of an inverse is at most so many times that of the matrix, which has a unit diagonal. The
+smallest eigenvalue is then at least a part of 10 n, so that rounding spoils a hundredth of its direction."""
 BLOCKS = 32
 """Blocks of a row that one CUDA thread adds up for several columns."""
 
@@ -62,31 +65,70 @@ def record_dense_columns(columns: Columns, inverse: np.ndarray, residual: wp.arr
     return in_turn(model.parallel.once(solution.zero_), product)
 
 
-def invert(matrix: np.ndarray) -> np.ndarray:
+def invert(matrix: np.ndarray, precision: str = "float64") -> np.ndarray:
     """Inverse of a symmetric positive semidefinite matrix, (n, n) float64, its flat directions held.
 
-    Scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless.
+    Scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless. What is
+    below the diagonal is not read. It is found in the precision that is asked for, unless it shows directions so
+    flat that float32 would not tell them from others; the anatomy has none of a twentieth of the diagonal.
     """
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
     scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
-    scaled = scale[:, None] * matrix * scale
+    inverse = _of_scaled(matrix, scale, precision)
+    flat = np.diagonal(inverse)[scale > 0.0]
+    if precision != "float64" and not (flat.min(initial=1.0) > 0.0 and flat.sum() <= FLAT * len(flat)):
+        inverse = _of_scaled(matrix, scale, "float64")
+    inverse *= scale.astype(inverse.dtype)
+    inverse *= scale[:, None].astype(inverse.dtype)
+    return inverse.astype(precision, copy=False)
+
+
+def _of_scaled(matrix: np.ndarray, scale: np.ndarray, precision: str) -> np.ndarray:
+    """The inverse of the matrix with rows and columns scaled, shifted, in a precision."""
+    scaled = np.multiply(matrix, scale, out=np.empty(matrix.shape, precision), casting="same_kind")
+    scaled *= scale[:, None].astype(precision)
     scaled[np.diag_indices(len(scaled))] += 1e-6
-    inverse = _by_halves(scaled)
-    return scale[:, None] * (0.5 * (inverse + inverse.T)) * scale
+    inverse = np.empty_like(scaled)
+    _by_halves(scaled, inverse)
+    return inverse
 
 
-def _by_halves(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric positive definite matrix by Schur complements: products, half of what LU takes."""
+def _by_halves(matrix: np.ndarray, inverse: np.ndarray) -> None:
+    """Sets the inverse of a symmetric positive definite matrix, which is spoiled, by Schur complements.
+
+    Of what couples the halves only the rows and columns between the first and the last that are not zero take
+    part: those of a grid whose vertices are numbered layer by layer are few.
+    """
     half = len(matrix) // 2
     if half < SMALL:
-        return np.linalg.inv(matrix)
-    first = _by_halves(matrix[:half, :half])
-    carried = first @ matrix[:half, half:]
-    second = _by_halves(matrix[half:, half:] - matrix[half:, :half] @ carried)
-    inverse = np.empty_like(matrix)
-    inverse[half:, half:] = second
-    inverse[:half, half:] = -carried @ second
-    inverse[half:, :half] = inverse[:half, half:].T
-    inverse[:half, :half] = first - inverse[:half, half:] @ carried.T
-    return inverse
+        inverse[:] = np.linalg.inv(np.triu(matrix) + np.triu(matrix, 1).T)
+        _mirror(inverse)
+        return
+    first, across, second = inverse[:half, :half], inverse[:half, half:], inverse[half:, half:]
+    coupling = matrix[:half, half:]
+    rows, columns = (_span(np.any(coupling, axis=axis, keepdims=True)) for axis in (1, 0))
+    coupling = coupling[rows, columns]
+    _by_halves(matrix[:half, :half], first)
+    carried = first[:, rows] @ coupling
+    matrix[half:, half:][columns, columns] -= coupling.T @ carried[rows]
+    _by_halves(matrix[half:, half:], second)
+    np.matmul(-carried, second[columns], out=across)
+    first -= across[:, columns] @ carried.T
+    _mirror(inverse)
+
+
+def _mirror(matrix: np.ndarray) -> None:
+    """Sets what is below the diagonal to what is above it, part by part, as the cache holds them."""
+    for start in range(0, len(matrix), SMALL):
+        part = slice(start, start + SMALL)
+        for above in range(0, start, SMALL):
+            matrix[part, above : above + SMALL] = matrix[above : above + SMALL, part].T
+        own = matrix[part, part]
+        own[:] = np.triu(own) + np.triu(own, 1).T
+
+
+def _span(which: np.ndarray) -> slice:
+    """From the first to the last that is true."""
+    there = np.flatnonzero(which)
+    return slice(int(there[0]), int(there[-1]) + 1) if len(there) else slice(0)

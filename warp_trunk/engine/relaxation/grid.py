@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,7 @@ CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
 """Corners of a cell."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CoarseGrid:
     """The vertices of a regular grid that reach a set of points."""
 
@@ -29,60 +30,73 @@ class CoarseGrid:
     def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> CoarseGrid:
         """The grid over points (points, 3) that nowhere lie below the origin [mm]."""
         cell, weight = weights(points, origin, spacing)
-        size = cell.max(axis=0) + 2
-        vertex = np.ravel_multi_index(tuple(np.moveaxis(cell[:, None] + CORNERS, 2, 0)), size)
-        support = np.bincount(vertex.ravel(), (weight**2).ravel(), minlength=size.prod()).reshape(size)
-        kept = support >= min(LEAST_SUPPORT, support.max())
-        number = np.where(kept, np.cumsum(kept.ravel()).reshape(size) - 1, -1)
-        return cls(origin, spacing, number, origin + spacing * np.argwhere(kept))
+        size = cell.max(axis=1) + 2
+        support = np.zeros(size.prod())
+        vertex = _corners(cell, size)
+        for own, part in zip(vertex, weight, strict=True):
+            support += np.bincount(own, part**2, minlength=len(support))
+        kept = (support >= min(LEAST_SUPPORT, support.max())).reshape(size)
+        axes = np.argsort(-size, kind="stable")  # layers across the longest axis follow each other: see `invert`
+        place = np.empty((np.count_nonzero(kept), 3), dtype=np.int64)
+        place[:, axes] = np.argwhere(kept.transpose(axes))
+        number = np.full(size, -1, dtype=np.int32)
+        number[tuple(place.T)] = np.arange(len(place))
+        return cls(origin, spacing, number, origin + spacing * place)
 
     def interpolate(self, points: np.ndarray) -> Interpolation:
         """Weights of the grid's vertices at points inside its cells [mm], shape (points, 3)."""
-        cell, weight = weights(points, self.origin, self.spacing, np.array(self.number.shape) - 2)
-        vertex = self.number[tuple(np.moveaxis(cell[:, None] + CORNERS, 2, 0))]
-        weight = np.where(vertex >= 0, weight, 0.0)
-        vertex = np.maximum(vertex, 0)
-        entry = np.flatnonzero(weight.ravel() > 0.0)
-        number = vertex.ravel()[entry]
-        short = number.astype(np.uint16) if len(self.positions) <= 1 << 16 else number  # sorted much faster
-        entry = entry[np.argsort(short, kind="stable")]
-        count = np.bincount(number, minlength=len(self.positions))
+        size = np.array(self.number.shape)
+        cell, weight = weights(points, self.origin, self.spacing, size - 2)
+        vertex = self.number.ravel().take(_corners(cell, size))
+        weight[vertex < 0] = 0.0
         return Interpolation(
-            vertex=vertex.astype(np.int32),
-            weight=weight,
-            row_start=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
-            point=(entry // 8).astype(np.int32),
-            point_weight=weight.ravel()[entry],
+            vertex=np.ascontiguousarray(np.maximum(vertex, 0).T),
+            weight=np.ascontiguousarray(weight.T),
+            vertices=len(self.positions),
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Interpolation:
-    """Weights of the grid vertices around each point, and the same by vertex."""
+    """Weights of the grid vertices around each point."""
 
     vertex: np.ndarray
     """Vertices of the cell a point lies in, shape (points, 8), int32."""
     weight: np.ndarray
     """Their trilinear weights, 0 for a vertex left out, shape (points, 8)."""
-    row_start: np.ndarray
-    """First entry of each vertex in `point` and `point_weight`, shape (vertices + 1,), int32."""
-    point: np.ndarray
-    """Points that a vertex reaches, ascending, shape (entries,), int32."""
-    point_weight: np.ndarray
-    """Their weights, shape (entries,)."""
+    vertices: int
+    """Number of vertices of the grid."""
+
+    @cached_property
+    def by_vertex(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same by vertex.
+
+        That is: its first entry in the two other arrays (vertices + 1,), int32, the points that it reaches,
+        ascending, int32, and their weights.
+        """
+        entry = np.flatnonzero(self.weight.ravel() > 0.0)
+        number = self.vertex.ravel()[entry]
+        short = number.astype(np.uint16) if self.vertices <= 1 << 16 else number  # sorted much faster
+        entry = entry[np.argsort(short, kind="stable")]
+        count = np.bincount(number, minlength=self.vertices)
+        row_start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+        return row_start, (entry // 8).astype(np.int32), self.weight.ravel()[entry]
 
 
 def weights(
     points: np.ndarray, origin: np.ndarray, spacing: float, last_cell: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The cell of each point, (points, 3), and the weights of its corners, (points, 8)."""
-    place = (points - origin) / spacing
+    """The cell of each point, (3, points), and the weights of its corners, (8, points)."""
+    place = np.ascontiguousarray(((points - origin) / spacing).T)
     cell = np.floor(place).astype(np.int64)
     if last_cell is not None:
-        cell = np.minimum(cell, last_cell)
-    upper = np.ascontiguousarray((place - cell).T)
+        cell = np.minimum(cell, last_cell[:, None])
+    upper = place - cell
     x, y, z = np.stack([1.0 - upper, upper], axis=1)  # of the lower and the upper corner along each axis
-    weight = np.empty((len(points), 8))
-    for corner, (i, j, k) in enumerate(CORNERS):
-        weight[:, corner] = x[i] * y[j] * z[k]
-    return cell, weight
+    return cell, np.stack([x[i] * y[j] * z[k] for i, j, k in CORNERS])
+
+
+def _corners(cell: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The corners of cells (3, cells) in the box of a grid, in C order, shape (8, cells)."""
+    strides = np.array([size[1] * size[2], size[2], 1])
+    return (CORNERS @ strides)[:, None] + strides @ cell

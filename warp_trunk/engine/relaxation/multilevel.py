@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +23,7 @@ import warp as wp
 from warp_trunk.kernels.column_products import column_product_kernels
 from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels, vec8i
 from warp_trunk.kernels.row_loops import row_loops
+from warp_trunk.kernels.slabs import slab_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from ..memo import Arrays, arrays_of
@@ -38,6 +39,8 @@ from .iterates import Iterates
 
 DENSE_CELLS = 480
 """Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
+MOST_DENSE = 4
+"""Threads that add up the matrix on the coarsest grid at most: each needs one of its own, 30 MB on the anatomy."""
 FINEST_SPACING = 1.15
 """No grid is finer than this many mean distances of nodes: below, the nodes' own blocks do the work."""
 
@@ -62,12 +65,12 @@ class Multilevel:
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
         self._grids = [CoarseGrid.around(points, origin, spacing) for spacing in spacings]
         finest, *coarser = self._grids
-        onto_nodes = finest.interpolate(points)
-        self._onto_finest = _Transfer(model, onto_nodes)
+        onto_nodes = cache(partial(CoarseGrid.interpolate, points=points))
+        self._onto_finest = _Transfer(model, onto_nodes(finest))
 
         def find() -> Arrays:
             assemble()
-            transfers = [self._onto_finest, *(_Transfer(model, grid.interpolate(points)) for grid in coarser)]
+            transfers = [self._onto_finest, *(_Transfer(model, onto_nodes(grid)) for grid in coarser)]
             return _matrices(matrix, transfers, [len(grid.positions) for grid in self._grids])
 
         def fits(known: Arrays) -> bool:
@@ -79,8 +82,7 @@ class Multilevel:
         self._diagonals = [model.array(found[f"diagonal_{k}"], mat33) for k in range(len(coarser))]
         self._all_grids: AllGrids | None = None
         if model.parallel.is_cuda:
-            all_onto_nodes = [onto_nodes, *(grid.interpolate(points) for grid in coarser)]
-            self._all_grids = AllGrids(model, all_onto_nodes, self._diagonals, self._inverse)
+            self._all_grids = AllGrids(model, [*map(onto_nodes, self._grids)], self._diagonals, self._inverse)
 
     @cached_property
     def _levels(self) -> list[_Level]:
@@ -170,7 +172,7 @@ def _matrices(matrix: BlockMatrix, transfers: list[_Transfer], sizes: list[int])
         grid_diagonal(matrix, transfer, size, 1.0 / len(sizes)).numpy()
         for transfer, size in zip(transfers[:-1], sizes[:-1], strict=True)
     ]
-    inverse = invert(grid_matrix(matrix, transfers[-1], sizes[-1])).astype(matrix.model.precision)
+    inverse = invert(grid_matrix(matrix, transfers[-1], sizes[-1]), matrix.model.precision)
     return {"inverse": inverse, **{f"diagonal_{k}": values for k, values in enumerate(diagonals)}}
 
 
@@ -189,12 +191,15 @@ class _Transfer:
 
     def __init__(self, model: Model, interpolation: Interpolation) -> None:
         vec8: Any = wp.types.vector(8, model.scalar)
+        self._model, self._interpolation = model, interpolation
         self.by_point = (model.array(interpolation.vertex, vec8i), model.array(interpolation.weight, vec8))
-        self.by_vertex = (
-            model.array(interpolation.row_start, wp.int32),
-            model.array(interpolation.point, wp.int32),
-            model.array(interpolation.point_weight, model.scalar),
-        )
+
+    @cached_property
+    def by_vertex(self) -> tuple[wp.array, wp.array, wp.array]:
+        """`Interpolation.by_vertex`."""
+        model = self._model
+        row_start, point, weight = self._interpolation.by_vertex
+        return model.array(row_start, wp.int32), model.array(point, wp.int32), model.array(weight, model.scalar)
 
 
 @dataclass(frozen=True)
@@ -215,14 +220,14 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int, weight: floa
     """Inverse diagonal blocks of P^T H P times a weight, for P from the nodes to `size` vertices."""
     model = matrix.model
     mat33 = wp.types.matrix((3, 3), model.scalar)
-    diagonal = model.zeros(mat33, 1, size)
-    wp.launch(
+    diagonal = model.zeros(mat33, model.parallel.ranges, size)
+    sparsity, slabs = matrix.sparsity, slab_kernels(mat33)
+    model.over_free(
         multilevel_kernels(model.scalar).grid_diagonal,
-        dim=model.free_nodes,
-        inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
-        outputs=[diagonal[0]],
-        device=model.device,
-    )
+        [sparsity.row_start, sparsity.columns, matrix.blocks, *whole.by_point],
+        [diagonal],
+    )()
+    model.parallel.record(slabs.gather, size, [model.parallel.ranges], [diagonal])()
     inverse = model.zeros(mat33, size)
     own = model.array(np.arange(size, dtype=np.int32), wp.int32)
     model.parallel.record(
@@ -232,33 +237,38 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Transfer, size: int, weight: floa
 
 
 def grid_matrix(matrix: BlockMatrix, whole: _Transfer, size: int) -> np.ndarray:
-    """P^T H P, dense, shape (3 size, 3 size), float64."""
-    model = matrix.model
-    dense = model.zeros(wp.float64, 3 * size, 3 * size)
-    wp.launch(
+    """P^T H P, dense, shape (3 size, 3 size), float64; below the diagonal blocks it is zero."""
+    model, sparsity = matrix.model, matrix.sparsity
+    ranges = min(model.parallel.ranges, MOST_DENSE)
+    dense = model.zeros(wp.float64, ranges, 3 * size, 3 * size)
+    model.parallel.record(
         multilevel_kernels(model.scalar).grid_matrix,
-        dim=model.free_nodes,
-        inputs=[matrix.sparsity.row_start, matrix.sparsity.columns, matrix.blocks, *whole.by_point],
-        outputs=[dense],
-        device=model.device,
-    )
-    return dense.numpy()
+        np.linspace(0, model.free_nodes, ranges + 1).astype(np.int64),
+        [sparsity.row_start, sparsity.columns, matrix.blocks, *whole.by_point],
+        [dense],
+    )()
+    total, *others = dense.numpy()
+    for other in others:
+        total += other
+    return total
 
 
 def find_scales(points: np.ndarray) -> dict[str, np.ndarray]:
     """The spacing of the coarsest grid and the mean distance of nodes [mm]."""
     dense = float(np.ptp(points, axis=0).max(initial=1e-6))
     most = min(DENSE_CELLS, len(points) / 8)
-    while occupied_cells(points, dense / 1.1) <= most:
+    along = np.ascontiguousarray((points - points.min(axis=0)).T)
+    while occupied_cells(along, dense / 1.1) <= most:
         dense /= 1.1
     quarter = 0.25 * dense
-    node_distance = quarter * (occupied_cells(points, quarter) / len(points)) ** (1.0 / 3.0)
+    node_distance = quarter * (occupied_cells(along, quarter) / len(points)) ** (1.0 / 3.0)
     return {"coarsest": np.array(dense), "node_distance": np.array(node_distance)}
 
 
-def occupied_cells(points: np.ndarray, spacing: float) -> int:
-    """Number of cells of a regular grid that hold a point."""
-    cell = ((points - points.min(axis=0)) / spacing).astype(np.int64)
-    occupied = np.zeros(cell.max(axis=0) + 1, dtype=bool)
-    occupied[tuple(cell.T)] = True
-    return int(occupied.sum())
+def occupied_cells(along: np.ndarray, spacing: float) -> int:
+    """Number of cells of a regular grid that hold a point, by its distance along each axis, (3, points)."""
+    cells = (along / spacing).astype(np.int64)
+    size = cells.max(axis=1) + 1
+    occupied = np.zeros(size.prod(), dtype=bool)
+    occupied[(cells[0] * size[1] + cells[1]) * size[2] + cells[2]] = True
+    return int(np.count_nonzero(occupied))
