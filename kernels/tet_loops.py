@@ -46,9 +46,9 @@ SCATTER_GRADIENT = """
                 to[2] += forces[3 * a + 2][l];
             }
             const bool turned = !(growth[l] > -1);
-            inverted.data[t + l] = turned;
             all_turned += turned;
-            newly_turned += turned && inverted_before.data[t + l] == 0;
+            newly_turned += turned && inverted_before.data[t + l] == 0;  // read first: both may be one array
+            inverted.data[t + l] = turned;
         }
     }
 """
