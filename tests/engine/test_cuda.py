@@ -8,10 +8,10 @@ import pytest
 import warp as wp
 
 from support.continuum import Continuum
-from support.meshes import block_with_bone, rotation
+from support.meshes import block_with_bone, rotation, with_skin
 from support.reference import Reference
 from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.model import EnergyName, build_model
 from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus, multilevel
 from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
 from warp_trunk.engine.relaxation.conjugate_gradient import WINDOW, ConjugateGradient
@@ -72,6 +72,40 @@ def test_energies_of_a_layered_continuum_are_those_of_numpy(
     found, wanted = np.empty_like(TRUNK.nodes), reference.gradient(displacement)
     found[model.order] = state.gradient.numpy()
     np.testing.assert_allclose(found, wanted, atol=tolerance * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-4), ("float64", 1e-11)])
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_a_skin_that_resists_bending_is_that_of_the_cpu(
+    energy: EnergyName, precision: str, tolerance: float
+) -> None:
+    found = []
+    for device in ("cpu", "cuda:0"):
+        model = build_model(
+            with_skin(TRUNK), energy=energy, skin_rigidity=30.0, device=device, precision=precision
+        )
+        state = State(model)
+        state.place(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
+        state.evaluate()
+        matrix = BlockMatrix(state)
+        given = [np.array(list(state.energy().terms.values())), state.gradient.numpy().copy()]
+        for assemble in (matrix.assemble, matrix.assemble_true):
+            assemble()
+            given.append(matrix.blocks.numpy()[0].copy())
+        found.append(given)
+    for there, here in zip(*found, strict=True):
+        np.testing.assert_allclose(here, there, atol=tolerance * np.abs(there).max())
+
+
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_a_trunk_with_stiff_skin_relaxes_as_on_the_cpu(energy: EnergyName) -> None:
+    ends = []
+    for device in ("cpu", "cuda:0"):
+        model = build_model(with_skin(TRUNK), energy=energy, skin_rigidity=30.0, device=device)
+        *_, last = simulate(model, turning_path(), SimulationOptions(increments=2))
+        assert last.relaxation.status is RelaxStatus.CONVERGED
+        ends.append(last.displacement)
+    np.testing.assert_allclose(ends[1], ends[0], atol=0.05)
 
 
 def stretched(device: str, precision: str) -> tuple[State, BlockMatrix]:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.meshes import block_with_bone
+from support.meshes import block_with_bone, with_skin
 from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.constants import Constant, constants_of
+from warp_trunk.engine.constants import SKIN_RIGIDITY, Constant, constants_of, value_of
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.model import EnergyName, Model, WeightsName, build_model
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
@@ -18,8 +18,9 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 
-TRUNK = block_with_bone((4, 4, 5), holes=((1, 2, 1), (2, 1, 3)))
+TRUNK = with_skin(block_with_bone((4, 4, 5), holes=((1, 2, 1), (2, 1, 3))))
 TIGHT = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-9))
+FIRST, SECOND = Tissue(theta=4.0, poisson_ratio=0.4), Tissue(youngs_modulus=30.0)
 LABEL = np.random.default_rng(2).dirichlet([1.0, 1.0], size=len(TRUNK.tets))
 
 
@@ -31,14 +32,22 @@ def bones_turned() -> np.ndarray:
     )
 
 
-def scene(energy: EnergyName, weights: WeightsName = "count", gravity: float = 0.0, **changed: float) -> Model:
+def scene(
+    energy: EnergyName,
+    weights: WeightsName = "count",
+    gravity: float = 0.0,
+    skin_rigidity: float = 0.0,
+    tissues: tuple[Tissue, ...] | None = None,
+    **changed: float,
+) -> Model:
     """A block of two mixed tissues; `changed` are constants of the second."""
-    tissues = (Tissue(theta=4.0, poisson_ratio=0.4), replace(Tissue(youngs_modulus=30.0), **changed))
+    tissues = tissues or (FIRST, replace(SECOND, **changed))
     return build_model(
         replace(TRUNK, tissue=LABEL),
         tissues,
         energy=energy,
         weights=weights,
+        skin_rigidity=skin_rigidity,
         gravity=gravity,
         precision="float64",
         device="cpu",
@@ -110,20 +119,57 @@ def test_constants_against_differences(energy: EnergyName, weights: WeightsName,
         assert -np.vdot(adjoint, pull) == pytest.approx(np.vdot(weight, wanted), rel=1e-4)
 
 
-@pytest.mark.parametrize(("energy", "weights"), [("itmsm", "volume"), ("neo-hookean", "count")])
-def test_constants_that_move_the_rest_state_under_gravity_too(energy: EnergyName, weights: WeightsName) -> None:
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_a_skin_that_resists_bending_against_differences(energy: EnergyName) -> None:
+    """Bones, the rigidity of the skin, and the Young's moduli that it acts against; itmsm counts in the first."""
+    rigidity, move = 20.0, bones_turned()
+    model = scene(energy, skin_rigidity=rigidity)
+    linear = Linearization(model, settle(model, move), accuracy=1e-10)
+    assert {"youngs_modulus", "skin_rigidity"} < {constant.name for constant in constants_of(model)}
+
+    def between(ends: list[Increment], step: float) -> np.ndarray:
+        return (ends[0].displacement - ends[1].displacement) / (2.0 * step)
+
+    along = np.random.default_rng(5).normal(size=move.shape) * TRUNK.prescribed[:, None]
+    wanted = between([settle(model, move + sign * 1e-4 * along) for sign in (1.0, -1.0)], 1e-4)
+    np.testing.assert_allclose(linear.follow(along[None])[0], wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max())
+    for constant, tissues in (
+        (Constant("skin_rigidity"), None),
+        (Constant("youngs_modulus", 0), lambda value: (replace(FIRST, youngs_modulus=value), SECOND)),
+        (Constant("youngs_modulus", 1), lambda value: (FIRST, replace(SECOND, youngs_modulus=value))),
+    ):
+        value = value_of(model, constant)
+        step, ends = 1e-4 * value, []
+        for there in (value + step, value - step):
+            made = scene(energy, skin_rigidity=there) if tissues is None else None
+            made = made or scene(energy, skin_rigidity=rigidity, tissues=tissues(there))
+            ends.append(settle(made, move))
+        wanted = between(ends, step)
+        assert np.abs(wanted).max() > 0.0
+        followed = linear.follow(np.zeros((1, *move.shape)), linear.pull(constant)[None])[0]
+        np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(
+    ("energy", "weights", "rigidity"),
+    [("itmsm", "volume", 0.0), ("neo-hookean", "count", 0.0), ("neo-hookean", "count", 20.0)],
+)
+def test_constants_that_move_the_rest_state_under_gravity_too(
+    energy: EnergyName, weights: WeightsName, rigidity: float
+) -> None:
     """Against whole simulations from rest states that were found anew for each constant."""
     move, weight = bones_turned(), a_number()
 
     def hung(**constants: float) -> Increment:
-        there = sag_free(scene(energy, weights, **{"gravity": 9.81, **constants}), tolerance=1e-9).model
+        given = {"gravity": 9.81, SKIN_RIGIDITY: rigidity, **constants}
+        there = sag_free(scene(energy, weights, **given), tolerance=1e-9).model
         return settle(there, move)
 
-    model = sag_free(scene(energy, weights, gravity=9.81), tolerance=1e-9).model
+    model = sag_free(scene(energy, weights, gravity=9.81, skin_rigidity=rigidity), tolerance=1e-9).model
     linear = Linearization(model, settle(model, move), accuracy=1e-6)
     adjoint = linear.adjoints(weight[None]).fields[0]
     for constant in (c for c in constants_of(model) if c.tissue in (None, 1)):
-        value = 9.81 if constant.name == "gravity" else getattr(model.tissues[1], constant.name)
+        value = value_of(model, constant)
         step = 1e-3 * value
         ends = [hung(**{constant.name: value + sign * step}).displacement for sign in (1.0, -1.0)]
         wanted = (ends[0] - ends[1]) / (2.0 * step)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -62,6 +63,16 @@ def block_with_bone(
     made = trunk(nodes + shift, tets[keep], bone >= 0)
     made.bone[:] = bone
     return made
+
+
+def with_skin(mesh: TrunkMesh) -> TrunkMesh:
+    """The mesh with the triangles of its boundary that touch no bone as its skin."""
+    faces = mesh.tets[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    outer = faces[first[count == 1]]
+    outer = outer[~mesh.prescribed[outer].any(axis=1)]
+    skin, place = np.unique(outer, return_inverse=True)
+    return replace(mesh, skin_nodes=skin.astype(np.int32), skin_faces=place.reshape(-1, 3).astype(np.int32))
 
 
 def single_tet(prescribed: tuple[int, ...] = (0, 1, 2), size: float = 10.0) -> TrunkMesh:

@@ -11,7 +11,7 @@ from warp_trunk.errors import InputError
 
 MOST = 1000.0
 """No uncertainty is larger, in mm, degrees or as a factor."""
-FACTORS = ("epsilon", "theta", "youngs_modulus")
+FACTORS = ("epsilon", "theta", "youngs_modulus", "skin_rigidity")
 """Constants that are uncertain by a factor: a standard deviation multiplies or divides by it."""
 
 
@@ -40,6 +40,8 @@ class Uncertainty:
     """Of Poisson's ratio of a continuum."""
     youngs_modulus: float = 1.6
     """Factor of the Young's modulus of each layer by itself."""
+    skin_rigidity: float = 2.0
+    """Factor of the flexural rigidity of the skin, where it resists bending."""
     skin_thickness: float = 0.5
     """Of the thickness of the skin, where layers are told by depth [mm]."""
     fat_thickness: float = 2.0
@@ -74,6 +76,7 @@ CERTAIN = Uncertainty(
     theta=1.0,
     poisson_ratio=0.0,
     youngs_modulus=1.0,
+    skin_rigidity=1.0,
     skin_thickness=0.0,
     fat_thickness=0.0,
     mesh_rotation=0.0,
@@ -92,6 +95,7 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "theta": "range over which itmsm stays as near to a continuum (docs/constants.md)",
         "poisson_ratio": "assumed; soft tissue is simulated with 0.4 to 0.49",
         "youngs_modulus": "129 ± 88 and 56 ± 16 kPa of skin, 3.0 ± 1.2 of fat (sources in case/layers.py)",
+        "skin_rigidity": "0.12 to 1.5 N mm by suction and torsion (docs/model.md)",
         "skin_thickness": "2.54 and 1.91 mm of adults, 1.3 mm of children (sources in case/layers.py)",
         "fat_thickness": "4 to 7.5 mm of girls of 12 to 17, 3 mm of boys of 17 (sources in case/layers.py)",
         "mesh": "0.36 degrees largest, meshed anew; 0.95 mm mean, against four times as many tetrahedra "

@@ -43,6 +43,7 @@ def warm(options: RunOptions) -> None:
         Tissue(),
         energy=options.energy,
         weights=options.weights,
+        skin_rigidity=options.rigidity_of_skin,
         gravity=options.gravity,
         device=options.device,
         precision=options.precision,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import warp as wp
@@ -29,8 +29,8 @@ from .parallel import Launch, in_turn, view
 class Assembly(Protocol):
     """Where the curvature of each tetrahedron goes; made once for a pattern of blocks."""
 
-    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[Any], Launch]:
-        """Records, for a kernel of `TetEnergy.kernels`, that blocks become the sums of its curvatures.
+    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
+        """Records, for a kernel of `TetEnergy.kernels` by its name, that blocks become the sums of its curvatures.
 
         Args:
             blocks: in the first slab, shape (ranges, blocks), mat33; the others are what threads add into.
@@ -66,7 +66,7 @@ def assembly_of_rows(model: Model, row_start: np.ndarray, columns: np.ndarray, p
     rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int32), np.diff(row_start))
     upper = np.flatnonzero(columns > rows)
     block_of, cuda = model.zeros(vec16i, len(place)), model.parallel.is_cuda
-    at = [not cuda, model.array(row_start, wp.int32), model.tets, model.array(place, wp.uint16)]
+    at = [not cuda, model.array(row_start, wp.int32), model.stencils_there, model.array(place, wp.uint16)]
     model.parallel.record(blocks_of_rows, len(place), at, [block_of])()
     if cuda:
         number = np.full(len(columns), -1, dtype=np.int32)
@@ -87,7 +87,7 @@ class _Added:
         """`mirrors` are blocks, shape (k,), int32, and those that they are the transposes of."""
         self._model, self._block_of, self._mirrors = model, block_of, mirrors
 
-    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[Any], Launch]:
+    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
         model = self._model
         ranges, size = blocks.shape
         record, slabs = model.parallel.record, slab_kernels(blocks.dtype)
@@ -96,8 +96,8 @@ class _Added:
         after = [record(slabs.gather, size, [ranges], [blocks])] if ranges > 1 else []
         after.append(record(mirror, len(self._mirrors[0]), self._mirrors, [blocks]))
 
-        def recorded(kernel: Any) -> Launch:
-            return in_turn(*before, model.over_tets(kernel, [self._block_of, displacement], [blocks]), *after)
+        def recorded(name: str) -> Launch:
+            return in_turn(*before, *_over_all(model, name, self._block_of, displacement, blocks), *after)
 
         return recorded
 
@@ -108,12 +108,13 @@ class _Gathered:
     def __init__(self, model: Model, block_of: wp.array, number: np.ndarray) -> None:
         """`number` is the place of each block in the order of gathering, -1 for those that are images."""
         self._model, self._kept = model, kept_numbers(model.scalar)
-        parts, count = PARTS * len(model.corners), int(number.max(initial=-1)) + 1
+        self._stencils = len(model.stencils)
+        parts, count = PARTS * self._stencils, int(number.max(initial=-1)) + 1
         keys, places = (model.zeros(wp.int32, 2 * parts) for _ in range(2))  # half of it is for the sort
         block, mirrored, start = (model.zeros(wp.int32, count + 1) for _ in range(3))
         wp.launch(
             list_parts,
-            len(model.corners),
+            self._stencils,
             [self._kept, count, block_of, model.array(number, wp.int32)],
             [keys, places, block, mirrored],
             device=model.device,
@@ -123,9 +124,9 @@ class _Gathered:
         wp.launch(find_starts, parts, [keys], [start], device=model.device)
         self._blocks, self._lists = count, (start, places, block, mirrored)
 
-    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[Any], Launch]:
+    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
         model = self._model
-        parts = model.zeros(model.scalar, self._kept * len(model.corners))
+        parts = model.zeros(model.scalar, self._kept * self._stencils)
         gather = model.parallel.record(
             gathering_kernels(model.scalar).gather,
             warps_over(self._blocks),
@@ -134,7 +135,13 @@ class _Gathered:
         )
         unused = model.zeros(vec16i, 0)
 
-        def recorded(kernel: Any) -> Launch:
-            return in_turn(model.over_tets(kernel, [unused, displacement], [parts]), gather)
+        def recorded(name: str) -> Launch:
+            return in_turn(*_over_all(model, name, unused, displacement, parts), gather)
 
         return recorded
+
+
+def _over_all(model: Model, name: str, block_of: wp.array, displacement: wp.array, to: wp.array) -> list[Launch]:
+    """Launches of the kernels of a name over tetrahedra and hinges, which come after them in `block_of`."""
+    tets = model.over_tets(getattr(model.elements.kernels, name), [block_of, displacement], [to])
+    return [tets, *model.over_hinges(name, [len(model.corners), block_of, displacement], [to])]

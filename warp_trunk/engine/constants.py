@@ -16,6 +16,9 @@ STEP = 1e-6
 """Part of a constant by which it is changed to either side; weights are float64, and linear in most constants."""
 PART_STEP = 1e-3
 """How much of a change of parts is added and taken away; weights are float64, and linear in the parts."""
+SKIN_RIGIDITY = "skin_rigidity"
+STIFFNESS = "stiffness"
+"""What the array of the skin's weights is called among those of the energy."""
 _MOST = {"poisson_ratio": 0.499}
 _OF_TERM = {"epsilon": "area", "theta": "volume"}
 
@@ -25,7 +28,7 @@ class Constant:
     """One number of the model."""
 
     name: str
-    """A field of `Tissue`, or `gravity`."""
+    """A field of `Tissue`, `gravity`, or `skin_rigidity` [N mm]."""
     tissue: int | None = None
     """Which of the model's tissues, from 0; None is gravity, or the same change in all of them."""
 
@@ -34,20 +37,40 @@ def constants_of(model: Model) -> tuple[Constant, ...]:
     """Every constant that moves an equilibrium of the model.
 
     With displacements prescribed and no gravity only ratios of stiffness act, so that the Young's modulus of a
-    uniform trunk is none of them.
+    uniform trunk is none of them where its skin resists no bending.
     """
     falls = model.gravity != 0.0
-    several = len(model.tissues) > 1
+    several, skin = len(model.tissues) > 1, model.skin is not None
     itmsm = "distance" in model.elements.terms
     names = [name for name, term in _OF_TERM.items() if itmsm and term in model.elements.terms]
     names += ["poisson_ratio"] * (not itmsm)
-    names += ["youngs_modulus"] * (falls or several) + ["density"] * falls
+    names += ["youngs_modulus"] * (falls or several or skin) + ["density"] * falls
     found = [Constant(name, number) for number in range(len(model.tissues)) for name in names]
-    return (*found, *([Constant("gravity")] if falls else []))
+    return (*found, *[Constant("gravity")] * falls, *[Constant(SKIN_RIGIDITY)] * skin)
+
+
+def value_of(model: Model, constant: Constant) -> float:
+    """What a constant is in a model.
+
+    Raises:
+        InputError: a tissue or a constant that there is not.
+    """
+    if constant.name == "gravity":
+        return model.gravity
+    if constant.name == SKIN_RIGIDITY and model.skin is not None:
+        return model.skin.rigidity
+    if constant.name in Tissue.__dataclass_fields__ and (constant.tissue or 0) in range(len(model.tissues)):
+        return float(getattr(model.tissues[constant.tissue or 0], constant.name))
+    raise InputError(
+        f"sensitivities: there is no constant '{constant.name}' of tissue {constant.tissue}; "
+        "take those of constants_of(model)"
+    )
 
 
 def weight_derivative(model: Model, constant: Constant) -> dict[str, np.ndarray]:
     """Derivative of the arrays of the model's energy that hold its weights in a constant, float64.
+
+    They have the names of their fields in the energy and in the skin.
 
     Raises:
         InputError: a tissue or a constant that there is not.
@@ -87,15 +110,7 @@ def parts_derivative(model: Model, tets: np.ndarray, change: np.ndarray) -> dict
 
 def _sides(model: Model, constant: Constant) -> tuple[float, float, float]:
     """The constant, and the values below and above it at which weights are compared."""
-    if constant.name == "gravity":
-        value = model.gravity
-    elif constant.name in Tissue.__dataclass_fields__ and (constant.tissue or 0) in range(len(model.tissues)):
-        value = float(getattr(model.tissues[constant.tissue or 0], constant.name))
-    else:
-        raise InputError(
-            f"sensitivities: there is no constant '{constant.name}' of tissue {constant.tissue}; "
-            "take those of constants_of(model)"
-        )
+    value = value_of(model, constant)
     step = STEP * max(abs(value), 1e-3)
     return value, max(value - step, 0.0), min(value + step, _MOST.get(constant.name, np.inf))
 
@@ -105,11 +120,16 @@ def _weights(model: Model, constant: Constant, change: float) -> dict[str, np.nd
     gravity = model.gravity + (change if constant.name == "gravity" else 0.0)
     tissues = tuple(
         replace(tissue, **{constant.name: getattr(tissue, constant.name) + change})
-        if constant.name != "gravity" and constant.tissue in (None, number)
+        if constant.name in Tissue.__dataclass_fields__ and constant.tissue in (None, number)
         else tissue
         for number, tissue in enumerate(model.tissues)
     )
-    return model.elements.weights(replace(scanned_mesh(model), tissues=tissues), gravity)
+    mesh = replace(scanned_mesh(model), tissues=tissues)
+    found = model.elements.weights(mesh, gravity)
+    if model.skin is None:
+        return found
+    rigidity = model.skin.rigidity + (change if constant.name == SKIN_RIGIDITY else 0.0)
+    return {**found, STIFFNESS: rigidity * model.elements.per_millijoule(mesh) * model.skin.shares}
 
 
 def scanned_mesh(model: Model) -> RestMesh:

@@ -22,7 +22,7 @@ class Coupling:
         blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), model.parallel.ranges, max(size, 1))
         if size:
             record = assembly_of_blocks(model, block_of, size).into(blocks, state.displacement)
-            record(model.elements.kernels.true_curvature)()
+            record("true_curvature")()
         self._blocks = blocks.numpy()[0, :size].astype(np.float64)
         self._by_column = np.argsort(self._column, kind="stable")
         self._transposed = self._blocks[self._by_column].transpose(0, 2, 1)
@@ -46,8 +46,8 @@ def _each(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 def _pattern(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Free row and prescribed column, from 0, of each block, and the block of each corner pair (tets, 16)."""
-    rows = np.repeat(model.corners, 4, axis=1).astype(np.int64)
-    columns = np.tile(model.corners, (1, 4)).astype(np.int64)
+    rows = np.repeat(model.stencils, 4, axis=1).astype(np.int64)
+    columns = np.tile(model.stencils, (1, 4)).astype(np.int64)
     couples = model.is_free(rows) & ~model.is_free(columns)
     unique, inverse = np.unique(rows[couples] * model.nodes + columns[couples], return_inverse=True)
     block_of = np.full(rows.shape, -1, dtype=np.int32)

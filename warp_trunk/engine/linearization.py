@@ -19,7 +19,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .constants import Constant, parts_derivative, weight_derivative
+from .constants import STIFFNESS, Constant, parts_derivative, weight_derivative
 from .coupling import Coupling
 from .model import Model
 from .relaxation import Relaxer, RelaxStatus
@@ -161,13 +161,16 @@ class Linearization:
     def _pull(self, derivative: Mapping[str, np.ndarray], displacement: np.ndarray) -> np.ndarray:
         """The gradient of the energy with the derivative of its weights in their place, (free, 3)."""
         model = self.model
-        elements = model.elements
+        elements, skin = model.elements, model.skin
         weights = {
             name: model.array(values, getattr(elements, name).dtype)
             for name, values in derivative.items()
-            if len(getattr(elements, name))
+            if name != STIFFNESS and len(getattr(elements, name))
         }
-        state = State(replace(model, elements=replace(elements, **weights)))
+        if skin is not None:
+            stiffness = derivative.get(STIFFNESS, np.zeros(len(skin.corners)))
+            skin = replace(skin, stiffness=model.array(stiffness, model.scalar))
+        state = State(replace(model, elements=replace(elements, **weights), skin=skin))
         state.displacement.assign(displacement)
         state.evaluate()
         return state.gradient.numpy()[model.free].astype(np.float64)

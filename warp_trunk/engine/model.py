@@ -18,6 +18,7 @@ from .model_checks import check_mesh, check_tissues
 from .ordering import bisect, stable_order
 from .parallel import Launch, Parallel
 from .rest_mesh import RestMesh
+from .skin import Skin, make_skin
 from .tissue import Tissue
 from .trunk_mesh import TrunkMesh
 
@@ -59,6 +60,8 @@ class Model:
     scan: np.ndarray | None = None
     """Displacement from rest of the trunk before surgery, in model order [mm], shape (nodes, 3), 0 on bone; None
     where the trunk before surgery is at rest."""
+    skin: Skin | None = None
+    """The skin as a thin plate; None where it resists no bending."""
     memo: Memo | None = None
     """What is remembered of this trunk at rest; None where nothing is."""
 
@@ -93,6 +96,21 @@ class Model:
         return len(self.order)
 
     @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the terms of its energy, in the order in which they are added."""
+        return (*self.elements.terms, *["bending"] * (self.skin is not None))
+
+    @property
+    def stencils(self) -> np.ndarray:
+        """Nodes that share a term: corners of the tetrahedra, then of the hinges of the skin, (stencils, 4)."""
+        return self.corners if self.skin is None else np.vstack([self.corners, self.skin.corners])
+
+    @property
+    def stencils_there(self) -> wp.array:
+        """The same on the device, shape (stencils,), vec4i."""
+        return self.tets if self.skin is None else self.array(self.stencils, wp.vec4i)
+
+    @property
     def free(self) -> slice:
         """The free nodes, which relaxation moves, in every array over the nodes."""
         return slice(0, self.free_nodes)
@@ -124,6 +142,13 @@ class Model:
             loops=not self.parallel.is_cuda,
         )
 
+    def over_hinges(self, name: str, inputs: Sequence[Any], outputs: Sequence[Any]) -> list[Launch]:
+        """Records a launch of a kernel of the skin's, by its name, over its hinges; none without."""
+        if self.skin is None:
+            return []
+        kernel = getattr(self.skin.kernels, name)
+        return [self.parallel.record(kernel, len(self.skin.corners), [*self.skin.arguments, *inputs], outputs)]
+
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:
         """The values on the device."""
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
@@ -147,6 +172,7 @@ def build_model(
     *,
     energy: EnergyName = "itmsm",
     weights: WeightsName = "count",
+    skin_rigidity: float = 0.0,
     gravity: float = 0.0,
     device: str | Parallel = "auto",
     precision: str = "float32",
@@ -161,6 +187,7 @@ def build_model(
             a tetrahedron is made of, or which part of it.
         energy: 'itmsm', the energy itmsm (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
         weights: how itmsm weights its features: by their 'count' (the papers) or by rest 'volume'.
+        skin_rigidity: flexural rigidity of the skin [N mm]; 0 leaves its bending out, and costs nothing.
         gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.
         device: 'auto', 'cpu' or 'cuda:N'; or where several models run, with its threads.
         precision: 'float32' or 'float64', of the device arrays; the host measures in float64.
@@ -175,6 +202,8 @@ def build_model(
     check_choice("precision", precision, tuple(PRECISIONS))
     check_choice("energy", energy, get_args(EnergyName))
     check_choice("weights", weights, get_args(WeightsName))
+    if not (np.isfinite(skin_rigidity) and skin_rigidity >= 0.0):
+        raise InputError(f"skin_rigidity: must be a finite number of N mm, 0 or more, not {skin_rigidity}")
     if not np.isfinite(gravity):
         raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
     parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
@@ -193,6 +222,11 @@ def build_model(
     corners = corners[tet_order]
     label = trunk.tissue[tet_order] if trunk.tissue is not None and len(tissues) > 1 else None
     rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel, memo)
+    elements = ENERGIES[energy](rest, gravity, weights)
+    skin = None
+    if skin_rigidity:
+        faces = number[trunk.skin_nodes[trunk.skin_faces]]
+        skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
     return Model(
         parallel=parallel,
         scalar=scalar,
@@ -203,8 +237,9 @@ def build_model(
         rest=rest.nodes,
         corners=corners,
         tets=rest.tets,
-        elements=ENERGIES[energy](rest, gravity, weights),
+        elements=elements,
         label=label,
+        skin=skin,
         memo=memo,
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .model import Model
-from .sag_free import at_rest, mesh_at
+from .sag_free import mesh_at, resting
 from .state import State
 
 MOVE = {"float32": 0.1, "float64": 1e-3}
@@ -49,7 +49,7 @@ def pull_of_rest(model: Model, displacement: np.ndarray, move: np.ndarray) -> np
 def _gradient(model: Model, move: np.ndarray, displacement: np.ndarray) -> np.ndarray:
     """The gradient of the free nodes where the rest state moves and the tissue stays."""
     rest = model.rest + move
-    state = State(replace(model, rest=rest, elements=at_rest(model, mesh_at(model, rest))))
+    state = State(replace(resting(model, mesh_at(model, rest)), rest=rest))
     state.displacement.assign(displacement - move)
     state.evaluate()
     return state.gradient.numpy()[model.free].astype(np.float64)

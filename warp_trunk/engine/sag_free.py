@@ -65,7 +65,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     scan = model.rest
     rest = scan.copy()
     scanned = mesh_at(model, scan)
-    work = replace(model, elements=at_rest(model, scanned))
+    work = resting(model, scanned)
     state = State(work)
     newton = Newton(state)
     products = ProductReader(state, newton.direction, state.gradient)
@@ -79,8 +79,9 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break
-        for name, values in work.elements.measures(mesh).items():
-            getattr(work.elements, name).assign(values)
+        for part in filter(None, (work.elements, work.skin)):
+            for name, values in part.measures(mesh).items():
+                getattr(part, name).assign(values)
         state.displacement.assign(scan - rest)
         state.evaluate()
         if newton.distance > tolerance:
@@ -92,7 +93,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if arrived:
-            found = replace(model, rest=rest, scan=scan - rest, elements=at_rest(model, mesh), memo=None)
+            found = replace(resting(model, mesh), rest=rest, scan=scan - rest, memo=None)
             return RestState(found, sag, newton.distance, rounds, spent)
         if math.isinf(newton.distance):
             raise InputError(
@@ -118,8 +119,12 @@ def mesh_at(model: Model, rest: np.ndarray) -> RestMesh:
     return RestMesh(rest, model.corners, model.tissues, None, model.scalar, model.parallel)
 
 
-def at_rest(model: Model, mesh: RestMesh) -> TetEnergy:
-    """The model's elements for another rest state, in arrays of their own."""
+def resting(model: Model, mesh: RestMesh) -> Model:
+    """The model with elements and skin for another rest state, in arrays of their own."""
+    return replace(model, elements=_at_rest(model, mesh), skin=model.skin and model.skin.at_rest(mesh))
+
+
+def _at_rest(model: Model, mesh: RestMesh) -> TetEnergy:
     elements = model.elements
     height_energy = mesh.height_energy(elements.gravity_weight.numpy())
     return replace(elements, gravity_at_rest=height_energy, **elements.measures(mesh))

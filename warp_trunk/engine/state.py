@@ -6,11 +6,13 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.elements import COLUMNS, INVERTED, NEWLY_INVERTED
+from warp_trunk.kernels.skin_bending import BENDING
 from warp_trunk.kernels.slabs import slab_kernels
 
 from .energies.energy import Energy
 from .host_report import Report
 from .model import Model
+from .parallel import in_turn
 
 
 class State:
@@ -40,10 +42,13 @@ class State:
         self.inverted = model.zeros(wp.int8, len(model.corners))
         self.sums = model.zeros(wp.float64, ranges, COLUMNS)
         self._told = Report(model.parallel, self.sums)
-        self._evaluate = model.over_tets(
-            model.elements.kernels.gradient,
-            [(start or self).inverted, self.displacement],
-            [self._slabs, self.inverted, self.sums],
+        self._evaluate = in_turn(
+            model.over_tets(
+                model.elements.kernels.gradient,
+                [(start or self).inverted, self.displacement],
+                [self._slabs, self.inverted, self.sums],
+            ),
+            *model.over_hinges("gradient", [self.displacement], [self._slabs, self.sums]),
         )
         self._sent = [
             wp.empty(model.nodes, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda) for _ in range(2)
@@ -73,7 +78,8 @@ class State:
         """Energies, inverted and newly inverted tetrahedra of the last evaluation; reads the device once."""
         sums = self._told.read().sum(axis=0)
         elements = self.model.elements
-        terms = {name: float(sums[elements.columns[name]]) for name in elements.terms}
+        columns = {**elements.columns, "bending": BENDING}
+        terms = {name: float(sums[columns[name]]) for name in self.model.terms}
         if "gravity" in terms:
             terms["gravity"] += elements.gravity_at_rest
         energy = Energy(terms)

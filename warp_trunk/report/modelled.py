@@ -25,6 +25,7 @@ def modelled(summary: Summary) -> list[str]:
         f"Soft tissue: {_tissues(summary.tissues)} in {summary.tets:,} tetrahedra, as {energy} "
         f"(terms: {', '.join(terms)}).",
         f"Bones: {BONES.get(bones, bones)}, in {len(summary.increments)} equal parts.",
+        f"Skin: {_skin(terms)}.",
         f"Gravity: {_gravity(options)}.",
         f"Inverted tetrahedra at the end: {summary.inverted_tets}.",
     ]
@@ -49,6 +50,10 @@ def _tissues(tissues: Sequence[Tissue]) -> str:
         return "one elastic material"
     moduli = ", ".join(f"{tissue.youngs_modulus:g}" for tissue in tissues)
     return f"{len(tissues)} elastic materials (Young's moduli from the skin inwards {moduli} kPa)"
+
+
+def _skin(terms: Sequence[str]) -> str:
+    return "a thin plate that resists bending" if "bending" in terms else "the surface of the tissue, no more"
 
 
 def _gravity(options: Mapping[str, Any]) -> str:

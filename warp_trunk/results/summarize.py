@@ -60,7 +60,7 @@ def summarize(
         parameters={**constants, "gravity": model.gravity, **(parameters or {})},
         sag_mm=0.0 if model.scan is None else float(np.linalg.norm(model.scan, axis=1).max()),
         tissues=model.tissues,
-        terms=tuple(model.elements.terms),
+        terms=model.terms,
         increments=tuple(_increment(increment) for increment in increments),
         bsr_deg=RotationSummary(before=before.bsr, after=after.bsr, actual=None if actual is None else actual.bsr),
         cobb_deg=CobbSummary(

@@ -14,6 +14,15 @@ from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 from warp_trunk.recording import FurtherColour
 
+SKIN_RIGIDITY = 0.4
+"""Flexural rigidity of skin [N mm], E h^3 / 9 where it keeps its volume: 2 mm of 0.42 MPa give 0.37.
+
+The thickness is that of `case/layers.py`, the modulus that of people under 30 by torsion in vivo, later 0.85 MPa
+(Agache, Monneur, Leveque and De Rigal, Arch. Dermatol. Res. 269, 1980, 221-232, n = 138). By suction, 130 kPa, it
+is 0.12; 2.5 mm of 0.85 MPa give 1.5.
+"""
+MOST_RIGIDITY = 1000.0
+"""That of 25 mm of skin [N mm]; a larger number is in another unit."""
 MOST_GRAVITY = 1000.0
 """A hundred times that of the Earth [m/s^2]."""
 
@@ -31,6 +40,9 @@ class RunOptions:
     weights: WeightsName = "count"
     """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the papers') or volume (what it
     stands for, so that tissue is not stiffer where tetrahedra are small)."""
+    skin_rigidity: float | None = None
+    """What skin resists bending with, its flexural rigidity [N mm], 0 is off; when left out 0.4 where ribs follow
+    as rigid bodies, whose motion would crumple it, and off with the spline (the papers)."""
     device: str = "auto"
     """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
     precision: Literal["float32", "float64"] = "float32"
@@ -68,12 +80,24 @@ class RunOptions:
     increments, but single steps only of the new ones."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a gravity that no place has, before any work."""
+        """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
+        if self.skin_rigidity is not None and not 0.0 <= self.skin_rigidity <= MOST_RIGIDITY:
+            raise InputError(
+                f"skin_rigidity: must be from 0 to {MOST_RIGIDITY:g} N mm, not {self.skin_rigidity:g}; "
+                f"that of 2 mm of skin is about {SKIN_RIGIDITY:g}"
+            )
         if not 0.0 <= self.gravity <= MOST_GRAVITY:  # nor is NaN
             raise InputError(
                 f"gravity: must be from 0 to {MOST_GRAVITY:g} m/s^2, for it pulls down by itself, not "
                 f"{self.gravity:g}; give 9.81"
             )
+
+    @property
+    def rigidity_of_skin(self) -> float:
+        """`skin_rigidity`, or what is taken where it is left out [N mm]."""
+        if self.skin_rigidity is not None:
+            return self.skin_rigidity
+        return SKIN_RIGIDITY if self.bones == "follow" else 0.0
 
 
 def parameters(options: RunOptions) -> dict[str, Any]:
@@ -89,6 +113,7 @@ def parameters(options: RunOptions) -> dict[str, Any]:
 
     add(dataclasses.asdict(options))
     del flat["resume"]
+    flat["skin_rigidity"] = options.rigidity_of_skin
     if options.from_mesh is not None:
         flat["from_mesh"] = str(options.from_mesh)
         for name in dataclasses.asdict(options.mesh):

@@ -189,6 +189,7 @@ def patient_of(
             tissues,
             energy=options.energy,
             weights=options.weights,
+            skin_rigidity=options.rigidity_of_skin,
             gravity=options.gravity,
             device=parallel,
             precision=options.precision,
@@ -207,7 +208,10 @@ def _set_up(
     if not options.mesh.cache or (options.gravity != 0.0 and options.rest == "sag-free"):
         return None
     device = "cuda" if parallel.is_cuda else f"cpu {parallel.ranges}"
-    settings = (tissues, options.energy, options.weights, options.gravity, options.precision, device)
+    settings = (
+        *(tissues, options.energy, options.weights, options.rigidity_of_skin),
+        *(options.gravity, options.precision, device),
+    )
     return SetUpCache(trunk, repr(settings))
 
 

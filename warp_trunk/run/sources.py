@@ -16,6 +16,7 @@ import numpy as np
 from warp_trunk.bone_motion.bone_path import rigid_displacement, spline_path
 from warp_trunk.case.rib_shares import RANGES
 from warp_trunk.case.uncertainty import FACTORS, REFERENCES
+from warp_trunk.engine.constants import value_of
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
 
 from .options import RunOptions
@@ -162,7 +163,7 @@ def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
         spread = getattr(case.uncertainty, constant.name, None)
         if spread is None or spread == (1.0 if constant.name in FACTORS else 0.0):
             continue
-        value = getattr(prepared.model.tissues[constant.tissue or 0], constant.name)
+        value = value_of(prepared.model, constant)
         change = value * math.log(spread) if constant.name in FACTORS else spread
         by_kind.setdefault(name if constant.name == "youngs_modulus" else constant.name, {})[name] = change
     for kind, changes in by_kind.items():

@@ -19,7 +19,7 @@ class Energy:
     terms: dict[str, float]
     """By name, those that the scene uses. itmsm, eq. 4.6 of [2], has `distance` (edges), `area` (faces, with
     epsilon) and `volume` (with theta), the neo-Hookean energy `volume` (lambda / 2 (J - 1)^2) and `shape` (the
-    terms in mu); both have `gravity`, with the sign of physics."""
+    terms in mu); both have `gravity`, with the sign of physics, and `bending` of the skin."""
 
     @property
     def total(self) -> float:
@@ -82,6 +82,10 @@ class TetEnergy(Protocol):
         The energy is linear in them: put in their place, their derivative in a constant gives the derivative of
         energy, gradient and curvature in it.
         """
+        ...
+
+    def per_millijoule(self, rest: RestMesh) -> float:
+        """Units of the energy in a mJ, for the tissues of a mesh."""
         ...
 
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:

@@ -71,6 +71,10 @@ class Itmsm:
         """What the arrays of these names hold for the tissues of a mesh; see `TetEnergy`."""
         return weights(rest, gravity, self.shares)[0]
 
+    def per_millijoule(self, rest: RestMesh) -> float:
+        """2 / k_D, from Young's modulus; see `TetEnergy` and `k_d`."""
+        return 2e-3 / k_d(rest, self.shares.edges)
+
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Eq. 4.8 to 4.10 of [2]; see `TetEnergy`."""
 
@@ -184,18 +188,22 @@ def measures(rest: RestMesh, area: bool) -> dict[str, wp.array]:
 
 
 def gravity_weights(rest: RestMesh, gravity: float, edges: float) -> tuple[float, np.ndarray]:
-    """alpha of eq. 4.6, and the weight of gravity per mm^3 and mm, shape (1,) or (tets,).
-
-    k_D [J] follows from Young's modulus: edges of energy k_D/2 s^2 that point every way give a bar
-    of volume V the energy (k_D/2) N s^2 / 5 at uniaxial strain s, which a continuum gives as
-    E V s^2 / 2, so k_D = 5 E V / N for N edges in the volume V. That makes the sag of the tissue
-    depend on its modulus and not on the size of the tetrahedra.
-    """
+    """alpha of eq. 4.6, and the weight of gravity per mm^3 and mm, shape (1,) or (tets,)."""
     density = rest.by_tissue([tissue.density for tissue in rest.tissues])
     if gravity == 0.0:
         return 0.0, np.zeros(len(density))
-    k_d = 5.0 * rest.tissues[0].youngs_modulus * 1e3 * rest.volume.sum() * 1e-9 / edges
     mean_mass = (density * rest.volume).mean() * 1e-9
     height_m = np.ptp(rest.nodes[:, 2]) * 1e-3
-    alpha = 2.0 * gravity * mean_mass * height_m / k_d
+    alpha = 2.0 * gravity * mean_mass * height_m / k_d(rest, edges)
     return float(alpha), alpha * 0.25 * density * 1e-9 / (mean_mass * height_m * 1e3)
+
+
+def k_d(rest: RestMesh, edges: float) -> float:
+    """k_D of eq. 4.6 [J], from the Young's modulus of the first tissue and the number of edges.
+
+    Edges of energy k_D/2 s^2 that point every way give a bar of volume V the energy (k_D/2) N s^2 / 5 at uniaxial
+    strain s, which a continuum gives as E V s^2 / 2, so k_D = 5 E V / N for N edges in the volume V. That makes
+    what is weighed against tissue, gravity and the bending of skin, depend on its modulus and not on the size of
+    the tetrahedra.
+    """
+    return float(5.0 * rest.tissues[0].youngs_modulus * 1e3 * rest.volume.sum() * 1e-9 / edges)

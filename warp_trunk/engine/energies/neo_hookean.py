@@ -58,6 +58,10 @@ class NeoHookean:
         """What the arrays of these names hold for the tissues of a mesh; see `TetEnergy`."""
         return weights(rest, gravity)
 
+    def per_millijoule(self, rest: RestMesh) -> float:
+        """1: it is in mJ; see `TetEnergy`."""
+        return 1.0
+
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Stable neo-Hookean (Smith, de Goes and Kim 2018, eq. 14), zero at rest; see `TetEnergy`."""
         mu, bulk = of_each(self.moduli.numpy().astype(np.float64), tets).T

@@ -39,8 +39,8 @@ class BlockMatrix:
         self.sparsity = sparsity or find_sparsity(model)
         self.blocks = model.zeros(mat33, model.parallel.ranges, self.sparsity.blocks)
         self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
-        record, kernels = self.sparsity.assembly.into(self.blocks, state.displacement), model.elements.kernels
-        self._set_positive, self._set_true = record(kernels.curvature), record(kernels.true_curvature)
+        record = self.sparsity.assembly.into(self.blocks, state.displacement)
+        self._set_positive, self._set_true = record("curvature"), record("true_curvature")
         self._half = None if model.parallel.is_cuda else HalfRows(model, self.sparsity, self.blocks)
         self._invert_diagonal = model.over_free(
             sparse_kernels(model.scalar).invert_diagonal,

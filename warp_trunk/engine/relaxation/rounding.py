@@ -27,11 +27,16 @@ class Rounding:
 
     def __init__(self, state: State, matrix: BlockMatrix, preconditioner: Preconditioner) -> None:
         """For a state and the matrix as they are at the time of a solve."""
-        model, elements = state.model, state.model.elements
-        shape: wp.array = getattr(elements, elements.shape)
-        changed = model.array(self._change(shape.numpy(), model.precision), model.vec3)
+        model, elements, skin = state.model, state.model.elements, state.model.skin
+
+        def changed(shape: wp.array) -> wp.array:
+            return model.array(self._change(shape.numpy(), model.precision), model.vec3)
+
+        elements = replace(elements, **{elements.shape: changed(getattr(elements, elements.shape))})
+        if skin is not None:
+            skin = replace(skin, rest_edge=changed(skin.rest_edge))
         self._state = state
-        self._sample = State(replace(model, elements=replace(elements, **{elements.shape: changed})))
+        self._sample = State(replace(model, elements=elements, skin=skin))
         self._right_side = model.free_vectors()
         self._subtract = model.over_free(
             loop_kernels(*model.variant).step,

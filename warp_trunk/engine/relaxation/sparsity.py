@@ -53,15 +53,15 @@ def find_sparsity(model: Model) -> Sparsity:
 
 def _pattern(model: Model) -> dict[str, np.ndarray]:
     """Compressed rows, and the place of each corner pair in its row, from 1; 0 with a prescribed corner."""
-    return Adjacency(model.parallel, model.tets, model.nodes).rows(model.free_nodes)
+    return Adjacency(model.parallel, model.stencils_there, model.nodes).rows(model.free_nodes)
 
 
 def _is_pattern(known: Arrays, model: Model) -> bool:
     row_start, columns, place = known["row_start"], known["columns"], known["place"]
-    size, tets = model.free_nodes, len(model.corners)
+    size, corners = model.free_nodes, model.stencils
     if (
         row_start.shape != (size + 1,)
-        or place.shape != (tets, 16)
+        or place.shape != (len(corners), 16)
         or (row_start.dtype, columns.dtype)
         != (
             np.int32,
@@ -69,7 +69,7 @@ def _is_pattern(known: Arrays, model: Model) -> bool:
         )
     ):
         return False
-    length = np.append(np.diff(row_start), 0)[np.minimum(model.corners, size)]
+    length = np.append(np.diff(row_start), 0)[np.minimum(corners, size)]
     return bool(
         row_start[0] == 0
         and (np.diff(row_start) > 0).all()

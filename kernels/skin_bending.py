@@ -1,0 +1,170 @@
+"""Bending of the skin: the change of the angle between neighbouring skin triangles, of each a spring.
+
+A hinge is two triangles on one edge: corners 0 and 1 are the edge, 2 and 3 the others. Gradient and second
+derivatives of the angle as in Tamstorf and Grinspun, Discrete bending forces and their Jacobians (Graphical Models
+2013), written on the edge vectors a, b, c from corner 0 to 1, 2, 3.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from .elements import COLUMNS, add_gradient, curvature_adder, sums_of_blocks, vec16i
+from .reduction import adder
+
+BENDING = COLUMNS - 1
+"""Column of its energy, whichever energy the tissue has."""
+
+
+@wp.func
+def hinge_angle(a: Any, b: Any, c: Any):
+    """Angle between the normals of the triangles 0 1 2 and 1 0 3, positive where they fold away from them."""
+    n = wp.cross(a, b)
+    m = wp.cross(c, a)
+    return wp.atan2(wp.dot(wp.cross(n, m), a), wp.length(a) * wp.dot(n, m))
+
+
+@wp.func
+def over_square(v: Any):
+    """v / |v|^2, zero where v is zero."""
+    square = wp.dot(v, v)
+    if square > type(square)(0.0):
+        return v / square
+    return v - v
+
+
+@wp.func
+def hinge_gradient(a: Any, b: Any, c: Any):
+    """Gradient of the angle in a, b and c."""
+    length = wp.length(a)
+    gb = -length * over_square(wp.cross(a, b))
+    gc = -length * over_square(wp.cross(c, a))
+    along = over_square(a)
+    return -(wp.dot(along, b) * gb + wp.dot(along, c) * gc), gb, gc
+
+
+@wp.func
+def turned(n: Any):
+    """Derivative of n / |n|^2 in n, zero where n is zero."""
+    square = wp.dot(n, n)
+    identity = wp.identity(n=3, dtype=type(square))
+    if square > type(square)(0.0):
+        return (identity - (wp.outer(n, n) + wp.outer(n, n)) / square) / square
+    return identity - identity
+
+
+@wp.func
+def hinge_curvature(a: Any, b: Any, c: Any):
+    """Second derivatives (aa, ab, ac, bb, cc) of the angle; bc vanishes."""
+    length = wp.length(a)
+    n = wp.cross(a, b)
+    m = wp.cross(c, a)
+    gb = -length * over_square(n)
+    gc = -length * over_square(m)
+    along = over_square(a)
+    of_b = wp.dot(along, b)
+    of_c = wp.dot(along, c)
+    n_turned = length * turned(n)
+    m_turned = length * turned(m)
+    bb = -n_turned * wp.skew(a)
+    cc = m_turned * wp.skew(a)
+    ba = wp.outer(gb, along) + n_turned * wp.skew(b)
+    ca = wp.outer(gc, along) - m_turned * wp.skew(c)
+    square = wp.dot(along, along)
+    db = b * square - (of_b + of_b) * along
+    dc = c * square - (of_c + of_c) * along
+    aa = -(wp.outer(gb, db) + of_b * ba + wp.outer(gc, dc) + of_c * ca)
+    return aa, wp.transpose(ba), wp.transpose(ca), bb, cc
+
+
+@wp.func
+def angle_change(angle: Any, rest_angle: Any):
+    """By how much an angle is larger than at rest, from -pi to pi."""
+    turn = type(angle)(wp.static(2.0 * wp.pi))
+    change = angle - rest_angle
+    return change - turn * wp.round(change / turn)
+
+
+@cache
+def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+    """The kernels `gradient`, `curvature` (made positive) and `true_curvature` in one precision."""
+    add, add_curvature, blocks_type = adder(cuda), curvature_adder(scalar, cuda), sums_of_blocks(scalar, cuda)
+    vec3 = wp.types.vector(3, scalar)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def gradient_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        hinges: wp.array(dtype=wp.vec4i),
+        rest_edge: wp.array(dtype=vec3, ndim=2),
+        rest_angle: wp.array(dtype=scalar),
+        stiffness: wp.array(dtype=scalar),
+        displacement: wp.array(dtype=vec3),
+        gradient: wp.array(dtype=vec3, ndim=2),
+        sums: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        h = first + wp.tid()
+        energy = scalar(0.0)
+        if h < end:
+            n = hinges[h]
+            u = displacement[n[0]]
+            a = rest_edge[h, 0] + (displacement[n[1]] - u)
+            b = rest_edge[h, 1] + (displacement[n[2]] - u)
+            c = rest_edge[h, 2] + (displacement[n[3]] - u)
+            change = angle_change(hinge_angle(a, b, c), rest_angle[h])
+            energy = stiffness[h] * change * change
+            moment = (stiffness[h] + stiffness[h]) * change
+            ga, gb, gc = hinge_gradient(a, b, c)
+            add_gradient(gradient, slab, n, -moment * (ga + gb + gc), moment * ga, moment * gb, moment * gc)
+        add(sums, slab, BENDING, wp.float64(energy))
+
+    def make_curvature(positive: bool) -> wp.Kernel:
+        @wp.kernel(module="unique", enable_backward=False)
+        def curvature_kernel(
+            first: int,
+            end: int,
+            slab: int,
+            hinges: wp.array(dtype=wp.vec4i),
+            rest_edge: wp.array(dtype=vec3, ndim=2),
+            rest_angle: wp.array(dtype=scalar),
+            stiffness: wp.array(dtype=scalar),
+            tets: int,
+            block_of: wp.array(dtype=vec16i),
+            displacement: wp.array(dtype=vec3),
+            blocks: blocks_type,
+        ):
+            h = first + wp.tid()
+            if h < end:
+                n = hinges[h]
+                u = displacement[n[0]]
+                a = rest_edge[h, 0] + (displacement[n[1]] - u)
+                b = rest_edge[h, 1] + (displacement[n[2]] - u)
+                c = rest_edge[h, 2] + (displacement[n[3]] - u)
+                k = stiffness[h] + stiffness[h]
+                ga, gb, gc = hinge_gradient(a, b, c)
+                aa = k * wp.outer(ga, ga)
+                ab = k * wp.outer(ga, gb)
+                ac = k * wp.outer(ga, gc)
+                bb = k * wp.outer(gb, gb)
+                bc = k * wp.outer(gb, gc)
+                cc = k * wp.outer(gc, gc)
+                if not wp.static(positive):
+                    moment = k * angle_change(hinge_angle(a, b, c), rest_angle[h])
+                    t_aa, t_ab, t_ac, t_bb, t_cc = hinge_curvature(a, b, c)
+                    aa += moment * t_aa
+                    ab += moment * t_ab
+                    ac += moment * t_ac
+                    bb += moment * t_bb
+                    cc += moment * t_cc
+                add_curvature(blocks, slab, tets + h, block_of, aa, ab, ac, bb, bc, cc)
+
+        return curvature_kernel
+
+    return SimpleNamespace(
+        gradient=gradient_kernel,
+        curvature=make_curvature(positive=True),
+        true_curvature=make_curvature(positive=False),
+    )

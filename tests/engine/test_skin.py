@@ -1,0 +1,144 @@
+"""A trunk whose skin resists bending: its matrix, rigid motions, gravity, and what is smoother for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.meshes import block, block_with_bone, rotation, with_skin
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.memo import Memo
+from warp_trunk.engine.model import EnergyName, build_model
+from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
+from warp_trunk.engine.sag_free import sag_free
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.state import State
+from warp_trunk.errors import InputError
+
+TRUNK = with_skin(block_with_bone((4, 4, 5), holes=((1, 2, 1), (2, 1, 3))))
+ENERGIES: tuple[EnergyName, ...] = ("itmsm", "neo-hookean")
+RIGIDITY = 30.0
+"""Of a skin about as stiff as a cell of the tissue [N mm]."""
+
+
+def dense(matrix: BlockMatrix) -> np.ndarray:
+    """The matrix over the free nodes."""
+    start, columns = matrix.sparsity.row_start.numpy(), matrix.sparsity.columns.numpy()
+    size = len(start) - 1
+    found = np.zeros((size, size, 3, 3))
+    found[np.repeat(np.arange(size), np.diff(start)), columns] = matrix.blocks.numpy()[0]
+    return found.transpose(0, 2, 1, 3).reshape(3 * size, 3 * size)
+
+
+def settle(move: np.ndarray, energy: EnergyName) -> Increment:
+    model = build_model(TRUNK, energy=energy, skin_rigidity=RIGIDITY, precision="float64", device="cpu", threads=1)
+    *_, last = simulate(model, BonePath(move), SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-6)))
+    assert last.relaxation.status is RelaxStatus.CONVERGED
+    return last
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("energy", ENERGIES)
+def test_the_matrix_is_that_of_differences_of_the_gradient(energy: EnergyName, threads: int) -> None:
+    model = build_model(
+        TRUNK, energy=energy, skin_rigidity=RIGIDITY, precision="float64", device="cpu", threads=threads
+    )
+    assert model.terms[-1] == "bending"
+    random, state = np.random.default_rng(1), State(model)
+    state.place(0.5 * random.normal(size=TRUNK.nodes.shape))
+    matrix = BlockMatrix(state)
+    matrix.assemble_true()
+    state.evaluate()
+    assert state.energy().terms["bending"] > 0.1 * state.energy().total
+    start, along = state.displacement.numpy().copy(), np.zeros((model.nodes, 3))
+    along[model.free] = random.normal(size=(model.free_nodes, 3))
+    ends = []
+    for sign in (1.0, -1.0):
+        state.displacement.assign(start + sign * 1e-6 * along)
+        state.evaluate()
+        ends.append((state.energy().total, state.gradient.numpy().copy()))
+    (high, up), (low, down) = ends
+    slope = np.vdot(0.5 * (up + down), along)
+    assert (high - low) / 2e-6 == pytest.approx(slope, rel=1e-6)
+    wanted = ((up - down) / 2e-6)[model.free].ravel()
+    found = dense(matrix) @ along[model.free].ravel()
+    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("energy", ENERGIES)
+def test_a_trunk_that_moves_as_a_whole_moves_rigidly(energy: EnergyName) -> None:
+    moved = TRUNK.nodes @ rotation(40.0, (1.0, 2.0, -0.5)).T + [5.0, -3.0, 20.0] - TRUNK.nodes
+    last = settle(moved, energy)
+    np.testing.assert_allclose(last.displacement, moved, atol=1e-5)
+    assert last.relaxation.energy.total < 1e-9
+
+
+@pytest.mark.parametrize("energy", ENERGIES)
+def test_tissue_that_is_not_moved_stays(energy: EnergyName) -> None:
+    last = settle(np.zeros_like(TRUNK.nodes), energy)
+    assert np.abs(last.displacement).max() < 1e-12
+
+
+@pytest.mark.parametrize("energy", ENERGIES)
+def test_shortened_tissue_is_smoother_under_a_stiffer_skin(energy: EnergyName) -> None:
+    """A block whose base is shortened by a fifth: angles between the triangles of its top change less and less."""
+    trunk = with_skin(block((6, 6, 2), jitter=0.25))
+    move = (trunk.nodes - trunk.nodes.mean(axis=0)) * [-0.2, 0.0, 0.0]
+    bends = []
+    for rigidity in (1e-6, 1.0, 30.0):
+        model = build_model(
+            trunk, energy=energy, skin_rigidity=rigidity, precision="float64", device="cpu", threads=1
+        )
+        *_, last = simulate(model, BonePath(move), SimulationOptions(increments=2))
+        assert last.relaxation.status is RelaxStatus.CONVERGED
+        bends.append(last.relaxation.energy.terms["bending"] / rigidity)
+    assert bends[1] < 0.9 * bends[0]
+    assert bends[2] < 0.5 * bends[1]
+
+
+def test_the_scan_stands_under_gravity() -> None:
+    """The skin, too, is at rest where gravity pulls the trunk into the scan from, and there bends."""
+    model = build_model(
+        TRUNK,
+        energy="neo-hookean",
+        skin_rigidity=RIGIDITY,
+        gravity=9.81,
+        precision="float64",
+        device="cpu",
+        threads=1,
+    )
+    hung = sag_free(model, tolerance=1e-7).model
+    assert hung.scan is not None
+    assert np.abs(hung.scan).max() > 0.01
+    *_, last = simulate(hung, BonePath(np.zeros_like(TRUNK.nodes)), SimulationOptions(increments=1))
+    assert np.abs(last.displacement).max() < 1e-5
+    assert last.relaxation.energy.terms["bending"] > 1e-8
+
+
+def test_a_scene_without_it_is_none_of_its_business() -> None:
+    plain = build_model(replace(TRUNK, skin_faces=TRUNK.skin_faces[:0]), device="cpu", threads=1)
+    other = build_model(TRUNK, device="cpu", threads=1)
+    assert other.skin is None
+    assert other.terms == plain.terms
+    assert np.array_equal(other.stencils, plain.stencils)
+    assert Relaxer(other).state.model is other
+
+
+def test_what_is_remembered_without_skin_is_not_taken_with_it() -> None:
+    memo = Memo()
+    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=memo))
+    again = Memo(memo.asked)
+    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=again))
+    assert not again.is_new
+    stiff = Memo(memo.asked)
+    Relaxer(build_model(TRUNK, skin_rigidity=1.0, device="cpu", threads=1, memo=stiff))
+    assert stiff.is_new
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_refuses_a_rigidity_that_is_none(value: float) -> None:
+    with pytest.raises(InputError, match="skin_rigidity: must be"):
+        build_model(TRUNK, skin_rigidity=value, device="cpu")
