@@ -26,7 +26,8 @@ RIGIDITY = 30.0
 
 def dense(matrix: BlockMatrix) -> np.ndarray:
     """The matrix over the free nodes."""
-    start, columns = matrix.sparsity.row_start.numpy(), matrix.sparsity.columns.numpy()
+    start: np.ndarray = matrix.sparsity.row_start.numpy()
+    columns: np.ndarray = matrix.sparsity.columns.numpy()
     size = len(start) - 1
     found = np.zeros((size, size, 3, 3))
     found[np.repeat(np.arange(size), np.diff(start)), columns] = matrix.blocks.numpy()[0]

@@ -41,7 +41,7 @@ def warm(options: RunOptions) -> None:
     model = build_model(
         trunk,
         Tissue(),
-        energy=options.energy,
+        energy=options.energy_of_tissue,
         weights=options.weights,
         skin_rigidity=options.rigidity_of_skin,
         gravity=options.gravity,

@@ -35,8 +35,9 @@ class RunOptions:
     """How the trunk is meshed."""
     simulation: SimulationOptions = field(default_factory=SimulationOptions)
     """How the correction is applied."""
-    energy: EnergyName = "itmsm"
-    """Energy of the tissue: itmsm (springs on edges, faces, volumes; the papers') or neo-hookean (continuum)."""
+    energy: EnergyName | None = None
+    """Energy of the tissue: itmsm (springs on edges, faces, volumes; the papers') or neo-hookean (continuum); when
+    left out itmsm with the spline, and the continuum where ribs follow as rigid bodies, which crumple itmsm."""
     weights: WeightsName = "count"
     """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the papers') or volume (what it
     stands for, so that tissue is not stiffer where tetrahedra are small)."""
@@ -99,6 +100,13 @@ class RunOptions:
             return self.skin_rigidity
         return SKIN_RIGIDITY if self.bones == "follow" else 0.0
 
+    @property
+    def energy_of_tissue(self) -> EnergyName:
+        """`energy`, or what is taken where it is left out; weights by volume are those of itmsm."""
+        if self.energy is not None:
+            return self.energy
+        return "neo-hookean" if self.bones == "follow" and self.weights == "count" else "itmsm"
+
 
 def parameters(options: RunOptions) -> dict[str, Any]:
     """Every option by its own name, as on the command line; a resumed run is no other than a whole one."""
@@ -112,7 +120,9 @@ def parameters(options: RunOptions) -> dict[str, Any]:
                 flat[name] = value
 
     add(dataclasses.asdict(options))
-    del flat["resume"]
+    for name in ("resume", "energy", "skin_rigidity"):
+        del flat[name]
+    flat["energy"] = options.energy_of_tissue  # after what it goes by
     flat["skin_rigidity"] = options.rigidity_of_skin
     if options.from_mesh is not None:
         flat["from_mesh"] = str(options.from_mesh)

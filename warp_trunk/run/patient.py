@@ -187,7 +187,7 @@ def patient_of(
         model = build_model(
             trunk,
             tissues,
-            energy=options.energy,
+            energy=options.energy_of_tissue,
             weights=options.weights,
             skin_rigidity=options.rigidity_of_skin,
             gravity=options.gravity,
@@ -209,7 +209,7 @@ def _set_up(
         return None
     device = "cuda" if parallel.is_cuda else f"cpu {parallel.ranges}"
     settings = (
-        *(tissues, options.energy, options.weights, options.rigidity_of_skin),
+        *(tissues, options.energy_of_tissue, options.weights, options.rigidity_of_skin),
         *(options.gravity, options.precision, device),
     )
     return SetUpCache(trunk, repr(settings))

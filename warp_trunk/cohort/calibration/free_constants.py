@@ -131,9 +131,9 @@ def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
         return "" if options.bones == "follow" else "ribs have shares only where bones follow; give --bones follow"
     if of and not layered:
         return "the trunk has no layers; give --layers depth"
-    if constant in _OF_ITMSM and options.energy != "itmsm":
-        return f"it is a constant of the energy itmsm; these are simulated with {options.energy}"
-    if constant in _OF_CONTINUUM and options.energy == "itmsm":
+    if constant in _OF_ITMSM and options.energy_of_tissue != "itmsm":
+        return f"it is a constant of the energy itmsm; these are simulated with {options.energy_of_tissue}"
+    if constant in _OF_CONTINUUM and options.energy_of_tissue == "itmsm":
         return "it is a constant of the neo-Hookean energy; give --energy neo-hookean"
     if constant == "density" and not options.gravity:
         return "a density acts only with gravity; give --gravity 9.81"
