@@ -126,11 +126,19 @@ INVERTED = {
 def test_a_continuum_ends_in_a_true_way(name: str) -> None:
     """Also from the mirror image of the trunk, which the energy itmsm cannot leave."""
     ending = check_ending(replace(CONTINUUM_CASES[name](), energy="neo-hookean"))
-    if "collapse" in name:  # 6 m down, where float32 resolves no hundredth of a mm
-        assert ending.relaxation.status in (RelaxStatus.STALLED, RelaxStatus.STEP_LIMIT)
+    if "collapse" in name:  # how it ends hangs on last bits
         return
     assert ending.relaxation.status is RelaxStatus.CONVERGED
     assert ending.relaxation.inverted_tets == INVERTED.get(name, 0)
+
+
+@pytest.mark.parametrize(("tolerance", "threads", "seed"), [(0.1, 1, 0), (0.03, 2, 1)])
+def test_nothing_is_claimed_of_a_collapse_that_is_not_so(tolerance: float, threads: int, seed: int) -> None:
+    """6 m down the softest direction is 1e9 times as soft as the stiffest, and rounding moves it by 0.2 mm."""
+    case = turned_block(gravity=1e5, tolerance=tolerance, threads=threads, energy="neo-hookean")
+    noise = 0.1 * np.random.default_rng(seed).normal(size=case.displacement.shape)
+    moved = np.where(case.trunk.prescribed[:, None], 0.0, noise)
+    check_ending(replace(case, displacement=case.displacement + moved))
 
 
 def check_ending(case: Case) -> Ending:

@@ -20,6 +20,8 @@ from .rounding import Rounding
 
 ACCURACY = 0.1
 """The part of the tolerance that a solve may leave."""
+OPEN = 2.0
+"""So many tolerances are left at the least where a solve for every direction came to no end."""
 LEAST_NOISE = 1e-12
 """Noise on a gradient of zero: it finds a saddle all the same, and is no distance."""
 ROUNDED = 4.0
@@ -61,7 +63,8 @@ class Confirmation:
     for them, or no force points off a ridge. White noise as large as the gradient holds something of each. A
     residual that falls below its part of one direction, while no negative curvature is met, says that there is
     none, and an e within the tolerance leaves nothing open. A longer one may be due to the noise, which moves soft
-    tissue more than rounding does; if rounding is all that is left, n is a sample of it, see `Rounding`.
+    tissue more than rounding does; if rounding is all that is left, n is a sample of it, see `Rounding`. Where the
+    solve has to be given up, soft directions hide behind others 1e9 times as stiff: then nothing is claimed.
     """
 
     def __init__(self, state: State, matrix: BlockMatrix, preconditioner: Preconditioner) -> None:
@@ -105,13 +108,12 @@ class Confirmation:
         solution = self._with_noise.solve(ACCURACY * tolerance, 1.0 / math.sqrt(self._directions))
         if solution.bent:
             return Verdict(math.inf, self._with_noise.search, solution.iterations)
-        spent = solution.iterations
-        probed = tolerance, solution.longest
+        spent, probed = solution.iterations, (tolerance, solution.longest)
+        least = tolerance * (OPEN if solution.exhausted else ACCURACY)
         if floor + self._reach(solution, last, *probed) > tolerance:
             rounded = self._solve_rounded(tolerance, norm)
             if rounded is not None:
                 solution, spent = rounded, spent + rounded.iterations
-        least = ACCURACY * tolerance  # a solve leaves so much
         return Verdict(max(floor + self._reach(solution, last, *probed), least), None, spent)
 
     def _reach(self, solution: LinearSolution, last: Step | None, tolerance: float, longest: float) -> float:

@@ -46,6 +46,8 @@ class LinearSolution:
     """Whether a search direction of negative curvature was met; the solve ended there and `search` holds it."""
     norm: float
     """The square root of g . M^-1 g."""
+    exhausted: bool = False
+    """Whether the bound of iterations ended it, and nothing is known of what is left."""
 
 
 class ConjugateGradient:
@@ -71,6 +73,7 @@ class ConjugateGradient:
         """
         self.model = model = matrix.model
         ranges = model.parallel.ranges
+        self._most_iterations = most_iterations
         self._earlier = model.free_vectors()
         (x, runs_of_x), (r, runs_of_r), (p, runs_of_p), (z, runs_of_z), (q, runs_of_q) = (
             in_runs(model) for _ in range(5)
@@ -139,6 +142,7 @@ class ConjugateGradient:
             left=float(outcome[LEFT]),
             bent=bool(outcome[BENT]),
             norm=float(outcome[NORM]),
+            exhausted=outcome[ITERATIONS] >= self._most_iterations,
         )
 
     def norm(self) -> float:
