@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .reduction import adder, keep_largest
+from .reduction import adder, largest_keeper
 
 CHANGE, LONGEST, SUM = range(3)
 """Columns of the extent of a solution."""
@@ -64,9 +64,31 @@ def stepping(
 @cache
 def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels of the loop, in its order, in one precision; for CUDA see `all_grids` and `row_product`, too."""
-    add = adder(cuda)
+    add, keep_largest = adder(cuda), largest_keeper(cuda)
     vec3 = wp.types.vector(3, scalar)
     run = wp.types.vector(RUN, scalar)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def forget_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        r_dot_z: wp.array(dtype=wp.float64),
+        p_dot_q: wp.array(dtype=wp.float64),
+        iteration: wp.array(dtype=wp.int32),
+        outcome: wp.array(dtype=wp.float64),
+        go_on: wp.array(dtype=wp.int32),
+    ):
+        """Clears what is known of the last solve; in one launch, as each array of its own takes as long."""
+        i = first + wp.tid()
+        if i < end:
+            r_dot_z[i] = wp.float64(0.0)
+            p_dot_q[i] = wp.float64(0.0)
+        if i < outcome.shape[0]:
+            outcome[i] = wp.float64(0.0)
+        if i == 0:
+            iteration[0] = 0
+            go_on[0] = 1
 
     @wp.kernel(module="unique", enable_backward=False)
     def start_kernel(
@@ -217,6 +239,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             go_on[0] = 1
 
     return SimpleNamespace(
+        forget=forget_kernel,
         start=start_kernel,
         advance=advance_kernel,
         turn=turn_kernel,

@@ -45,7 +45,8 @@ def add_block(blocks: wp.array2d(dtype=Any), slab: int, block: int, value: Any):
 def curvature_adder(scalar: type, cuda: bool) -> Any:
     """The function that adds the second derivatives of a tetrahedron in the edge vectors from corner 0.
 
-    On the CPU it adds them to the blocks of the four nodes; on CUDA it keeps them for who gathers them.
+    On the CPU it adds them to the blocks of the four nodes; on CUDA it keeps them for who gathers them, and an
+    item past the last tetrahedron keeps those of that one, for nobody.
     """
     keep_blocks = keeper(scalar)
 
@@ -53,6 +54,7 @@ def curvature_adder(scalar: type, cuda: bool) -> Any:
     def add_curvature(
         blocks: Any,
         slab: int,
+        item: int,
         t: int,
         block_of: wp.array(dtype=vec16i),
         aa: Any,
@@ -64,7 +66,7 @@ def curvature_adder(scalar: type, cuda: bool) -> Any:
     ):
         oo, oa, ob, oc = with_corner_0(aa, ab, ac, bb, bc, cc)
         if wp.static(cuda):
-            keep_blocks(blocks, t, oo, oa, ob, oc, aa, ab, ac, bb, bc, cc)
+            keep_blocks(blocks, item, oo, oa, ob, oc, aa, ab, ac, bb, bc, cc)
         else:
             at = block_of[t]
             add_block(blocks, slab, at[0], oo)

@@ -8,20 +8,40 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .row_product import NUMBERS, ROWS, WARP
+from .row_product import PLANES as NUMBERS
 
+WARP = 32
+"""Threads of a warp."""
+SHARED = 3
+"""Blocks that a warp shares among its first 27 threads, each one number of a block."""
 vec16i = wp.types.vector(16, wp.int32)
 PAIRS = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 """The pairs of corners whose blocks a tetrahedron keeps; those of the others are transposed ones."""
 
 PARTS = len(PAIRS)
 """Their number."""
+SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""The numbers that are kept of the symmetric block of a corner with itself."""
+KEPT = 80
+"""Numbers that a tetrahedron keeps: those blocks, then the others, then none up to whole sectors of 32 bytes."""
 
 
-def kept_numbers(scalar: type) -> int:
-    """Numbers that a tetrahedron keeps: those of its blocks, filled up to whole reads of 16 bytes."""
-    whole = _pack(scalar)[1]
-    return -(-NUMBERS * PARTS // whole) * whole
+def _places() -> list[int]:
+    """Where the numbers of each part begin."""
+    places, symmetric, others = [], 0, 4 * len(SYMMETRIC)
+    for a, b in PAIRS:
+        places.append(symmetric if a == b else others)
+        symmetric, others = (symmetric + len(SYMMETRIC), others) if a == b else (symmetric, others + NUMBERS)
+    return places
+
+
+PLACES = wp.constant(wp.types.vector(PARTS, wp.int32)(*_places()))
+"""Where the numbers of each part begin among those that are kept."""
+
+
+def threads_over(blocks: int) -> int:
+    """Threads that gather so many blocks."""
+    return -(-blocks // SHARED) * WARP
 
 
 def _pack(scalar: type) -> tuple[str, int]:
@@ -31,25 +51,43 @@ def _pack(scalar: type) -> tuple[str, int]:
 
 @cache
 def keeper(scalar: type):
-    """The function that keeps the second derivatives of a tetrahedron in the edge vectors from corner 0."""
+    """The function that keeps the second derivatives of a tetrahedron in the edge vectors from corner 0.
+
+    All threads of a warp must call it. Neighbouring threads swap half of what they keep, so that each pair writes
+    whole sectors: in halves, they took the memory twice as long.
+    """
     mat33 = wp.types.matrix((3, 3), scalar)
     pack, whole = _pack(scalar)
-    size = kept_numbers(scalar)
-    numbers = ", ".join(f"kept[{whole} * n + {k}]" for k in range(whole))
+    numbers = [f"{block}.data[{a}][{b}]" for block in ("oo", "aa", "bb", "cc") for a, b in SYMMETRIC]
+    numbers += [
+        f"{block}.data[{n // 3}][{n % 3}]"
+        for block in ("oa", "ob", "oc", "ab", "ac", "bc")
+        for n in range(NUMBERS)
+    ]
+    own, others = (", ".join(f"{name}[{k}]" for k in range(whole)) for name in ("even", "odd"))
 
     @wp.func_native(f"""
-    const decltype(aa)* blocks[{PARTS}] = {{&oo, &oa, &ob, &oc, &aa, &ab, &ac, &bb, &bc, &cc}};
-    decltype(+*parts.data) kept[{size}];
+    typedef decltype(+*parts.data) number;
+    const number kept[{KEPT}] = {{{", ".join(numbers)}}};
+    const bool is_odd = threadIdx.x % 2;
+    {pack}* to = reinterpret_cast<{pack}*>(parts.data + (size_t){KEPT} * (item - is_odd)) + is_odd;
     #pragma unroll
-    for (int n = 0; n < {size}; ++n)
-        kept[n] = n < {NUMBERS * PARTS} ? blocks[n / 9]->data[n % 9 / 3][n % 3] : 0;
-    {pack}* to = reinterpret_cast<{pack}*>(parts.data + (size_t){size} * tet);
-    #pragma unroll
-    for (int n = 0; n < {size // whole}; ++n) to[n] = make_{pack}({numbers});
+    for (int n = 0; n < {KEPT}; n += {2 * whole}) {{
+        number even[{whole}], odd[{whole}];
+        #pragma unroll
+        for (int k = 0; k < {whole}; ++k) {{
+            const number first = kept[n + k], second = kept[n + {whole} + k];
+            const number swapped = __shfl_xor_sync(0xffffffffu, is_odd ? first : second, 1);
+            even[k] = is_odd ? swapped : first;
+            odd[k] = is_odd ? second : swapped;
+        }}
+        to[n / {whole}] = make_{pack}({own});
+        to[({KEPT} + n) / {whole}] = make_{pack}({others});
+    }}
     """)
     def keep_blocks(
         parts: wp.array(dtype=scalar),
-        tet: wp.int32,
+        item: wp.int32,
         oo: mat33,
         oa: mat33,
         ob: mat33,
@@ -95,6 +133,7 @@ def gathering_kernels(scalar: type) -> SimpleNamespace:
         end: int,
         slab: int,
         blocks: int,
+        symmetric: int,
         start: wp.array(dtype=wp.int32),
         place: wp.array(dtype=wp.int32),
         block: wp.array(dtype=wp.int32),
@@ -102,14 +141,19 @@ def gathering_kernels(scalar: type) -> SimpleNamespace:
         parts: wp.array(dtype=scalar),
         numbers: wp.array(dtype=scalar),
     ):
-        """Sets blocks to the sums of their parts, and those below the diagonal to the transposed ones."""
+        """Sets blocks to the sums of their parts, and those below the diagonal to the transposed ones.
+
+        The `symmetric` first blocks gather such parts alone.
+        """
         item = first + wp.tid()
         lane = item % WARP
-        i = ROWS * (item // WARP) + lane // NUMBERS
-        if lane < ROWS * NUMBERS and i < blocks:
+        i = SHARED * (item // WARP) + lane // NUMBERS
+        if lane < SHARED * NUMBERS and i < blocks:
             along = lane % NUMBERS
             across = 3 * (along % 3) + along // 3
-            total = sum_of_parts(parts, place, start[i], start[i + 1], along, across)
+            low = wp.min(along, across) // 3
+            kept = wp.where(i < symmetric, low * (5 - low) // 2 + wp.max(along, across) // 3, along)
+            total = sum_of_parts(parts, place, start[i], start[i + 1], kept, across)
             numbers[NUMBERS * block[i] + along] = total
             if mirrored[i] != block[i]:
                 numbers[NUMBERS * mirrored[i] + across] = total
@@ -146,7 +190,6 @@ def blocks_of_rows(
 
 @wp.kernel(enable_backward=False)
 def list_parts(
-    kept: int,
     count: int,
     block_of: wp.array(dtype=vec16i),
     number: wp.array(dtype=wp.int32),
@@ -162,7 +205,7 @@ def list_parts(
         for b in range(a, 4):
             at = block_of[t][4 * a + b]
             image = block_of[t][4 * b + a]
-            place = kept * t + NUMBERS * part
+            place = KEPT * t + PLACES[part]
             key = wp.int32(-1)
             if at >= 0:
                 key = number[at]

@@ -8,17 +8,20 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .reduction import adder, keep_largest
+from .reduction import columns_adder, largest_keeper
 
 SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)
 """Columns of the products."""
+PRODUCTS = 6
+"""Their number."""
 
 
 @cache
 def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels of the loop, in one precision."""
-    add = adder(cuda)
+    add, keep_largest = columns_adder(cuda, PRODUCTS), largest_keeper(cuda)
     vec3 = wp.types.vector(3, scalar)
+    products_type = wp.types.vector(PRODUCTS, wp.float64)
 
     @wp.kernel(module="unique", enable_backward=False)
     def step_kernel(
@@ -47,28 +50,18 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     ):
         """Products of the gradient with itself, with the direction and with an earlier gradient."""
         i = first + wp.tid()
-        slope = wp.float64(0.0)
-        g2 = wp.float64(0.0)
-        d2 = wp.float64(0.0)
-        change = wp.float64(0.0)
-        before = wp.float64(0.0)
-        old2 = wp.float64(0.0)
+        found = products_type()
         if i < end:
             g = gradient[i]
             d = direction[i]
             old = previous[i]
-            slope = wp.float64(wp.dot(g, d))
-            g2 = wp.float64(wp.dot(g, g))
-            d2 = wp.float64(wp.dot(d, d))
-            change = wp.float64(wp.dot(g, g - old))
-            before = wp.float64(wp.dot(old, d))
-            old2 = wp.float64(wp.dot(old, old))
-        add(products, slab, SLOPE, slope)
-        add(products, slab, GRADIENT_SQUARED, g2)
-        add(products, slab, DIRECTION_SQUARED, d2)
-        add(products, slab, GRADIENT_CHANGE, change)
-        add(products, slab, PREVIOUS_SLOPE, before)
-        add(products, slab, PREVIOUS_SQUARED, old2)
+            found[SLOPE] = wp.float64(wp.dot(g, d))
+            found[GRADIENT_SQUARED] = wp.float64(wp.dot(g, g))
+            found[DIRECTION_SQUARED] = wp.float64(wp.dot(d, d))
+            found[GRADIENT_CHANGE] = wp.float64(wp.dot(g, g - old))
+            found[PREVIOUS_SLOPE] = wp.float64(wp.dot(old, d))
+            found[PREVIOUS_SQUARED] = wp.float64(wp.dot(old, old))
+        add(products, slab, 0, found)
 
     @wp.kernel(module="unique", enable_backward=False)
     def descend_kernel(
@@ -119,8 +112,10 @@ def loop_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     ):
         """Largest squared length of a vector."""
         i = first + wp.tid()
+        squared = wp.float64(0.0)
         if i < end:
-            keep_largest(longest, slab, 0, wp.float64(wp.length_sq(vectors[i])))
+            squared = wp.float64(wp.length_sq(vectors[i]))
+        keep_largest(longest, slab, 0, squared)
 
     return SimpleNamespace(
         step=step_kernel,

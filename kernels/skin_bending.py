@@ -136,30 +136,30 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             displacement: wp.array(dtype=vec3),
             blocks: blocks_type,
         ):
-            h = first + wp.tid()
-            if h < end:
-                n = hinges[h]
-                u = displacement[n[0]]
-                a = rest_edge[h, 0] + (displacement[n[1]] - u)
-                b = rest_edge[h, 1] + (displacement[n[2]] - u)
-                c = rest_edge[h, 2] + (displacement[n[3]] - u)
-                k = stiffness[h] + stiffness[h]
-                ga, gb, gc = hinge_gradient(a, b, c)
-                aa = k * wp.outer(ga, ga)
-                ab = k * wp.outer(ga, gb)
-                ac = k * wp.outer(ga, gc)
-                bb = k * wp.outer(gb, gb)
-                bc = k * wp.outer(gb, gc)
-                cc = k * wp.outer(gc, gc)
-                if not wp.static(positive):
-                    moment = k * angle_change(hinge_angle(a, b, c), rest_angle[h])
-                    t_aa, t_ab, t_ac, t_bb, t_cc = hinge_curvature(a, b, c)
-                    aa += moment * t_aa
-                    ab += moment * t_ab
-                    ac += moment * t_ac
-                    bb += moment * t_bb
-                    cc += moment * t_cc
-                add_curvature(blocks, slab, tets + h, block_of, aa, ab, ac, bb, bc, cc)
+            item = first + wp.tid()
+            h = wp.min(item, end - 1)
+            n = hinges[h]
+            u = displacement[n[0]]
+            a = rest_edge[h, 0] + (displacement[n[1]] - u)
+            b = rest_edge[h, 1] + (displacement[n[2]] - u)
+            c = rest_edge[h, 2] + (displacement[n[3]] - u)
+            k = stiffness[h] + stiffness[h]
+            ga, gb, gc = hinge_gradient(a, b, c)
+            aa = k * wp.outer(ga, ga)
+            ab = k * wp.outer(ga, gb)
+            ac = k * wp.outer(ga, gc)
+            bb = k * wp.outer(gb, gb)
+            bc = k * wp.outer(gb, gc)
+            cc = k * wp.outer(gc, gc)
+            if not wp.static(positive):
+                moment = k * angle_change(hinge_angle(a, b, c), rest_angle[h])
+                t_aa, t_ab, t_ac, t_bb, t_cc = hinge_curvature(a, b, c)
+                aa += moment * t_aa
+                ab += moment * t_ab
+                ac += moment * t_ac
+                bb += moment * t_bb
+                cc += moment * t_cc
+            add_curvature(blocks, slab, tets + item, tets + h, block_of, aa, ab, ac, bb, bc, cc)
 
         return curvature_kernel
 

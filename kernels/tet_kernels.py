@@ -7,7 +7,7 @@ import warp as wp
 from .elements import FIRST_TERM, INVERTED, NEWLY_INVERTED, add_gradient, curvature_adder, sums_of_blocks
 from .formulas import TetFormulas
 from .gathering import vec16i
-from .reduction import adder
+from .reduction import columns_adder
 from .tet_loops import curvature_loop, gradient_loop
 
 
@@ -38,9 +38,9 @@ def item_kernels(formulas: TetFormulas, cuda: bool) -> SimpleNamespace:
 
 def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
     scalar, evaluate, elements_type = formulas.scalar, formulas.evaluate, formulas.elements
-    add = adder(cuda)
-    vec3, vec4 = wp.types.vector(3, scalar), wp.types.vector(4, scalar)
-    on = [FIRST_TERM + k in formulas.columns for k in range(4)]
+    used = max(formulas.columns) + 1
+    add, sums_type = columns_adder(cuda, used), wp.types.vector(used, wp.float64)
+    vec3 = wp.types.vector(3, scalar)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gradient_kernel(
@@ -56,30 +56,23 @@ def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
         sums: wp.array(dtype=wp.float64, ndim=2),
     ):
         t = first + wp.tid()
-        e = vec4()
-        is_inverted = wp.int32(0)
-        is_new = wp.int32(0)
+        found = sums_type()
         if t < end:
             n = tets[t]
             e, growth, g0, g1, g2, g3 = evaluate(
                 elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]]
             )
             add_gradient(gradient, slab, n, g0, g1, g2, g3)
+            for k in range(FIRST_TERM, wp.static(used)):
+                found[k] = wp.float64(e[k - FIRST_TERM])
+            is_inverted = wp.int8(0)
             if not (growth > scalar(-1.0)):
-                is_inverted = wp.int32(1)
+                is_inverted = wp.int8(1)
+                found[INVERTED] = wp.float64(1.0)
                 if inverted_before[t] == wp.int8(0):
-                    is_new = wp.int32(1)
-            inverted[t] = wp.int8(is_inverted)
-        if wp.static(on[0]):
-            add(sums, slab, FIRST_TERM, wp.float64(e[0]))
-        if wp.static(on[1]):
-            add(sums, slab, FIRST_TERM + 1, wp.float64(e[1]))
-        if wp.static(on[2]):
-            add(sums, slab, FIRST_TERM + 2, wp.float64(e[2]))
-        if wp.static(on[3]):
-            add(sums, slab, FIRST_TERM + 3, wp.float64(e[3]))
-        add(sums, slab, INVERTED, wp.float64(is_inverted))
-        add(sums, slab, NEWLY_INVERTED, wp.float64(is_new))
+                    found[NEWLY_INVERTED] = wp.float64(1.0)
+            inverted[t] = is_inverted
+        add(sums, slab, 0, found)
 
     return gradient_kernel
 
@@ -101,12 +94,12 @@ def _curvature(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
         displacement: wp.array(dtype=vec3),
         blocks: blocks_type,
     ):
-        t = first + wp.tid()
-        if t < end:
-            n = tets[t]
-            aa, ab, ac, bb, bc, cc = find_curvature(
-                elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]], clip
-            )
-            add_curvature(blocks, slab, t, block_of, aa, ab, ac, bb, bc, cc)
+        item = first + wp.tid()
+        t = wp.min(item, end - 1)
+        n = tets[t]
+        aa, ab, ac, bb, bc, cc = find_curvature(
+            elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]], clip
+        )
+        add_curvature(blocks, slab, item, t, block_of, aa, ab, ac, bb, bc, cc)
 
     return curvature_kernel

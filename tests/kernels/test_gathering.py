@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.gathering import NUMBERS, PAIRS, PARTS, blocks_of_rows, find_starts, list_parts, vec16i
+from warp_trunk.kernels.gathering import (
+    KEPT,
+    NUMBERS,
+    PAIRS,
+    PARTS,
+    SYMMETRIC,
+    blocks_of_rows,
+    find_starts,
+    list_parts,
+    vec16i,
+)
 
 from support.meshes import block_with_bone
 from warp_trunk.engine.model import build_model
@@ -48,10 +58,10 @@ def test_every_block_gathers_its_parts(symmetric: bool) -> None:
     gathers = unique // nodes <= unique % nodes if symmetric else np.ones(len(unique), dtype=bool)
     number = np.full(len(unique), -1, dtype=np.int32)
     number[gathers] = generator.permutation(gathers.sum())
-    kept, count, parts = NUMBERS * PARTS + 2, int(gathers.sum()), PARTS * len(corners)
+    count, parts = int(gathers.sum()), PARTS * len(corners)
     keys, places = (wp.zeros(parts, dtype=wp.int32, device="cpu") for _ in range(2))
     block, mirrored = (wp.zeros(count, dtype=wp.int32, device="cpu") for _ in range(2))
-    given = [kept, count, wp.array(block_of, dtype=vec16i, device="cpu"), wp.array(number, device="cpu")]
+    given = [count, wp.array(block_of, dtype=vec16i, device="cpu"), wp.array(number, device="cpu")]
     wp.launch(list_parts, len(corners), given, [keys, places, block, mirrored], device="cpu")
     order = np.argsort(keys.numpy(), kind="stable")
     start = wp.array(np.full(count + 1, parts, dtype=np.int32), device="cpu")
@@ -59,17 +69,25 @@ def test_every_block_gathers_its_parts(symmetric: bool) -> None:
 
     values = generator.normal(size=(len(corners), 4, 3, 4, 3))
     values += values.transpose(0, 3, 4, 1, 2)  # a curvature is symmetric
-    numbers = np.full((len(corners), kept), np.nan)
-    for part, (a, b) in enumerate(PAIRS):
-        numbers[:, NUMBERS * part : NUMBERS * (part + 1)] = values[:, a, :, b].reshape(-1, NUMBERS)
+    upper = np.triu_indices(3)
+    kept = [values[:, a, :, a][:, *upper] for a in range(4)]
+    kept += [values[:, a, :, b].reshape(-1, NUMBERS) for a, b in PAIRS if a != b]
+    numbers = np.full((len(corners), KEPT), np.nan)
+    numbers[:, : 4 * len(SYMMETRIC) + 6 * NUMBERS] = np.hstack(kept)
     dense = np.zeros((nodes, nodes, 3, 3))
     np.add.at(dense, (rows, columns), values.transpose(0, 1, 3, 2, 4).reshape(-1, 16, 3, 3))
     for i in range(count):
+        own = unique[block.numpy()[i]]
         total = np.zeros((3, 3))
         for at in places.numpy()[order][start.numpy()[i] : start.numpy()[i + 1]]:
-            one = numbers.ravel()[(~at if at < 0 else at) :][:NUMBERS].reshape(3, 3)
+            held = numbers.ravel()[(~at if at < 0 else at) :]
+            if own // nodes == own % nodes:
+                one = np.zeros((3, 3))
+                one[upper] = one.T[upper] = held[: len(SYMMETRIC)]
+            else:
+                one = held[:NUMBERS].reshape(3, 3)
             total += one.T if at < 0 else one
-        own, image = unique[block.numpy()[i]], unique[mirrored.numpy()[i]]
+        image = unique[mirrored.numpy()[i]]
         np.testing.assert_allclose(total, dense[own // nodes, own % nodes], atol=1e-12)
         assert image == (own % nodes * nodes + own // nodes if symmetric else own)
     assert sorted(block.numpy()) == list(np.flatnonzero(gathers))

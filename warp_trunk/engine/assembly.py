@@ -9,21 +9,25 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.gathering import (
+    KEPT,
+    NUMBERS,
     PARTS,
     blocks_of_rows,
     find_starts,
     gathering_kernels,
-    kept_numbers,
     list_parts,
+    threads_over,
     vec16i,
 )
-from warp_trunk.kernels.row_product import NUMBERS, warps_over
 from warp_trunk.kernels.slabs import slab_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
 from .model import Model
 from .ordering import stable_order
 from .parallel import Launch, in_turn, view
+
+BLOCK = 64
+"""Threads of a CUDA block of a curvature; of larger ones, which need so many registers, fewer run at once."""
 
 
 class Assembly(Protocol):
@@ -72,7 +76,7 @@ def assembly_of_rows(model: Model, row_start: np.ndarray, columns: np.ndarray, p
         number = np.full(len(columns), -1, dtype=np.int32)
         number[columns == rows] = np.arange(len(row_start) - 1)  # with most parts, and so first
         number[upper] = np.arange(len(upper)) + len(row_start) - 1
-        return _Gathered(model, block_of, number)
+        return _Gathered(model, block_of, number, symmetric=len(row_start) - 1)
     mirrored = upper[stable_order(columns[upper])]  # in the order of the lower ones
     mirrors = [
         model.array(blocks.astype(np.int32), wp.int32) for blocks in (np.flatnonzero(columns < rows), mirrored)
@@ -105,9 +109,12 @@ class _Added:
 class _Gathered:
     """On CUDA: every block gathers what the tetrahedra keep for it."""
 
-    def __init__(self, model: Model, block_of: wp.array, number: np.ndarray) -> None:
-        """`number` is the place of each block in the order of gathering, -1 for those that are images."""
-        self._model, self._kept = model, kept_numbers(model.scalar)
+    def __init__(self, model: Model, block_of: wp.array, number: np.ndarray, symmetric: int = 0) -> None:
+        """`number` is the place of each block in the order of gathering, -1 for those that are images.
+
+        The `symmetric` first ones are on the diagonal.
+        """
+        self._model, self._symmetric = model, symmetric
         self._stencils = len(model.stencils)
         parts, count = PARTS * self._stencils, int(number.max(initial=-1)) + 1
         keys, places = (model.zeros(wp.int32, 2 * parts) for _ in range(2))  # half of it is for the sort
@@ -115,7 +122,7 @@ class _Gathered:
         wp.launch(
             list_parts,
             self._stencils,
-            [self._kept, count, block_of, model.array(number, wp.int32)],
+            [count, block_of, model.array(number, wp.int32)],
             [keys, places, block, mirrored],
             device=model.device,
         )
@@ -126,11 +133,11 @@ class _Gathered:
 
     def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
         model = self._model
-        parts = model.zeros(model.scalar, self._kept * self._stencils)
+        parts = model.zeros(model.scalar, KEPT * (self._stencils + BLOCK))  # the last block of threads is whole
         gather = model.parallel.record(
             gathering_kernels(model.scalar).gather,
-            warps_over(self._blocks),
-            [self._blocks, *self._lists, parts],
+            threads_over(self._blocks),
+            [self._blocks, self._symmetric, *self._lists, parts],
             [view(blocks, model.scalar, NUMBERS * blocks.shape[1])],
         )
         unused = model.zeros(vec16i, 0)
@@ -142,6 +149,9 @@ class _Gathered:
 
 
 def _over_all(model: Model, name: str, block_of: wp.array, displacement: wp.array, to: wp.array) -> list[Launch]:
-    """Launches of the kernels of a name over tetrahedra and hinges, which come after them in `block_of`."""
-    tets = model.over_tets(getattr(model.elements.kernels, name), [block_of, displacement], [to])
-    return [tets, *model.over_hinges(name, [len(model.corners), block_of, displacement], [to])]
+    """Launches of the kernels of a name over tetrahedra and hinges, which come after them in `block_of`.
+
+    In this order: what threads past the last tetrahedron keep stands where the first hinges keep theirs.
+    """
+    tets = model.over_tets(getattr(model.elements.kernels, name), [block_of, displacement], [to], BLOCK)
+    return [tets, *model.over_hinges(name, [len(model.corners), block_of, displacement], [to], BLOCK)]

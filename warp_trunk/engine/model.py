@@ -16,7 +16,7 @@ from .energies.energy import TetEnergy
 from .memo import Arrays, Memo, arrays_of
 from .model_checks import check_mesh, check_tissues
 from .ordering import bisect, stable_order
-from .parallel import Launch, Parallel
+from .parallel import CUDA_BLOCK, Launch, Parallel
 from .rest_mesh import RestMesh
 from .skin import Skin, make_skin
 from .tissue import Tissue
@@ -132,7 +132,9 @@ class Model:
         """Records a launch over all nodes; see `Parallel.record`."""
         return self.parallel.record(kernel, self.nodes, inputs, outputs)
 
-    def over_tets(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+    def over_tets(
+        self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any], block: int = CUDA_BLOCK
+    ) -> Launch:
         """Records a launch of a kernel of the energy, which takes its arrays first; see `Parallel.record`."""
         return self.parallel.record(
             kernel,
@@ -140,14 +142,18 @@ class Model:
             [self.tets, self.elements.arrays, *inputs],
             outputs,
             loops=not self.parallel.is_cuda,
+            block=block,
         )
 
-    def over_hinges(self, name: str, inputs: Sequence[Any], outputs: Sequence[Any]) -> list[Launch]:
+    def over_hinges(
+        self, name: str, inputs: Sequence[Any], outputs: Sequence[Any], block: int = CUDA_BLOCK
+    ) -> list[Launch]:
         """Records a launch of a kernel of the skin's, by its name, over its hinges; none without."""
         if self.skin is None:
             return []
         kernel = getattr(self.skin.kernels, name)
-        return [self.parallel.record(kernel, len(self.skin.corners), [*self.skin.arguments, *inputs], outputs)]
+        given = [*self.skin.arguments, *inputs]
+        return [self.parallel.record(kernel, len(self.skin.corners), given, outputs, block=block)]
 
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:
         """The values on the device."""

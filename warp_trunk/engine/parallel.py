@@ -31,7 +31,7 @@ Launch = Callable[[], None]
 LEAST_SPLIT = 4096
 """Fewer items than this are run by the calling thread alone: waking another takes longer."""
 CUDA_BLOCK = 256
-"""Threads of a CUDA block; launches are padded to whole blocks because sums are reduced per block."""
+"""Threads of most CUDA blocks; launches are padded to whole blocks because sums are reduced per block."""
 
 
 def choose_device(name: str) -> str:
@@ -88,12 +88,13 @@ class Parallel:
         least: int | None = None,
         *,
         loops: bool = False,
+        block: int = CUDA_BLOCK,
     ) -> Launch:
         """A launch of `kernel(first, end, slab, *inputs, *outputs)` to call many times.
 
         `size` is the number of items, or the bounds of the ranges where they should not be equal. Fewer
         items than `least` are not split; `least_split` where it is left out. A kernel that `loops` over a range
-        itself, on the CPU, is launched once for each.
+        itself, on the CPU, is launched once for each. `block` is the number of threads of a CUDA block.
         """
         bounds = self.split(size) if isinstance(size, int) else size
         if bounds[-1] < (self.least_split if least is None else least):
@@ -106,7 +107,7 @@ class Parallel:
             if loops:
                 count = 1
             elif self.is_cuda:
-                count = -(-count // CUDA_BLOCK) * CUDA_BLOCK
+                count = -(-count // block) * block
             commands.append(
                 wp.launch(
                     kernel,
@@ -114,7 +115,7 @@ class Parallel:
                     inputs=[int(first), int(end), slab, *inputs],
                     outputs=list(outputs),
                     device=self.device,
-                    block_dim=CUDA_BLOCK,
+                    block_dim=block,
                     record_cmd=True,
                 )
             )
@@ -241,13 +242,13 @@ def in_turn(*launches: Launch) -> Launch:
     return launch
 
 
-def view(array: wp.array, dtype: Any, size: int) -> wp.array:
-    """The same memory with elements of another type."""
+def view(array: wp.array, dtype: Any, size: int, device: Any = None) -> wp.array:
+    """The same memory with elements of another type; seen from another device, if that can reach it."""
 
     def let_go(pointer: int, capacity: int, held: wp.array = array) -> None:
         """Holds the array as long as the view."""
 
-    return wp.array(ptr=array.ptr, shape=(size,), dtype=dtype, device=array.device, deleter=let_go)
+    return wp.array(ptr=array.ptr, shape=(size,), dtype=dtype, device=device or array.device, deleter=let_go)
 
 
 class _Worker:

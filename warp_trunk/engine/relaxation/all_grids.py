@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.all_grids import (
-    CORNERS,
+    FEW_LANES,
+    NODE_LANES,
     OCTET,
     ROW_LANES,
     VERTEX_LANES,
@@ -47,6 +48,9 @@ class AllGrids:
         self._kernels = all_grids_kernels(model.scalar, number)
         row_start, point, weight = zip(*(grid.by_vertex for grid in coarsest_first), strict=True)
         rows = np.concatenate([np.diff(start) for start in row_start])
+        self._far = sum(
+            size for size, points in zip(sizes, point, strict=True) if len(points) >= VERTEX_LANES * size
+        )
         self._by_vertex = (
             model.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32),
             model.array(np.concatenate(point), number),
@@ -85,7 +89,7 @@ class AllGrids:
         rows, columns = len(self._scale), self._inverse.shape[1]
         iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
         residual = model.zeros(wp.float32, columns)
-        correction = model.zeros(model.vec3, self._vertices)
+        correction = model.zeros(wp.types.vector(4, model.scalar), self._vertices)
 
         def numbers(array: wp.array) -> wp.array:
             return view(array, model.scalar, 3 * len(array))
@@ -93,10 +97,11 @@ class AllGrids:
         return in_turn(
             record(
                 kernels.restrict,
-                self._vertices * VERTEX_LANES,
+                self._far * VERTEX_LANES + (self._vertices - self._far) * FEW_LANES,
                 [
                     steps,
                     self._coarsest,
+                    self._far,
                     *self._by_vertex,
                     self._inverse_diagonal,
                     view(self._scale, wp.vec3f, self._coarsest),
@@ -112,11 +117,11 @@ class AllGrids:
                 kernels.dense,
                 rows * ROW_LANES,
                 [steps, self._inverse, self._scale, residual],
-                [view(correction, model.scalar, rows), iteration],
+                [view(correction, model.scalar, 4 * self._vertices), iteration],
             ),
             record(
                 kernels.prolong,
-                model.free_nodes * CORNERS,
+                model.free_nodes * NODE_LANES,
                 [
                     steps,
                     view(inverse_diagonal, model.scalar, 9 * len(inverse_diagonal)),

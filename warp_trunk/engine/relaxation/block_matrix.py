@@ -5,15 +5,15 @@ from __future__ import annotations
 import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
-from warp_trunk.kernels.row_product import NUMBERS, row_product_kernels, warps_over
 from warp_trunk.kernels.sparse import sparse_kernels
 
-from ..parallel import Launch, view
+from ..parallel import Launch
 from ..state import State
 from .columns import Columns
 from .dots import Dots
 from .half_rows import HalfRows
 from .iterates import Iterates
+from .plane_rows import PlaneRows
 from .sparsity import Sparsity, find_sparsity
 
 
@@ -41,7 +41,7 @@ class BlockMatrix:
         self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
         record = self.sparsity.assembly.into(self.blocks, state.displacement)
         self._set_positive, self._set_true = record("curvature"), record("true_curvature")
-        self._half = None if model.parallel.is_cuda else HalfRows(model, self.sparsity, self.blocks)
+        self._rows = (PlaneRows if model.parallel.is_cuda else HalfRows)(model, self.sparsity, self.blocks)
         self._invert_diagonal = model.over_free(
             sparse_kernels(model.scalar).invert_diagonal,
             [self.sparsity.diagonal, self.blocks, model.scalar(1.0)],
@@ -51,34 +51,23 @@ class BlockMatrix:
     def assemble(self) -> None:
         """Sets the matrix to the curvature at the state as it is now, made positive semidefinite."""
         self._set_positive()
-        self._copy_half()
+        self._rows.take()
         self._invert_diagonal()
 
     def assemble_true(self) -> None:
         """Sets the matrix to the true curvature, which may be indefinite; `inverse_diagonal` stays positive."""
         self._set_true()
-        self._copy_half()
-
-    def _copy_half(self) -> None:
-        if self._half is not None:
-            self._half.take()
+        self._rows.take()
 
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q on the CPU, for vectors of the free nodes, shape (free nodes,), vec3."""
-        assert self._half is not None
-        return self._half.multiply(p, q, p_dot_q)
+        assert isinstance(self._rows, HalfRows)
+        return self._rows.multiply(p, q, p_dot_q)
 
     def turn_and_multiply(self, at: Iterates) -> Launch:
         """Records p = z + beta p and q = H p with p . q in one launch, on CUDA."""
-        s, scalar = self.sparsity, self.model.scalar
-        z, p, q = (view(array, scalar, 3 * len(array)) for array in (at.preconditioned, at.search, at.product))
-        numbers = view(self.blocks, scalar, NUMBERS * s.blocks)
-        return self.model.parallel.record(
-            row_product_kernels(scalar).turn_and_multiply,
-            warps_over(self.model.free_nodes),
-            [s.row_start, s.columns, numbers, at.r_dot_z.iteration, at.r_dot_z.products, z],
-            [p, q, at.p_dot_q.products],
-        )
+        assert isinstance(self._rows, PlaneRows)
+        return self._rows.turn_and_multiply(at)
 
     def multiply_columns(self, columns: Columns, p: wp.array, q: wp.array, p_dot_q: wp.array) -> Launch:
         """Records q = H p with p . q of each column, for fields of the free nodes; see `Columns`."""

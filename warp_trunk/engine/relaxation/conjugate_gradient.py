@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -111,7 +112,19 @@ class ConjugateGradient:
             [ranges, most_iterations, self._limits, r_dot_z, p_dot_q, self._iteration],
             [extent, self._outcome, self._go_on],
         )
-        self._clear = model.parallel.once(self._forget)
+        size = math.prod(r_dot_z.shape)
+        self._clear = model.parallel.record(
+            kernels.forget,
+            size,
+            [],
+            [
+                *(view(products, wp.float64, size) for products in (r_dot_z, p_dot_q)),
+                self._iteration,
+                self._outcome,
+                self._go_on,
+            ],
+            least=size + 1,  # little for one thread
+        )
         self._run = record_loop(model, self._begin, self._go_on, self._advance_window, self._told.send)
 
     def solve(self, absolute: float, relative: float, least: float = 0.0) -> LinearSolution:
@@ -156,11 +169,6 @@ class ConjugateGradient:
         self._clear()
         self._start()
         self._precondition()
-
-    def _forget(self) -> None:
-        for array in (self._r_dot_z.products, self._p_dot_q.products, self._iteration, self._outcome):
-            array.zero_()
-        self._go_on.fill_(1)
 
     def _advance_window(self) -> None:
         """WINDOW iterations and a look at how far they moved the solution."""
