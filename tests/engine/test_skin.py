@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.meshes import block, block_with_bone, rotation, with_skin
+from support.meshes import block, block_with_bone, rotate, rotation, with_skin
 from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.engine.memo import Memo
 from warp_trunk.engine.model import EnergyName, build_model
@@ -117,6 +117,22 @@ def test_the_scan_stands_under_gravity() -> None:
     *_, last = simulate(hung, BonePath(np.zeros_like(TRUNK.nodes)), SimulationOptions(increments=1))
     assert np.abs(last.displacement).max() < 1e-5
     assert last.relaxation.energy.terms["bending"] > 1e-8
+
+
+@pytest.mark.parametrize("energy", ENERGIES)
+@pytest.mark.parametrize("rigidity", [RIGIDITY, 1e4])
+def test_the_distance_told_in_float32_is_not_below_the_true_one(energy: EnergyName, rigidity: float) -> None:
+    """Relaxed as far as float32 goes, against float64, up to a skin that is far stiffer than the tissue."""
+    move, found = 0.3 * (rotate(TRUNK.nodes, 12.0, (0.3, 1.0, 0.2)) - TRUNK.nodes), []
+    for precision in ("float64", "float32"):
+        model = build_model(
+            TRUNK, energy=energy, skin_rigidity=rigidity, precision=precision, device="cpu", threads=1
+        )
+        options = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-6))
+        found.append(list(simulate(model, BonePath(move), options))[-1])
+    exact, told = found[0].displacement, found[1].relaxation.estimated_error
+    assert found[0].relaxation.status is RelaxStatus.CONVERGED
+    assert np.linalg.norm(found[1].displacement - exact, axis=1).max() < told < 0.01
 
 
 def test_a_scene_without_it_is_none_of_its_business() -> None:

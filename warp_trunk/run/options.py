@@ -37,13 +37,13 @@ class RunOptions:
     """How the correction is applied."""
     energy: EnergyName | None = None
     """Energy of the tissue: itmsm (springs on edges, faces, volumes; the papers') or neo-hookean (continuum); when
-    left out itmsm with the spline, and the continuum where ribs follow as rigid bodies, which crumple itmsm."""
+    left out the continuum with --bones follow, whose rigid ribs crumple itmsm, and itmsm with the spline."""
     weights: WeightsName = "count"
     """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the papers') or volume (what it
     stands for, so that tissue is not stiffer where tetrahedra are small)."""
     skin_rigidity: float | None = None
-    """What skin resists bending with, its flexural rigidity [N mm], 0 is off; when left out 0.4 where ribs follow
-    as rigid bodies, whose motion would crumple it, and off with the spline (the papers)."""
+    """What skin resists bending with, its flexural rigidity [N mm], 0 is off; when left out 0.4 (2 mm of 0.42 MPa)
+    with --bones follow, and off with the spline (the papers)."""
     device: str = "auto"
     """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
     precision: Literal["float32", "float64"] = "float32"

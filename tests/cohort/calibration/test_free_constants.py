@@ -26,6 +26,9 @@ CONTINUUM: dict[str, Any] = {"energy": "neo-hookean"}
         (("theta", "theta"), {}, "'theta' is given twice"),
         (("youngs_modulus",), {}, "all forces grow with it alike"),
         (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
+        (("youngs_modulus",), {"bones": "follow"}, "all forces (but those of bending skin"),
+        (("skin_rigidity",), {"bones": "follow"}, "an option of a simulation"),
+        (("epsilon",), {"bones": "follow"}, "simulated with neo-hookean"),
         (("density",), {}, "acts only with gravity"),
         (("poisson_ratio",), {}, "give --energy neo-hookean"),
         (("epsilon",), CONTINUUM, "constant of the energy itmsm"),
@@ -51,7 +54,7 @@ def test_what_no_skin_tells_is_refused(names: tuple[str, ...], options: dict[str
         (("epsilon", "theta"), {}),
         (("youngs_modulus", "density"), {"gravity": 9.81}),
         (("poisson_ratio", "fat.youngs_modulus"), {**CONTINUUM, "layers": "depth"}),
-        (("ribs.recovery", "ribs.turn"), {"bones": "follow"}),
+        (("ribs.recovery", "ribs.turn", "poisson_ratio"), {"bones": "follow"}),
     ],
 )
 def test_what_skins_tell_is_not(names: tuple[str, ...], options: dict[str, Any]) -> None:

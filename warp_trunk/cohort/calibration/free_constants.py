@@ -104,6 +104,11 @@ def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
             "--free: is missing; give the constants to find, such as --free poisson_ratio ribs.recovery"
         )
     for name in names:
+        if name == "skin_rigidity":
+            raise InputError(
+                f"--free: '{name}' is no constant of a case but an option of a simulation; compare cohorts with "
+                "several --skin-rigidity"
+            )
         if name not in CONSTANT_NAMES:
             near = difflib.get_close_matches(name, CONSTANT_NAMES, n=1)
             hint = f" (did you mean {near[0]}?)" if near else ""
@@ -140,9 +145,11 @@ def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
     if constant == "youngs_modulus" and not of and layered:
         return "every layer has its own; free fat.youngs_modulus instead"
     if constant == "youngs_modulus" and not of and not options.gravity:
+        bending = " (but those of bending skin, which hardly move the back)" * bool(options.rigidity_of_skin)
         return (
-            "with bones moved as prescribed and no gravity all forces grow with it alike, so that the trunk comes "
-            "to rest at the same place; give --gravity 9.81, or free the ratio of layers (fat.youngs_modulus)"
+            f"with bones moved as prescribed and no gravity all forces{bending} grow with it alike, so that the "
+            "trunk comes to rest at the same place; give --gravity 9.81, or free the ratio of layers "
+            "(fat.youngs_modulus)"
         )
     own = (
         []
