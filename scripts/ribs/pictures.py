@@ -10,6 +10,7 @@ import numpy as np
 from warp_trunk import Surface
 from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures.skin_quality import skin_change
+from warp_trunk.run.options import RunOptions
 from warp_trunk.run.paths import motions_of
 
 from .study import PATIENTS, SHOWN, Study
@@ -30,6 +31,8 @@ HEIGHTS = (920.0, 1260.0)
 """Of the flank that is drawn [mm]."""
 STRETCH = 0.3
 """The stretch at which the colours end."""
+PAPERS = RunOptions(energy="itmsm", skin_rigidity=0.0)
+"""The papers' tissue, whichever way bones are moved."""
 BEFORE, AFTER = "#9a9a9a", "#e69f00"
 INK = "#222222"
 
@@ -56,8 +59,9 @@ def draw_cage(study: Study, path: Path) -> None:
 
 
 def draw_flank(study: Study, path: Path) -> None:
-    """Draws the skin of the flank before surgery, as two ways predict it, and as it was imposed; the second row
-    tells by colour how far its edges are stretched."""
+    """Draws the skin of the flank before surgery, as it is predicted by default with either way to move bones and
+    with the papers' tissue on ribs that follow, and as it was imposed; the second row tells by colour how far its
+    edges are stretched."""
     from matplotlib.cm import ScalarMappable  # heavy
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
@@ -66,11 +70,12 @@ def draw_flank(study: Study, path: Path) -> None:
     case, trunk = study.plan(curve, SHOWN, "spline"), study.patient(curve)[1]
     skins = {
         "before": case.skin,
-        "spline": study.simulated(case, trunk, "spline")[1],
-        "follow": study.simulated(case, trunk, "follow")[1],
+        "spline": study.simulated(case, trunk, "spline", RunOptions())[1],
+        "follow, papers' tissue": study.simulated(case, trunk, "follow", PAPERS)[1],
+        "follow": study.simulated(case, trunk, "follow", RunOptions())[1],
         "imposed, no tissue": study.imposed(curve.corrected(SHOWN))[0],
     }
-    figure = Figure(figsize=(11.0, 5.8), layout="constrained")
+    figure = Figure(figsize=(12.5, 5.4), layout="constrained")
     panels = figure.subplots(2, len(skins), sharex=True, sharey=True)
     for axes, (name, skin) in zip(panels.T, skins.items(), strict=True):
         middle = skin.vertices[skin.faces][:, :, 2].mean(axis=1)
@@ -81,7 +86,7 @@ def draw_flank(study: Study, path: Path) -> None:
     colours = ScalarMappable(Normalize(-STRETCH, STRETCH), "RdBu_r")
     bar = figure.colorbar(colours, ax=panels[1], location="bottom", shrink=0.5, aspect=40)
     bar.set_label("mean length of a triangle's edges over that before, less 1", color=INK)
-    figure.savefig(path, dpi=75, metadata={"Software": None}, pil_kwargs={"optimize": True})
+    figure.savefig(path, dpi=95, metadata={"Software": None}, pil_kwargs={"optimize": True})
 
 
 def _stretch(before: Surface, after: Surface) -> np.ndarray:

@@ -73,10 +73,12 @@ class Study:
         case = replace(case, rib_shares=shares or RibShares(), landmarks_after=correct(self.straight, turned, 0.0))
         return case if way != "known" else replace(case, bones_after=_known(case, self.imposed(left)[1]))
 
-    def simulated(self, case: Case, trunk: TrunkMesh, way: Way) -> tuple[list[Increment], Surface]:
-        """The increments of a plan, and the skin at its end."""
-        bones = "spline" if way == "spline" else "follow"
-        ready = prepare(case, RunOptions(bones=bones, energy=self.energy), trunk)
+    def simulated(
+        self, case: Case, trunk: TrunkMesh, way: Way, options: RunOptions | None = None
+    ) -> tuple[list[Increment], Surface]:
+        """The increments of a plan, and the skin at its end; with other options than the study's energy."""
+        options = options or RunOptions(energy=self.energy)
+        ready = prepare(case, replace(options, bones="spline" if way == "spline" else "follow"), trunk)
         increments = list(simulate(ready.model, ready.bone_path, SimulationOptions(increments=5)))
         return increments, predicted_skin(case, ready.trunk, increments[-1].displacement)
 
