@@ -27,7 +27,7 @@ from itertools import product
 from pathlib import Path
 
 from benchmarking.process import be_quiet
-from marked import write_into
+from marked import replaced, write_into
 from ribs.pictures import draw_cage, draw_flank
 from ribs.rows import Row, Shoulders, Smoothness
 from ribs.study import CORRECTIONS, PATIENTS, SHOWN, WAYS, Study
@@ -55,6 +55,9 @@ def main() -> None:
         draw_cage(study, given.pictures / "ribs_cage.png")
         draw_flank(study, given.pictures / "ribs_flank.png")
         return
+    if given.page:  # before any long work
+        for name in _told(study):
+            replaced(given.page.read_text(), _mark(name, study), "")
     given.kept.mkdir(parents=True, exist_ok=True)
     number, parts = map(int, given.part.split("/"))
     plans = [plan for plan in product(PATIENTS, CORRECTIONS, WAYS) if plan[2] != "known" or plan[1] == SHOWN]
@@ -69,8 +72,18 @@ def main() -> None:
     found["shares"] = by_share(*_share_rows(study, given.kept, rows))
     for name, table in found.items():
         print(f"\n{table}")
-        if given.page:
-            write_into(given.page, f"ribs {name}{'' if given.energy == 'itmsm' else ', continuum'}", table)
+        if given.page and name in _told(study):
+            write_into(given.page, _mark(name, study), table)
+
+
+def _told(study: Study) -> tuple[str, ...]:
+    """The tables that a page has of an energy."""
+    return ("patients", "bars", "imposed", "shares") if study.energy == "itmsm" else ("patients",)
+
+
+def _mark(name: str, study: Study) -> str:
+    """Where a table stands in the page."""
+    return f"ribs {name}{'' if study.energy == 'itmsm' else ', continuum'}"
 
 
 def _share_rows(study: Study, kept: Path, rows: list[Row]) -> tuple[dict[str, Row], Row]:
