@@ -12,7 +12,16 @@ import warp as wp
 from .elements import FIRST_TERM
 from .formulas import Field, TetFormulas, struct_of
 from .gravity import gravity_term
-from .stable_neo_hookean import bounded_turn, cofactor, cofactor_of_sum, dilation, neo_hookean, stretch
+from .stable_neo_hookean import (
+    bounded_turn,
+    cofactor,
+    cofactor_of_sum,
+    dilation,
+    neo_hookean,
+    pressed,
+    stiffened,
+    stretch,
+)
 from .tet_kernels import tet_kernels
 
 VOLUME, GRAVITY, SHAPE = range(FIRST_TERM, FIRST_TERM + 3)
@@ -98,7 +107,8 @@ def neo_hookean_formulas(scalar: type, layered: bool, gravity: bool) -> TetFormu
         x = stretch(h)
         j = dilation(h, cof_h)
         across = mu * (scalar(3.0) + x) / (scalar(4.0) + x)
-        turn = bulk * j - scalar(0.75) * mu
+        turn = bulk * pressed(j) - scalar(0.75) * mu
+        bulk *= stiffened(j)
         if positive:
             turn = bounded_turn(across, bulk, turn, h, x, j)
         along = (mu + mu) / ((scalar(4.0) + x) * (scalar(4.0) + x))

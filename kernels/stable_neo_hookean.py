@@ -9,11 +9,20 @@ and y = (|F|^2 - 3) / 4 it is
     psi = 3/4 mu (|F|^2 / 2 - 3/2 - j) + mu/2 (y - log(1 + y)) + lambda/2 j^2
 
 whose first bracket is |H|^2 / 2 - tr cof H - det H: all that is left is of second order in H.
+
+That energy stays finite where a volume vanishes, so that tetrahedra beside rigid bones come to rest flat or inside
+out. One that has less than half of its volume is held by lambda CRUSH / 4 (1/2 - det F)^4 more, which begins with
+no force and no stiffness, and still is defined for every F.
 """
 
 from typing import Any
 
 import warp as wp
+
+CRUSHED = wp.constant(0.5)
+"""The det F below which tissue is stiffer."""
+CRUSH = wp.constant(1600.0)
+"""How much stiffer: what has no volume left presses with 1 + CRUSH / 8 times lambda."""
 
 
 @wp.func
@@ -42,10 +51,31 @@ def cofactor_of_sum(h: Any, cofactor_h: Any):
 
 
 @wp.func
+def crushed(j: Any):
+    """How much smaller than CRUSHED det F = 1 + j is."""
+    return wp.max(type(j)(CRUSHED) - type(j)(1.0) - j, type(j)(0.0))
+
+
+@wp.func
+def pressed(j: Any):
+    """The derivative of j^2 / 2 and of what resists crushing, which lambda cof F has as a factor in the stress."""
+    short = crushed(j)
+    return j - type(j)(CRUSH) * short * short * short
+
+
+@wp.func
+def stiffened(j: Any):
+    """The derivative of `pressed`."""
+    short = crushed(j)
+    return type(j)(1.0) + type(j)(3.0 * CRUSH) * short * short
+
+
+@wp.func
 def neo_hookean(h: Any, mu: Any, bulk: Any):
     """Energies of shape (the terms in mu) and of volume (lambda) per rest volume, and the first Piola stress P.
 
-    P = 3/4 mu (F - cof F) + mu x / (4 (4 + x)) F + lambda j cof F with x = |F|^2 - 3, which vanishes with H.
+    P = 3/4 mu (F - cof F) + mu x / (4 (4 + x)) F + lambda j cof F with x = |F|^2 - 3, which vanishes with H; where
+    tissue is crushed, `pressed` stands for j.
     `bulk` is the paper's lambda, a word that Python keeps for itself.
     """
     half = type(mu)(0.5)
@@ -60,8 +90,10 @@ def neo_hookean(h: Any, mu: Any, bulk: Any):
     identity = wp.identity(n=3, dtype=type(mu))
     shear = h + wp.transpose(h) - wp.trace(h) * identity - cof
     tension = mu * quarter * x / (type(mu)(4.0) + x)
-    stress = type(mu)(0.75) * mu * shear + tension * (identity + h) + bulk * j * cofactor_of_sum(h, cof)
-    return shape, half * bulk * j * j, stress, j
+    stress = type(mu)(0.75) * mu * shear + tension * (identity + h) + bulk * pressed(j) * cofactor_of_sum(h, cof)
+    short = crushed(j)
+    volume = half * bulk * j * j + bulk * type(mu)(0.25 * CRUSH) * short * short * short * short
+    return shape, volume, stress, j
 
 
 @wp.func

@@ -83,9 +83,10 @@ def test_energy_and_stress_are_the_papers(state: str) -> None:
     energy, piola = material(f - np.eye(3))
     shape, volume = parts(f, MU, BULK)
     np.testing.assert_allclose(energy[:, 0], shape, rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(energy[:, 1], volume, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(energy[:, 1], volume, rtol=1e-11, atol=1e-13)
     np.testing.assert_allclose(energy[:, 2], np.linalg.det(f) - 1.0, rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(piola, stress(f, MU, BULK), rtol=1e-12, atol=1e-12)
+    wanted = stress(f, MU, BULK)
+    np.testing.assert_allclose(piola, wanted, rtol=1e-12, atol=1e-12 * max(1.0, np.abs(wanted).max()))
 
 
 @pytest.mark.parametrize("state", deformations())
@@ -100,7 +101,8 @@ def test_stress_is_the_derivative_of_the_energy(state: str) -> None:
         move = np.zeros((3, 3))
         move[i, k] = step
         numeric[:, i, k] = (energy(f + move) - energy(f - move)) / (2.0 * step)
-    np.testing.assert_allclose(material(f - np.eye(3))[1], numeric, rtol=1e-7, atol=1e-7)
+    rounding = 1e-6 * max(1.0, 0.01 * np.abs(numeric).max())  # of volumes, times 201 lambda over the step
+    np.testing.assert_allclose(material(f - np.eye(3))[1], numeric, rtol=1e-7, atol=rounding)
 
 
 def test_nothing_at_rest() -> None:
@@ -142,6 +144,16 @@ def test_simple_shear_by_hand() -> None:
     np.testing.assert_allclose(cauchy[:, 0, 1], MU * gamma * weight, rtol=1e-13)
     np.testing.assert_allclose(cauchy[:, 0, 0], MU * ((1.0 + gamma**2) * weight - 0.75), rtol=1e-13)
     np.testing.assert_allclose(cauchy[:, 2, 2], MU * (weight - 0.75), rtol=1e-12)
+
+
+def test_crushed_by_hand() -> None:
+    """Pressed flat, det F = 0: lambda (1/2 + 400 / 16), and 1 + 1600 / 8 times lambda that presses back.
+
+    At half of its volume there is the paper's lambda / 8 alone.
+    """
+    energy, piola = material(np.array([np.diag([0.0, 0.0, -1.0]), np.diag([0.0, 0.0, -0.5])]))
+    np.testing.assert_allclose(energy[:, 1], [25.5 * BULK, BULK / 8.0], rtol=1e-14)
+    np.testing.assert_allclose(piola[0, 2, 2], -0.75 * MU - 201.0 * BULK, rtol=1e-14)
 
 
 def test_rotations_before_and_after_change_nothing_but_the_axes() -> None:

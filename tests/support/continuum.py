@@ -24,7 +24,8 @@ def determinant(f: np.ndarray) -> np.ndarray:
 def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray]:
     """Equation 14 of Smith, de Goes and Kim (2018), less its value at rest, as the parts of shape and volume.
 
-    Volume is lambda/2 (J - 1)^2; what else there is in (J - alpha)^2 belongs to mu.
+    Volume is lambda/2 (J - 1)^2; what else there is in (J - alpha)^2 belongs to mu. Below J = 1/2 lambda
+    400 (1/2 - J)^4 is added.
     """
     j, squares = determinant(f), (f * f).sum(axis=(-2, -1))
     alpha = 1.0 + mu / bulk - mu / (4.0 * bulk)
@@ -33,7 +34,13 @@ def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray
         return 0.5 * mu * (squares - 3.0) + 0.5 * bulk * (j - alpha) ** 2 - 0.5 * mu * np.log(squares + 1.0)
 
     volume = 0.5 * bulk * (j - 1.0) ** 2
-    return atomic_write(squares, j) - atomic_write(3.0, 1.0) - volume, volume
+    shape = atomic_write(squares, j) - atomic_write(3.0, 1.0) - volume
+    return shape, volume + bulk * 400.0 * missing(j) ** 4
+
+
+def missing(j: np.ndarray) -> np.ndarray:
+    """What a volume lacks of half of that at rest, complex ones too."""
+    return np.where(np.real(j) < 0.5, 0.5 - j, 0.0)
 
 
 def stress(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
@@ -41,7 +48,8 @@ def stress(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
     squares, alpha = (f * f).sum(axis=(-2, -1))[..., None, None], 1.0 + 0.75 * mu / bulk
     rows = [np.cross(f[..., i, :], f[..., k, :]) for i, k in ((1, 2), (2, 0), (0, 1))]
     j = determinant(f)[..., None, None]
-    return mu * (1.0 - 1.0 / (squares + 1.0)) * f + bulk * (j - alpha) * np.stack(rows, axis=-2)
+    pressure = bulk * (j - alpha - 1600.0 * missing(j) ** 3)
+    return mu * (1.0 - 1.0 / (squares + 1.0)) * f + pressure * np.stack(rows, axis=-2)
 
 
 class Continuum(Reference):

@@ -12,6 +12,7 @@ import warp as wp
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.neo_hookean import GRAVITY, SHAPE, VOLUME, neo_hookean_kernels
 from warp_trunk.kernels.rest_measures import rest_kernels
+from warp_trunk.kernels.stable_neo_hookean import CRUSH, CRUSHED
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
@@ -63,13 +64,14 @@ class NeoHookean:
         return 1.0
 
     def of_tets(self, tets: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Stable neo-Hookean (Smith, de Goes and Kim 2018, eq. 14), zero at rest; see `TetEnergy`."""
+        """Stable neo-Hookean (Smith, de Goes and Kim 2018, eq. 14), stiffer where crushed, zero at rest."""
         mu, bulk = of_each(self.moduli.numpy().astype(np.float64), tets).T
         f = np.linalg.solve(rest[:, 1:] - rest[:, :1], moved[:, 1:] - moved[:, :1])  # F transposed
         square, j = np.einsum("tij,tij->t", f, f), np.linalg.det(f) - 1.0
         y = (square - 3.0) / 4.0
         shape = 0.75 * mu * (square / 2.0 - 1.5 - j) + 0.5 * mu * (y - np.log1p(y))
-        return self.rest_volume.numpy()[tets] * (shape + 0.5 * bulk * j**2)
+        volume = 0.5 * j**2 + CRUSH / 4.0 * np.maximum(CRUSHED - 1.0 - j, 0.0) ** 4
+        return self.rest_volume.numpy()[tets] * (shape + bulk * volume)
 
 
 def make_neo_hookean(rest: RestMesh, gravity: float, weights_by: str) -> NeoHookean:
