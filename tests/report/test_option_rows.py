@@ -17,16 +17,17 @@ def test_units_are_those_of_the_documentation() -> None:
     found = {}
     for kind in (RunOptions, MeshOptions, SimulationOptions, RelaxOptions, Tissue):
         fields = re.findall(r'^    (\w+): [^\n]*\n    """([^"]*)"""', inspect.getsource(kind), re.MULTILINE)
-        found |= {name: unit[1] for name, text in fields if (unit := re.search(r"\[([a-zA-Z][^\]\s]*)\]", text))}
+        found |= {name: unit[1] for name, text in fields if (unit := re.search(r"\[([a-zA-Z][^\]]*)\]", text))}
     for table in ("layers", "bones", "bands"):  # [layers], [ribs], [uncertainty] are tables of case.toml
         del found[table]
     assert found == UNITS
 
 
 def test_every_option_has_a_row_in_words() -> None:
-    rows = dict(option_rows(parameters(RunOptions())))
+    rows = dict(option_rows(parameters(RunOptions(skin_rigidity=0.4))))
     assert rows["tolerance"] == "0.01 mm"
     assert rows["largest dihedral"] == "165 °"
+    assert rows["skin rigidity"] == "0.4 N mm"
     assert rows["tets"] == "225000"
     assert rows["cache"] == "yes"
     assert len(rows) == len(parameters(RunOptions()))

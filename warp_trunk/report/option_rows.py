@@ -14,6 +14,7 @@ UNITS = {
     "largest_dihedral": "degrees",
     "tolerance": "mm",
     "gravity": "m/s^2",
+    "skin_rigidity": "N mm",
     "density": "kg/m^3",
     "youngs_modulus": "kPa",
 }
