@@ -7,7 +7,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .adjacency import pieces
-from .memo import Memo, arrays_of
+from .memo import Arrays, Memo, arrays_of
 from .tissue import Tissue
 from .trunk_mesh import TrunkMesh, tet_volumes
 
@@ -39,9 +39,24 @@ def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
 
 
 def check_mesh(trunk: TrunkMesh, device: str, memo: Memo | None = None) -> None:
-    """InputError where the trunk cannot be a rest state, found out on a device."""
+    """InputError where the trunk cannot be a rest state, found out on a device; what passed is remembered."""
     if len(trunk.tets) == 0:
         raise InputError("trunk: the mesh has no tetrahedron; give a mesh with soft tissue")
+
+    def check() -> Arrays:
+        _check_volumes(trunk)
+        return {"loose": np.array(unheld_nodes(trunk, device))}
+
+    loose = int(arrays_of(memo, "held", check, lambda known: known["loose"] == 0)["loose"])
+    if loose:
+        raise InputError(
+            f"trunk: {loose} free nodes belong to tissue that no bone holds, so it could move rigidly; "
+            "remove that piece or mark nodes of it as bone"
+        )
+
+
+def _check_volumes(trunk: TrunkMesh) -> None:
+    """InputError where a node is not finite or a tetrahedron has no volume."""
     if not np.isfinite(trunk.nodes).all():
         node = int(np.flatnonzero(~np.isfinite(trunk.nodes).all(axis=1))[0])
         raise InputError(f"trunk: node {node} is not finite ({trunk.nodes[node]}); mesh the trunk again")
@@ -51,15 +66,6 @@ def check_mesh(trunk: TrunkMesh, device: str, memo: Memo | None = None) -> None:
         raise InputError(
             f"trunk: tetrahedron {worst} has volume {volume[worst]:.3g} mm^3 at rest; "
             "every one needs a positive volume (check the order of its corners)"
-        )
-    held = arrays_of(
-        memo, "held", lambda: {"loose": np.array(unheld_nodes(trunk, device))}, lambda known: known["loose"] == 0
-    )
-    loose = int(held["loose"])
-    if loose:
-        raise InputError(
-            f"trunk: {loose} free nodes belong to tissue that no bone holds, so it could move rigidly; "
-            "remove that piece or mark nodes of it as bone"
         )
 
 
