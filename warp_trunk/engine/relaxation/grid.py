@@ -27,8 +27,8 @@ class CoarseGrid:
     """Where the numbered vertices are [mm], shape (vertices, 3)."""
 
     @classmethod
-    def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> CoarseGrid:
-        """The grid over points (points, 3) that nowhere lie below the origin [mm]."""
+    def around(cls, points: np.ndarray, origin: np.ndarray, spacing: float) -> tuple[CoarseGrid, Interpolation]:
+        """The grid over points (points, 3) that nowhere lie below the origin [mm], and how they hang on it."""
         cell, weight = weights(points, origin, spacing)
         size = cell.max(axis=1) + 2
         support = np.zeros(size.prod())
@@ -41,13 +41,18 @@ class CoarseGrid:
         place[:, axes] = np.argwhere(kept.transpose(axes))
         number = np.full(size, -1, dtype=np.int32)
         number[tuple(place.T)] = np.arange(len(place))
-        return cls(origin, spacing, number, origin + spacing * place)
+        grid = cls(origin, spacing, number, origin + spacing * place)
+        return grid, grid._between(vertex, weight)
 
     def interpolate(self, points: np.ndarray) -> Interpolation:
         """Weights of the grid's vertices at points inside its cells [mm], shape (points, 3)."""
         size = np.array(self.number.shape)
         cell, weight = weights(points, self.origin, self.spacing, size - 2)
-        vertex = self.number.ravel().take(_corners(cell, size))
+        return self._between(_corners(cell, size), weight)
+
+    def _between(self, corner: np.ndarray, weight: np.ndarray) -> Interpolation:
+        """The interpolation by corners in the grid's box and their weights, both of shape (8, points)."""
+        vertex = self.number.ravel().take(corner)
         weight[vertex < 0] = 0.0
         return Interpolation(
             vertex=np.ascontiguousarray(np.maximum(vertex, 0).T),

@@ -11,9 +11,10 @@ surgical plan of a patient.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -63,14 +64,20 @@ class Multilevel:
         points = model.rest[model.free]
         spacings = _spacings(model, points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
-        self._grids = [CoarseGrid.around(points, origin, spacing) for spacing in spacings]
-        finest, *coarser = self._grids
-        onto_nodes = cache(partial(CoarseGrid.interpolate, points=points))
-        self._onto_finest = _Transfer(model, onto_nodes(finest))
+
+        def lay(spacing: float) -> tuple[CoarseGrid, Interpolation]:
+            grid, onto = CoarseGrid.around(points, origin, spacing)
+            if model.parallel.is_cuda:
+                _ = onto.by_vertex  # found here, where other grids are laid meanwhile
+            return grid, onto
+
+        with ThreadPoolExecutor(len(spacings)) as pool:  # NumPy lets go of the interpreter lock
+            self._grids, onto_nodes = zip(*pool.map(lay, spacings), strict=True)
+        self._onto_nodes: Interpolation = onto_nodes[0]
 
         def find() -> Arrays:
             assemble()
-            transfers = [self._onto_finest, *(_Transfer(model, onto_nodes(grid)) for grid in coarser)]
+            transfers = [self._onto_finest, *(_Transfer(model, onto) for onto in onto_nodes[1:])]
             return _matrices(matrix, transfers, [len(grid.positions) for grid in self._grids])
 
         def fits(known: Arrays) -> bool:
@@ -79,10 +86,15 @@ class Multilevel:
         found = arrays_of(model.memo, "matrices", find, fits)
         self._inverse = found["inverse"]
         mat33 = wp.types.matrix((3, 3), model.scalar)
-        self._diagonals = [model.array(found[f"diagonal_{k}"], mat33) for k in range(len(coarser))]
+        self._diagonals = [model.array(found[f"diagonal_{k}"], mat33) for k in range(len(spacings) - 1)]
         self._all_grids: AllGrids | None = None
         if model.parallel.is_cuda:
-            self._all_grids = AllGrids(model, [*map(onto_nodes, self._grids)], self._diagonals, self._inverse)
+            self._all_grids = AllGrids(model, onto_nodes, self._diagonals, self._inverse)
+
+    @cached_property
+    def _onto_finest(self) -> _Transfer:
+        """How the nodes hang on the finest grid, on the device."""
+        return _Transfer(self.model, self._onto_nodes)
 
     @cached_property
     def _levels(self) -> list[_Level]:
