@@ -39,7 +39,7 @@ def find_sparsity(model: Model) -> Sparsity:
     found = arrays_of(model.memo, "pattern", lambda: _pattern(model), lambda known: _is_pattern(known, model))
     row_start, columns = found["row_start"], found["columns"]
     size = model.free_nodes
-    row = np.repeat(np.arange(size), np.diff(row_start))
+    row = np.repeat(np.arange(size, dtype=np.int32), np.diff(row_start))
     bounds = np.searchsorted(row_start, np.linspace(0, len(columns), model.parallel.ranges + 1)).clip(0, size)
     bounds[0], bounds[-1] = 0, size
     return Sparsity(
@@ -59,23 +59,23 @@ def _pattern(model: Model) -> dict[str, np.ndarray]:
 def _is_pattern(known: Arrays, model: Model) -> bool:
     row_start, columns, place = known["row_start"], known["columns"], known["place"]
     size, corners = model.free_nodes, model.stencils
+    kinds = row_start.dtype, columns.dtype, place.dtype
     if (
-        row_start.shape != (size + 1,)
+        kinds != (np.int32, np.int32, np.uint16)
+        or row_start.shape != (size + 1,)
         or place.shape != (len(corners), 16)
-        or (row_start.dtype, columns.dtype)
-        != (
-            np.int32,
-            np.int32,
-        )
     ):
         return False
-    length = np.append(np.diff(row_start), 0)[np.minimum(corners, size)]
+    count = np.diff(row_start)
+    length = np.zeros(model.nodes, dtype=np.uint16)
+    length[:size] = count
+    length = length.take(corners)
     return bool(
         row_start[0] == 0
-        and (np.diff(row_start) > 0).all()
+        and (count > 0).all()
         and columns.shape == (row_start[-1],)
         and columns.min() >= 0
         and columns.max() < size
-        and (place.reshape(-1, 4, 4) <= length[:, :, None]).all()
-        and np.count_nonzero(columns == np.repeat(np.arange(size), np.diff(row_start))) == size
+        and all((place[:, k::4] <= length).all() for k in range(4))
+        and np.count_nonzero(columns == np.repeat(np.arange(size, dtype=np.int32), count)) == size
     )
