@@ -23,6 +23,7 @@ ARGUMENTS = [
     ("too many increments", ["--increments", "1000000"], "from 1 to 10000, not 1000000"),
     ("too many tetrahedra", ["--tets", "100000000000"], "'tets' must be a number from 4 to 5e+07"),
     ("no tetrahedra", ["--tets", "0"], "'tets' must be a number"),
+    ("too few for the skin", ["--tets", "100", "--no-cache"], "100 were asked for", "fewer than", "; ask for"),
     ("tolerance NaN", ["--tolerance", "nan"], "tolerance: must be a positive number of mm, not nan"),
     ("tolerance 0", ["--tolerance", "0"], "tolerance: must be a positive"),
     ("gravity 1e9", ["--gravity", "1e9"], "gravity: must be from 0 to 1000 m/s^2", "not 1e+09"),

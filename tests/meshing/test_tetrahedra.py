@@ -8,7 +8,8 @@ from warp_trunk.engine.trunk_mesh import oriented, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
-from warp_trunk.meshing.tetrahedra import cavity_points, tetrahedralize
+from warp_trunk.meshing import tetrahedra
+from warp_trunk.meshing.tetrahedra import cavity_points, check_number, run_tetgen, tetrahedralize
 
 SKIN = sphere(100.0, (0.0, 0.0, 1300.0))
 BONES = [sphere(20.0, (x, 0.0, 1300.0), 2) for x in (-40.0, 40.0)]
@@ -51,9 +52,31 @@ def test_better_quality_bound_gives_better_tetrahedra():
     assert np.quantile(ratios(1.2), 0.99) < np.quantile(ratios(4.0), 0.99)
 
 
-def test_surfaces_that_need_more_than_asked_are_named():
-    with pytest.raises(InputError, match=r"tets: 1000 were asked for.*1280 triangles"):
-        tetrahedralize(SKIN, BONE, 1000)
+@pytest.mark.parametrize(("asked", "runs"), [(1000, 0), (2500, 1)])
+def test_surfaces_that_need_more_than_asked_are_named(asked, runs, monkeypatch):
+    ran = []
+    monkeypatch.setattr(tetrahedra, "run_tetgen", lambda **given: ran.append(1) or run_tetgen(**given))
+    pattern = rf"^tets: {asked} were asked for, .*1280 triangles.*640.* fewer than \d+; ask for \d+ or more"
+    with pytest.raises(InputError, match=pattern):
+        tetrahedralize(SKIN, BONE, asked)
+    assert len(ran) == runs  # none where it is sure before
+
+
+SHELLS = [(0, 0, 50.0), (1, 0, 70.0), (2, 1, 50.0), (2, 2, 90.0), (3, 3, 94.0), (4, 2, 50.0), (4, 4, 95.0)]
+
+
+@pytest.mark.parametrize("ratio", [1.2, 2.0, 5.0, 100.0])
+@pytest.mark.parametrize(("outer", "inner", "radius"), SHELLS)
+def test_what_is_refused_before_it_is_tried_cannot_be_done(outer, inner, radius, ratio):
+    skin, bone = sphere(100.0, subdivisions=outer), sphere(radius, subdivisions=inner)
+    made = run_tetgen(
+        vertices=np.concatenate([skin.vertices, bone.vertices]),
+        faces=np.concatenate([skin.faces, bone.faces + len(skin.vertices)]).astype(np.int32),
+        holes=np.zeros((1, 3)),
+        bound=np.inf,
+        quality=(ratio, 0.0, 165.0),
+    )
+    check_number(int(len(made[1]) / 1.15), len(skin.faces), len(bone.faces))
 
 
 def test_crossing_surfaces_are_refused_and_nothing_is_left_behind(tmp_path, monkeypatch):

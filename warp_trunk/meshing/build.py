@@ -18,7 +18,7 @@ from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
 from .quality import improve_quality
 from .space_order import morton_order
-from .tetrahedra import Tetrahedra, tetrahedralize
+from .tetrahedra import Tetrahedra, check_number, tetrahedralize
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +107,7 @@ def make_trunk(
 
     Raises InputError when the skin is not closed, 2-manifold, oriented outward and free of
     self-intersections, when no clean surface can be made of the bones, or when the number of tets asked for
-    cannot be met.
+    cannot be met: at once where the skin alone needs more, and before TetGen runs where the surfaces surely do.
     """
     options = options or MeshOptions()
     expect(skin, Surface, "build_trunk: 'skin'", "read it with read_surface")
@@ -122,6 +122,7 @@ def make_trunk(
     if options.cache and (kept := load_cached(key)) is not None:
         return TrunkBuild(kept, True, 0.0, time.perf_counter() - start, 0, 0.0)
 
+    check_number(options.tets, len(skin.faces))
     tell("checking the skin")
     check_surface(skin, "skin")
     check_solid(skin, "skin")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import tempfile
@@ -26,6 +27,9 @@ _WITHIN = 0.15
 """How far from the number asked for the number of tetrahedra may be."""
 _AIM = 0.12
 """A run nearer than this is not followed by another."""
+_PER_TRIANGLE = 1.2, 2.5
+"""Tetrahedra for each triangle of closed surfaces around a space, where nothing asks for more: at least, and in a
+trunk. In a layer one tetrahedron thick they are 1.5, between a fine and a coarse surface 1.24."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,7 @@ def tetrahedralize(
 
     Raises InputError when the surfaces cross, or need more tetrahedra by themselves than asked for.
     """
+    check_number(tets, len(skin.faces), len(bones.faces))
     vertices = np.concatenate([skin.vertices, bones.vertices])
     faces = np.concatenate([skin.faces, bones.faces + len(skin.vertices)]).astype(np.int32)
     holes = cavity_points(bones)
@@ -86,18 +91,31 @@ def tetrahedralize(
         search.saw(bound, count)
     assert best is not None
     count = len(best.tets)
-    if count > (1.0 + _WITHIN) * tets:
-        raise InputError(
-            f"tets: {tets} were asked for, but the skin ({len(skin.faces)} triangles) and the bone surface "
-            f"({len(bones.faces)}) need at least {count} by themselves; ask for more tets, or give a coarser "
-            "skin or a longer bone_edge_length"
-        )
+    _check_enough(tets, count, count, len(skin.faces), len(bones.faces))
     if count < (1.0 - _WITHIN) * tets:
         raise InputError(
             f"tets: {tets} were asked for, but {best.runs} runs of TetGen came to {count} at best; "
             "ask for another number or change the quality bounds"
         )
     return best
+
+
+def check_number(tets: int, skin: int, bones: int = 0) -> None:
+    """InputError where so many triangles of the skin and the bone surface surely need more tetrahedra."""
+    surely, usually = (math.ceil(each * (skin + bones)) for each in _PER_TRIANGLE)
+    _check_enough(tets, surely, usually, skin, bones)
+
+
+def _check_enough(tets: int, least: int, enough: int, skin: int, bones: int) -> None:
+    """InputError where the least number of tetrahedra is above the number asked for; `enough` is the cure."""
+    if least <= (1.0 + _WITHIN) * tets:
+        return
+    and_bones = f" and the bone surface ({bones})" if bones else ""
+    or_longer = " or a longer bone_edge_length" if bones else ""
+    raise InputError(
+        f"tets: {tets} were asked for, but the skin ({skin} triangles){and_bones} cannot do with fewer than "
+        f"{least}; ask for {enough} or more, or give a coarser skin{or_longer}"
+    )
 
 
 def cavity_points(bones: Surface) -> np.ndarray:
