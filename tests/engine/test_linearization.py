@@ -9,7 +9,7 @@ import pytest
 
 from support.meshes import block_with_bone, with_skin
 from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.constants import SKIN_RIGIDITY, Constant, constants_of, value_of
+from warp_trunk.engine.constants import SKIN_RIGIDITY, Constant, constants_of, parts_derivative, value_of
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.model import EnergyName, Model, WeightsName, build_model
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
@@ -265,13 +265,12 @@ def test_parts_of_tissues_against_differences_of_whole_relaxations(energy: Energ
     wanted = (ends[0] - ends[1]) / (2.0 * step)
     model = model_of(LABEL)
     linear = Linearization(model, settle(model, move), accuracy=1e-10)
-    pull = linear.pull_of_parts(TRUNK.tets, change)
-    followed = linear.follow(np.zeros((1, *move.shape)), pull[None])[0]
+    pulls = linear.pulls([parts_derivative(model, TRUNK.tets, change)])
+    followed = linear.follow(np.zeros((1, *move.shape)), pulls)[0]
     np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())
 
 
 def test_parts_change_in_mixtures_alone() -> None:
     model = build_model(TRUNK, device="cpu", precision="float64")
-    linear = Linearization(model, settle(model, bones_turned()))
     with pytest.raises(InputError, match="change only where each tetrahedron has a part of every tissue"):
-        linear.pull_of_parts(TRUNK.tets, np.zeros((len(TRUNK.tets), 2)))
+        parts_derivative(model, TRUNK.tets, np.zeros((len(TRUNK.tets), 2)))

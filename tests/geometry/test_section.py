@@ -4,7 +4,7 @@ import pytest
 from support.synthetic import box, sphere
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.section import enclosed_area, encloses, outer_loop, section, sections, trunk_loop
+from warp_trunk.geometry.section import enclosed_area, encloses, section, sections, trunk_loop
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
@@ -56,7 +56,9 @@ def test_two_bodies_and_the_hole_of_a_third():
     areas = sorted(enclosed_area(loop) for loop in loops)
     assert len(areas) == 3
     assert areas[0] < 0.0 < areas[1] < areas[2]
-    assert enclosed_area(outer_loop(loops)) == areas[2]
+    around = trunk_loop(loops, np.array([40.0, 0.0]))
+    assert around is not None
+    assert enclosed_area(around) == areas[2]
 
 
 def test_every_height_of_a_rough_surface_gives_closed_loops():
@@ -67,10 +69,9 @@ def test_every_height_of_a_rough_surface_gives_closed_loops():
         assert sum(enclosed_area(loop) for loop in loops) > 0.0
 
 
-def test_miss_is_empty_and_has_no_outer_loop():
+def test_a_plane_that_misses_gives_nothing():
     assert section(sphere(10.0), 11.0) == []
-    with pytest.raises(InputError, match="misses"):
-        outer_loop([])
+    assert trunk_loop([], np.zeros(2)) is None
 
 
 def test_open_surface_is_refused():

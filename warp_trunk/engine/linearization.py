@@ -19,7 +19,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .constants import STIFFNESS, Constant, parts_derivative, weight_derivative
+from .constants import STIFFNESS, Constant, weight_derivative
 from .coupling import Coupling
 from .model import Model
 from .relaxation import Relaxer, RelaxStatus
@@ -139,12 +139,11 @@ class Linearization:
         """
         return self.pulls([weight_derivative(self.model, constant)])[0]
 
-    def pull_of_parts(self, tets: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """The same where parts of tissues change in the tetrahedra of a mixture; see `parts_derivative`."""
-        return self.pulls([parts_derivative(self.model, tets, change)])[0]
-
     def pulls(self, derivatives: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
-        """The same of several changes of the weights, shape (changes, nodes, 3): see `weight_derivative`."""
+        """The same of several changes of the weights, shape (changes, nodes, 3).
+
+        See `weight_derivative`, and `parts_derivative` where parts of tissues change in a mixture.
+        """
         model, scan = self.model, self.model.scan
         if not derivatives or not model.free_nodes:
             return np.zeros((len(derivatives), model.nodes, 3))

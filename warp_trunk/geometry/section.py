@@ -28,7 +28,10 @@ def section(surface: Surface, height: float) -> list[np.ndarray]:
 
 
 def sections(surface: Surface, heights: Sequence[float]) -> list[list[np.ndarray]]:
-    """Cut a closed surface by planes, all in one pass over its triangles; for each plane what `section` gives."""
+    """Cut a closed surface by planes at some heights [mm], all in one pass over its triangles.
+
+    For each plane what `section` gives, and raises.
+    """
     order = np.argsort(heights)
     plane, points, following = _cut(surface, np.asarray(heights, dtype=np.float64)[order])
     repeated = (points[following] == points).all(axis=1)
@@ -38,16 +41,6 @@ def sections(surface: Surface, heights: Sequence[float]) -> list[list[np.ndarray
         if len(kept) >= 3:
             loops[order[plane[cycle[0]]]].append(points[kept])
     return loops
-
-
-def outer_loop(loops: list[np.ndarray]) -> np.ndarray:
-    """The loop with the largest enclosed area: the trunk, where arms or cut planes give loops too.
-
-    Raises InputError when there are no loops.
-    """
-    if not loops:
-        raise InputError("section: the plane misses the surface, there is no loop; choose another height")
-    return max(loops, key=lambda loop: abs(enclosed_area(loop)))
 
 
 def trunk_loop(loops: list[np.ndarray], spine: np.ndarray) -> np.ndarray | None:

@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.spatial import KDTree
 
-from warp_trunk.geometry.section import outer_loop, section
+from warp_trunk.geometry.section import section
 from warp_trunk.geometry.surface_checks import check_solid, components
 from warp_trunk.preparation.phantom.skin import EDGE, section_at, trunk_skin
 
@@ -24,8 +24,13 @@ def test_the_skin_is_its_own_mirror_image():
     assert triangles == {tuple(sorted(face)) for face in np.asarray(twin)[skin.faces].tolist()}
 
 
+def loop_at(z: float) -> np.ndarray:
+    (loop,) = section(trunk_skin(), z)
+    return loop
+
+
 def width_at(z: float) -> float:
-    return float(np.ptp(outer_loop(section(trunk_skin(), z))[:, 0]))
+    return float(np.ptp(loop_at(z)[:, 0]))
 
 
 def test_it_has_neck_shoulders_waist_and_hips():
@@ -36,7 +41,7 @@ def test_it_has_neck_shoulders_waist_and_hips():
 
 def test_a_furrow_runs_down_the_back():
     for z in (320.0, 240.0, 160.0):
-        loop = outer_loop(section(trunk_skin(), z))
+        loop = loop_at(z)
         behind = loop[loop[:, 1] > 0.0]
         at_spine = np.interp(0.0, *behind[np.argsort(behind[:, 0])].T)
         beside = behind[np.abs(np.abs(behind[:, 0]) - 35.0) < 15.0, 1].max()

@@ -18,7 +18,6 @@ from .record import Landmarks
 
 _AXES = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
 """What files call their axes; the numbers are those of Slicer before 4.11."""
-_FCSV_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label"
 _EXPECTED = "markups of 3D Slicer were expected"
 _CURE = "save the markups again from 3D Slicer"
 
