@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.phantoms import whole_phantom
 from support.small_case import palpated
 from warp_trunk.case import read_case, write_case
 from warp_trunk.cli import main
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.preparation.phantom import phantom_case
 
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("palpated")
-    whole = palpated(phantom_case())
+    whole = palpated(whole_phantom())
     case = dataclasses.replace(
         whole,
         skin=coarsen(whole.skin, 20.0, 1.0),

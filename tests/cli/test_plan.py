@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.phantoms import whole_phantom
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.case import read_case, write_case
 from warp_trunk.cli import main
-from warp_trunk.preparation.phantom import phantom_case
 
 TEXT = """\
 uiv = "T4"
@@ -27,7 +27,7 @@ derotation = 0.4
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A case without a plan, and plan.toml beside it."""
     folder = tmp_path_factory.mktemp("plan")
-    write_case(folder / "case", dataclasses.replace(phantom_case(), landmarks_after=None))
+    write_case(folder / "case", dataclasses.replace(whole_phantom(), landmarks_after=None))
     (folder / "plan.toml").write_text(TEXT)
     return folder
 

@@ -11,11 +11,11 @@ import pytest
 
 import warp_trunk.live.opening as opening
 from support.no_meshing import forbid_meshing
+from support.phantoms import whole_phantom
 from support.small_patient import curved_case, small_patient
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.live.loopback import LoopbackServer
-from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.recording.viewer import free_port
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
@@ -24,7 +24,7 @@ from warp_trunk.run.progress import Progress
 @pytest.fixture(scope="module")
 def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("live") / "anna"
-    write_case(folder, replace(phantom_case(), landmarks_after=None))
+    write_case(folder, replace(whole_phantom(), landmarks_after=None))
     return folder
 
 

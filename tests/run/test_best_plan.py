@@ -9,20 +9,19 @@ from functools import cache
 import numpy as np
 import pytest
 
+from support.phantoms import coarse_mesh, coarse_phantom
 from warp_trunk.bone_motion.plan import CurvePlan, Plan
 from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
-from warp_trunk.meshing import MeshOptions
-from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.run.best_plan import Aim, BestPlan, Search, Trial, best_plan, gain_sd
 from warp_trunk.run.best_plan_text import best_plan_text
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import Patient, patient_of
 from warp_trunk.run.sources import effect_of, sources_of
 
-CASE = phantom_case()
+CASE = coarse_phantom()
 PLAN = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.5, derotation=0.3),))
 BOUNDS = bounds_of_text("T8,correction=0.4..0.8,derotation=0.1..0.6")
 
@@ -30,7 +29,7 @@ BOUNDS = bounds_of_text("T8,correction=0.4..0.8,derotation=0.1..0.6")
 @cache
 def patient(tolerance: float = 0.01) -> Patient:
     options = RunOptions(
-        mesh=MeshOptions(tets=42_000, bone_voxel=6.0),
+        mesh=coarse_mesh(),
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(tolerance=tolerance)),
         precision="float32" if tolerance == 0.01 else "float64",
         device="cpu",

@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from support.phantoms import whole_phantom
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
-from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.run.draws import measured_again
 
 
 def test_the_hump_of_a_drawn_skin_is_its_largest_at_whatever_level() -> None:
-    case = phantom_case()
+    case = whole_phantom()
     before = measure(case.skin, case.landmarks_before)
     assert before.max_hump is not None
     height = case.landmarks_before.points[:, 2]

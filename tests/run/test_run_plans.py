@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from support.no_meshing import forbid_meshing
+from support.phantoms import whole_phantom
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, read_plan
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
-from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.report.plans import read_plans
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.run_plans import run_plans
@@ -25,7 +25,7 @@ TEXT = 'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = {correction
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A case without a plan, plans as a file and in a folder, and one that no spine can meet."""
-    write_case(tmp_path / "anna", replace(phantom_case(), landmarks_after=None))
+    write_case(tmp_path / "anna", replace(whole_phantom(), landmarks_after=None))
     (tmp_path / "more").mkdir()
     for file, correction in (("less.toml", 0.3), ("more/plan.toml", 0.65)):
         (tmp_path / file).write_text(TEXT.format(correction=correction))
@@ -85,7 +85,7 @@ def test_one_that_cannot_be_is_refused_before_any_is_simulated(
 
 
 def test_what_run_plans_is_asked_for_in_vain(tmp_path: Path) -> None:
-    case = phantom_case()
+    case = whole_phantom()
     with pytest.raises(InputError, match="'plans' is empty"):
         run_plans(case, {}, tmp_path)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))

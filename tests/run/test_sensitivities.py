@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from support.phantoms import coarse_mesh, coarse_phantom, whole_phantom
 from support.small_trunk import LEVELS, boned_case
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
@@ -20,13 +21,13 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import SpineCurve, make_case
-from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.paths import find_path
@@ -41,12 +42,12 @@ STEP = 1e-3
 
 
 def options_of(
-    energy: EnergyName, bones: Literal["spline", "follow"] = "spline", tets: int = 42_000
+    energy: EnergyName, bones: Literal["spline", "follow"] = "spline", mesh: MeshOptions | None = None
 ) -> RunOptions:
     return RunOptions(
         energy=energy,
         bones=bones,
-        mesh=MeshOptions(tets=tets, bone_voxel=6.0),
+        mesh=mesh or coarse_mesh(),
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-7)),
         precision="float64",
         device="cpu",
@@ -167,7 +168,7 @@ def test_layers_and_gravity() -> None:
 
 @pytest.fixture(scope="module", params=["itmsm", "neo-hookean"])
 def phantom(request: pytest.FixtureRequest) -> Simulated:
-    return Simulated(phantom_case(), options_of(request.param))
+    return Simulated(coarse_phantom(), options_of(request.param))
 
 
 def test_a_phantom(phantom: Simulated) -> None:
@@ -186,8 +187,9 @@ def test_a_phantom(phantom: Simulated) -> None:
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
 def test_thickness_of_layers(energy: EnergyName) -> None:
     """Against a step of a hundredth of a mm of the whole layer, told by depth anew."""
-    case = replace(phantom_case(), layers=Layers())
-    layered = Simulated(case, replace(options_of(energy), layers="depth"))
+    case = replace(whole_phantom(), layers=Layers())
+    mesh = MeshOptions(tets=42_000, bone_voxel=6.0)
+    layered = Simulated(case, replace(options_of(energy, mesh=mesh), layers="depth"))
     for layer, value in (("skin", SKIN_THICKNESS), ("fat", FAT_THICKNESS)):
         ends = []
         for step in (0.01, -0.01):
@@ -202,8 +204,10 @@ def test_thickness_of_layers(energy: EnergyName) -> None:
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
 def test_real_anatomy(energy: EnergyName) -> None:
     bones = {path.stem: read_surface(path) for path in sorted(Path(ANATOMY, "bones").glob("*.ply"))}
-    case = make_case(read_surface(Path(ANATOMY, "skin.ply")), bones, SpineCurve(cobb=60.0), 0.7)
-    anatomy = Simulated(case, options_of(energy, tets=160_000))
+    skin = coarsen(read_surface(Path(ANATOMY, "skin.ply")), 16.0, 2.0)
+    case = make_case(skin, bones, SpineCurve(cobb=60.0), 0.7)
+    mesh = MeshOptions(tets=75_000, bone_voxel=6.0, bone_tolerance=2.0)
+    anatomy = Simulated(case, options_of(energy, mesh=mesh))
     check_landmarks(anatomy, 2)
     check_constants(anatomy, anatomy.case.tissue)
 

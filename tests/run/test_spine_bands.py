@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from support.phantoms import whole_phantom
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import spine_of
-from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.run.sources import Source
 from warp_trunk.run.spine_bands import spine_bands
 
-CASE = replace(phantom_case(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))
+CASE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))
 AFTER = CASE.planned_landmarks
 
 

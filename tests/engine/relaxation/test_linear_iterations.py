@@ -6,6 +6,7 @@ from functools import cache
 
 import pytest
 
+from support.phantoms import whole_phantom
 from support.small_trunk import small_case
 from warp_trunk.bone_motion.bone_path import BonePath, spline_path
 from warp_trunk.engine.energies.by_name import EnergyName
@@ -17,7 +18,6 @@ from warp_trunk.engine.relaxation.multilevel import Multilevel
 from warp_trunk.engine.state import State
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.meshing import MeshOptions, build_trunk
-from warp_trunk.preparation.phantom import phantom_case
 
 LOAD_FACTORS = {"phantom": (1.0,), "small": (0.1, 0.5, 1.0)}
 """Parts of the correction whose gradients are solved for."""
@@ -40,7 +40,7 @@ def scene(name: str) -> tuple[TrunkMesh, BonePath]:
     if name == "small":
         case, trunk = small_case()
     else:
-        case = phantom_case()
+        case = whole_phantom()
         trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=42_000, bone_voxel=6.0))
     return trunk, spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, "cpu")
 

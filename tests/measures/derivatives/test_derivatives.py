@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from support.phantoms import whole_phantom
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, back_surface_rotation, measure
@@ -18,9 +19,8 @@ from warp_trunk.measures.derivatives import (
     rotation_derivative,
     shoulder_derivative,
 )
-from warp_trunk.preparation.phantom import phantom_case
 
-CASE = phantom_case()
+CASE = whole_phantom()
 STEP = 1e-6
 
 
