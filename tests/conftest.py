@@ -1,6 +1,9 @@
 """Fixtures that tests of several rooms share. This folder is on the import path, for the package support in it."""
 
+import os
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read by NumPy once; workers of a run share the cores already
 
 import pytest
 
