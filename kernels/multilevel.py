@@ -82,6 +82,7 @@ def multilevel_kernels(scalar: type) -> SimpleNamespace:
             own = vertex[i]
             w = weight[i]
             same = by_corner()
+            corners = wp.int32(8)  # a loop to it is not unrolled, which would take seconds to compile
             for n in range(row_start[i], row_start[i + 1]):
                 c = columns[n]
                 if c >= i:
@@ -96,7 +97,7 @@ def multilevel_kernels(scalar: type) -> SimpleNamespace:
                                 for b in range(3):
                                     same[3 * m + a, b] += v[m] * block[a, b]
                     else:
-                        for k in range(8):
+                        for k in range(corners):
                             for m in range(8):
                                 add_pair(matrix, slab, own[k], other[m], (w[k] * v[m]) * block)
             for m in range(8):
@@ -104,7 +105,7 @@ def multilevel_kernels(scalar: type) -> SimpleNamespace:
                 for a in range(3):
                     for b in range(3):
                         block[a, b] = same[3 * m + a, b]
-                for k in range(8):
+                for k in range(corners):
                     add_pair(matrix, slab, own[k], own[m], w[k] * block)
 
     @wp.kernel(module="unique", enable_backward=False)
