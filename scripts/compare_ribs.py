@@ -2,7 +2,7 @@
 
     python scripts/compare_ribs.py ANATOMY                              the tables
     python scripts/compare_ribs.py ANATOMY --page docs/ribs.md          into the page, between their marks
-    python scripts/compare_ribs.py ANATOMY --energy neo-hookean         the tables of a continuum
+    python scripts/compare_ribs.py ANATOMY --energy itmsm               all with one energy: how bars are met
     python scripts/compare_ribs.py ANATOMY --pictures docs              the pictures
 
 ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. Curves are imposed on it and parts of them
@@ -30,11 +30,15 @@ from benchmarking.process import be_quiet
 from marked import replaced, write_into
 from ribs.pictures import draw_cage, draw_flank
 from ribs.rows import Row, Shoulders, Smoothness
-from ribs.study import CORRECTIONS, PATIENTS, SHOWN, WAYS, Study
+from ribs.study import CORRECTIONS, PATIENTS, SHOWN, WAYS, Study, Way, moved
 from ribs.tables import by_bar, by_patient, by_share, imposed
 
 from warp_trunk.case.rib_shares import RANGES, RibShares
 from warp_trunk.engine.energies.by_name import ENERGIES
+from warp_trunk.run.options import RunOptions
+
+TOLD = {None: ("patients", "bars", "imposed", "shares"), "itmsm": ("bars",), "neo-hookean": ("bars",)}
+"""The tables of each energy; None is what each way has when it is left out, itmsm with the spline."""
 
 
 def main() -> None:
@@ -47,7 +51,7 @@ def main() -> None:
     parser.add_argument("--part", default="0/1", help="which part of the rows this process makes: 0/4 to 3/4")
     parser.add_argument("--page", type=Path, help="the page whose tables are written anew")
     parser.add_argument("--pictures", type=Path, help="the folder for pictures, which are all that is made then")
-    parser.add_argument("--energy", choices=ENERGIES, default="itmsm", help="of the tissue")
+    parser.add_argument("--energy", choices=ENERGIES, help="of the tissue, for every way")
     given = parser.parse_args()
     be_quiet()
     study, shares = Study(given.anatomy, given.tets, given.energy), RibShares(**json.loads(given.shares))
@@ -56,7 +60,7 @@ def main() -> None:
         draw_flank(study, given.pictures / "ribs_flank.png")
         return
     if given.page:  # before any long work
-        for name in _told(study):
+        for name in TOLD[given.energy]:
             replaced(given.page.read_text(), _mark(name, study), "")
     given.kept.mkdir(parents=True, exist_ok=True)
     number, parts = map(int, given.part.split("/"))
@@ -65,25 +69,25 @@ def main() -> None:
     for curve, correction, way in plans[number::parts]:
         name = f"{curve.kind}{curve.cobb:g}_{correction:g}_{way}{'' if way == 'spline' else _other(shares)}"
         make = partial(study.row, curve, correction, way, shares)
-        rows.append(_kept(given.kept, f"{name}{_of(study)}", make))
+        rows.append(_kept(given.kept, f"{name}{_of(study, way)}", make))
     if parts > 1:
         return
-    found = {"patients": by_patient(rows), "bars": by_bar(rows), "imposed": imposed(study)}
-    found["shares"] = by_share(*_share_rows(study, given.kept, rows))
-    for name, table in found.items():
+    make_table = {
+        "patients": partial(by_patient, rows),
+        "bars": partial(by_bar, rows),
+        "imposed": partial(imposed, study),
+        "shares": lambda: by_share(*_share_rows(study, given.kept, rows)),
+    }
+    for name in TOLD[given.energy]:
+        table = make_table[name]()
         print(f"\n{table}")
-        if given.page and name in _told(study):
+        if given.page:
             write_into(given.page, _mark(name, study), table)
-
-
-def _told(study: Study) -> tuple[str, ...]:
-    """The tables that a page has of an energy."""
-    return ("patients", "bars", "imposed", "shares") if study.energy == "itmsm" else ("patients",)
 
 
 def _mark(name: str, study: Study) -> str:
     """Where a table stands in the page."""
-    return f"ribs {name}{'' if study.energy == 'itmsm' else ', continuum'}"
+    return f"ribs {name}{f', {study.energy}' if study.energy else ''}"
 
 
 def _share_rows(study: Study, kept: Path, rows: list[Row]) -> tuple[dict[str, Row], Row]:
@@ -97,7 +101,7 @@ def _share_rows(study: Study, kept: Path, rows: list[Row]) -> tuple[dict[str, Ro
     for share, value in ((share, value) for share, ends in RANGES.items() for value in ends):
         other = replace(RibShares(), **{share: value})
         if other != RibShares() and share != "direct":  # screws force nothing in this plan
-            name = f"share{_other(other)}{_of(study)}"
+            name = f"share{_other(other)}{_of(study, 'follow')}"
             make = partial(study.row, curve, SHOWN, "follow", other, less=False)
             found[f"`{share}` {value:g}"] = _kept(kept, name, make)
     return found | {"spline instead of follow": spline}, usual
@@ -109,9 +113,9 @@ def _other(shares: RibShares) -> str:
     return "".join(f"_{name}{value:g}" for name, value in asdict(shares).items() if value != usual[name])
 
 
-def _of(study: Study) -> str:
+def _of(study: Study, way: Way) -> str:
     """Mesh and energy, for the name of a file."""
-    return f"_{study.tets}{'' if study.energy == 'itmsm' else f'_{study.energy}'}"
+    return f"_{study.tets}_{moved(way, RunOptions(energy=study.energy)).energy_of_tissue}"
 
 
 def _kept(folder: Path, name: str, make: Callable[[], Row]) -> Row:

@@ -48,11 +48,11 @@ LESS = 5.0
 class Study:
     """The virtual patients on one anatomy."""
 
-    def __init__(self, folder: Path, tets: int, energy: EnergyName = "itmsm") -> None:
+    def __init__(self, folder: Path, tets: int, energy: EnergyName | None = None) -> None:
         self.skin = read_surface(folder / "skin.ply")
         self.bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
         self.tets = tets
-        self.energy: EnergyName = energy
+        self.energy: EnergyName | None = energy
         self.straight: Landmarks = find_landmarks(self.bones).complete()
         self.patient = cache(self._patient)
 
@@ -77,8 +77,7 @@ class Study:
         self, case: Case, trunk: TrunkMesh, way: Way, options: RunOptions | None = None
     ) -> tuple[list[Increment], Surface]:
         """The increments of a plan, and the skin at its end; with other options than the study's energy."""
-        options = options or RunOptions(energy=self.energy)
-        ready = prepare(case, replace(options, bones="spline" if way == "spline" else "follow"), trunk)
+        ready = prepare(case, moved(way, options or RunOptions(energy=self.energy)), trunk)
         increments = list(simulate(ready.model, ready.bone_path, SimulationOptions(increments=5)))
         return increments, predicted_skin(case, ready.trunk, increments[-1].displacement)
 
@@ -108,6 +107,11 @@ class Study:
             inverted=end.inverted_tets,
             status=end.status.name,
         )
+
+
+def moved(way: Way, options: RunOptions) -> RunOptions:
+    """Options with the bones of a way."""
+    return replace(options, bones="spline" if way == "spline" else "follow")
 
 
 def name_of(curve: SpineCurve) -> str:
