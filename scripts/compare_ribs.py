@@ -48,6 +48,7 @@ def main() -> None:
     parser.add_argument("--tets", type=int, default=130_000)
     parser.add_argument("--shares", default="{}", help='other shares of the ribs, such as {"recovery": 0.8}')
     parser.add_argument("--kept", type=Path, default=Path("results/ribs"), help="where rows are kept")
+    parser.add_argument("--as-kept", action="store_true", help="tell the rows that are kept, simulate no other")
     parser.add_argument("--part", default="0/1", help="which part of the rows this process makes: 0/4 to 3/4")
     parser.add_argument("--page", type=Path, help="the page whose tables are written anew")
     parser.add_argument("--pictures", type=Path, help="the folder for pictures, which are all that is made then")
@@ -68,8 +69,9 @@ def main() -> None:
     rows = []
     for curve, correction, way in plans[number::parts]:
         name = f"{curve.kind}{curve.cobb:g}_{correction:g}_{way}{'' if way == 'spline' else _other(shares)}"
-        make = partial(study.row, curve, correction, way, shares)
-        rows.append(_kept(given.kept, f"{name}{_of(study, way)}", make))
+        name = f"{name}{_of(study, way)}"
+        if not given.as_kept or (given.kept / f"{name}.json").is_file():
+            rows.append(_kept(given.kept, name, partial(study.row, curve, correction, way, shares)))
     if parts > 1:
         return
     make_table = {

@@ -90,7 +90,10 @@ _VARIED: list[Row] = [
             "skin, fat, muscle": {"layers": True},
             "gravity, sag-free rest": {"gravity": G},
             "gravity, scan as rest": {"gravity": G, "rest": "scan"},
-            "ribs that follow by shares instead of the spline": {"bones": "follow"},
+            "ribs that follow by shares, in a continuum, instead of the spline": {
+                "bones": "follow",
+                "energy": "neo-hookean",
+            },
         },
     ),
     *_vary(
