@@ -33,6 +33,7 @@ from warp_trunk.run.options import RunOptions
 from warp_trunk.run.paths import find_path
 from warp_trunk.run.prepare import Prepared, prepare
 from warp_trunk.run.sensitivities import Sensitivity, sensitivities
+from warp_trunk.run.sources import sources_of
 
 ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")
 WITHIN = 0.02
@@ -151,6 +152,21 @@ def test_a_box_of_tissue_in_twenty_directions(energy: EnergyName, bones: Literal
         np.testing.assert_allclose([list(one.constants.values()) for one in box.found], 0.0, atol=1e-7)
     else:
         check_constants(box, case.tissue)
+
+
+def test_the_rigidity_of_the_skin() -> None:
+    case, trunk = BOX
+    value, step = 100.0, 0.1
+    box = Simulated(case, replace(options_of("neo-hookean"), skin_rigidity=value), trunk)
+    assert set(box.found[0].constants) == {"poisson_ratio", "youngs_modulus", "skin_rigidity"}
+    names = {source.name for source in sources_of(case, box.prepared, box.options)}
+    assert {"youngs modulus", "skin rigidity"} < names
+    ends = [
+        box.numbers(case, box.end(prepare(case, replace(box.options, skin_rigidity=there), trunk)))
+        for there in (value + step, value - step)
+    ]
+    predicted = np.array([one.constants["skin_rigidity"] for one in box.found])
+    agree([one.name for one in box.found], predicted, (ends[0] - ends[1]) / (2.0 * step))
 
 
 def test_layers_and_gravity() -> None:
