@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from .conjugate_gradient import stepping
+from .multilevel import KEPT
 from .reduction import adder, lane_adder
 
 VERTEX_LANES = 32
@@ -67,9 +68,10 @@ def scale_and_shorten(
     scale: wp.array(dtype=wp.float32),
     scaled: wp.array(dtype=wp.float16, ndim=2),
 ):
-    """A symmetric matrix by the scales of its rows and columns, in 16 bits."""
+    """A symmetric matrix by the scales of its rows and columns, in 16 bits; see `KEPT`."""
     i, k = wp.tid()
-    scaled[i, k] = wp.float16(matrix[i, k] / (scale[i] * scale[k]))
+    share = matrix[i, k] / (scale[i] * scale[k])
+    scaled[i, k] = wp.float16(wp.where(i == k, share, KEPT * share))
 
 
 @wp.kernel(enable_backward=False)

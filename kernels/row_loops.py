@@ -98,10 +98,40 @@ PROLONG = """
     return product;
 """
 
+STRIP = 16
+"""Rows of the dense product that are added up together."""
+WHOLE = 32000
+"""What stands for 1 in 16 bits, with room for what rounding adds."""
+
+DENSE = """
+    typedef wp::int16 shorts __attribute__((ext_vector_type(8), aligned(2)));
+    typedef real eight __attribute__((ext_vector_type(8)));
+    const shorts* number = (const shorts*)inverse.data + 2 * (long)size * first;
+    const real* s = scale.data;
+    const real* x = residual.data;
+    const auto at = [&](long k) { return __builtin_convertvector(number[k], eight); };
+    for (wp::int32 b = first; b < end; ++b, number += 2 * (long)size) {
+        eight low[2] = {0, 0}, high[2] = {0, 0};
+        for (wp::int32 k = 0; k < size; k += 2) {
+            for (int odd = 0; odd < 2; ++odd) {
+                const real v = s[k + odd] * x[k + odd];
+                low[odd] += at(2 * (k + odd)) * v;
+                high[odd] += at(2 * (k + odd) + 1) * v;
+            }
+        }
+        low[0] += low[1];
+        high[0] += high[1];
+        for (int l = 0; l < 8; ++l) {
+            solution.data[16 * b + l] = s[16 * b + l] * low[0][l];
+            solution.data[16 * b + 8 + l] = s[16 * b + 8 + l] * high[0][l];
+        }
+    }
+"""
+
 
 @cache
 def row_loops(scalar: type) -> SimpleNamespace:
-    """The kernels `multiply`, `restrict` and `prolong`, in one precision."""
+    """The kernels `multiply`, `restrict`, `prolong` and `dense`, in one precision."""
     add = adder(False)
     vec3, vec4, vec8 = (wp.types.vector(size, scalar) for size in (3, 4, 8))
     mat33 = wp.types.matrix((3, 3), scalar)
@@ -141,6 +171,17 @@ def row_loops(scalar: type) -> SimpleNamespace:
         residual: wp.array(dtype=vec3),
         correction: wp.array(dtype=vec3),
     ) -> wp.float64: ...
+
+    @wp.func_native(types + DENSE)
+    def dense_rows(
+        first: int,
+        end: int,
+        size: int,
+        inverse: wp.array(dtype=wp.int16),
+        scale: wp.array(dtype=scalar),
+        residual: wp.array(dtype=scalar),
+        solution: wp.array(dtype=scalar),
+    ): ...
 
     @wp.kernel(module="unique", enable_backward=False)
     def multiply_kernel(
@@ -196,4 +237,20 @@ def row_loops(scalar: type) -> SimpleNamespace:
         value = prolong_rows(first, end, inverse_diagonal, vertex, weight, coarse, residual, correction)
         add(products, iteration[0], 8 * slab, value)
 
-    return SimpleNamespace(multiply=multiply_kernel, restrict=restrict_kernel, prolong=prolong_kernel)
+    @wp.kernel(module="unique", enable_backward=False)
+    def dense_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        size: int,
+        inverse: wp.array(dtype=wp.int16),
+        scale: wp.array(dtype=scalar),
+        residual: wp.array(dtype=scalar),
+        solution: wp.array(dtype=scalar),
+    ):
+        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column; `size` is even."""
+        dense_rows(first, end, size, inverse, scale, residual, solution)
+
+    return SimpleNamespace(
+        multiply=multiply_kernel, restrict=restrict_kernel, prolong=prolong_kernel, dense=dense_kernel
+    )

@@ -81,7 +81,8 @@ def test_the_matrix_and_the_preconditioner_take_every_column(threads: int) -> No
     layout = Columns(model, 11)
     p, q, z = (layout.field(model.free_nodes) for _ in range(3))
     layout.write(p, values, np.ones(11))
-    for record, out in ((matrix.multiply_columns, q), (preconditioner.apply_columns, z)):
+    # one field takes the dense inverse in 16 bits, which keep 0.999 of what is not on its diagonal
+    for record, out, within in ((matrix.multiply_columns, q, 1e-12), (preconditioner.apply_columns, z, 4e-3)):
         dots = layout.products()
         record(layout, p, out, dots)()
         one_in, one_out, one_dots = model.free_vectors(), model.free_vectors(), Dots.unread(model)
@@ -92,8 +93,8 @@ def test_the_matrix_and_the_preconditioner_take_every_column(threads: int) -> No
             one_in.assign(values_in)
             one()
             wanted = one_out.numpy()
-            np.testing.assert_allclose(found[column], wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
-            assert sums[column] == pytest.approx(np.vdot(values_in, wanted), rel=1e-10)
+            np.testing.assert_allclose(found[column], wanted, rtol=0.0, atol=within * np.abs(wanted).max())
+            assert sums[column] == pytest.approx(np.vdot(values_in, found[column]), rel=1e-10)
 
 
 @pytest.mark.parametrize(("precision", "rtol"), [("float64", 1e-8), ("float32", 2e-4)])

@@ -2,8 +2,14 @@
 
 import numpy as np
 import pytest
+import warp as wp
+from warp_trunk.kernels.all_grids import scale_and_shorten
+from warp_trunk.kernels.multilevel import KEPT
+from warp_trunk.kernels.row_loops import STRIP, WHOLE
 
-from warp_trunk.engine.relaxation.dense_inverse import SMALL, invert
+from support.meshes import block
+from warp_trunk.engine.model import PRECISIONS, build_model
+from warp_trunk.engine.relaxation.dense_inverse import SMALL, dense_strips, invert, record_dense_product
 
 
 def definite(size: int) -> np.ndarray:
@@ -68,3 +74,47 @@ def test_float32_is_enough_or_left(softest: float) -> None:
     wanted = invert(matrix)
     assert np.linalg.norm(found - wanted, 2) < 0.02 * np.linalg.norm(wanted, 2)
     assert np.linalg.eigvalsh(found.astype(float)).min() > 0.0
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("nodes", [1, 7, 150])
+def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> None:
+    """Wrong by half of the last bit of each number; rows of very different size."""
+    model = build_model(block((2, 2, 2)), precision=precision, device="cpu", threads=threads)
+    size = np.random.default_rng(nodes).permutation(np.geomspace(0.01, 100.0, 3 * nodes))
+    matrix = size[:, None] * definite(3 * nodes) * size
+    x = np.random.default_rng(2).normal(size=(nodes + 16, 3))
+    solution = model.zeros(model.vec3, nodes + 16)
+    strips = dense_strips(model, matrix)
+    for _ in range(2):  # nothing is left of the product before
+        record_dense_product(model, strips, model.array(x, model.vec3), solution)()
+    found, wanted = solution.numpy().ravel()[: 3 * nodes], matrix @ x[:nodes].ravel()
+    root = np.sqrt(np.diagonal(matrix))
+    most = (0.5 / WHOLE + 1.0 - KEPT) * root * (root * np.abs(x[:nodes].ravel())).sum()
+    assert (np.abs(found - wanted) <= 1.1 * most + 1e-5 * np.abs(wanted)).all()
+    assert np.abs(found - wanted).max() > 0.0
+    assert not solution.numpy().ravel()[3 * nodes :].any()
+
+
+def test_it_stays_positive_in_16_bits() -> None:
+    """Of a grid with more vertices than nodes hang on: its largest numbers are those of what moves nothing."""
+    grid, nodes = 24, 9
+    weights = np.random.default_rng(4).normal(size=(grid, nodes))
+    matrix = weights @ np.diag(np.geomspace(1.0, 1e3, nodes)) @ weights.T
+    ours = invert(matrix)
+    root = np.sqrt(np.diagonal(ours))
+    assert np.linalg.eigvalsh(ours / root[:, None] / root)[0] > 1e-4  # of 1e-7 without
+    inverse = np.linalg.inv(matrix + 1e-6 * np.diag(np.diagonal(matrix)))
+    scale = np.sqrt(np.diagonal(inverse))
+    assert np.linalg.eigvalsh((inverse / scale[:, None] / scale).astype(np.float16).astype(float))[0] < 0.0
+    scaled = wp.zeros((grid, grid), dtype=wp.float16, device="cpu")
+    given = [wp.array(values, dtype=wp.float32, device="cpu") for values in (inverse, scale)]
+    wp.launch(scale_and_shorten, inverse.shape, given, [scaled], device="cpu")
+    assert np.linalg.eigvalsh(scaled.numpy().astype(float))[0] > 0.0
+    model = build_model(block((2, 2, 2)), device="cpu", threads=1)
+    strips = dense_strips(model, inverse)
+    numbers = (
+        strips.numbers.numpy().reshape(-1, strips.columns, STRIP).transpose(0, 2, 1).reshape(-1, strips.columns)
+    )
+    assert np.linalg.eigvalsh(numbers[:grid, :grid].astype(float))[0] > 0.0

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
-from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels
+from warp_trunk.kernels.multilevel import KEPT
+from warp_trunk.kernels.row_loops import STRIP, WHOLE, row_loops
 
 from ..model import Model
 from ..parallel import Launch, in_turn, view
@@ -19,35 +21,53 @@ SMALL = 64
 FLAT = 10.0
 """In float32 the trace of an inverse is at most so many times that of the matrix, which has a unit diagonal. The
 smallest eigenvalue is then at least a part of 10 n, so that rounding spoils a hundredth of its direction."""
+HELD, IDLE_HELD = 1e-6, 1e-3
+"""What is added to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
+times as soft as others, would leave to these none of 16 bits."""
 BLOCKS = 32
 """Blocks of a row that one CUDA thread adds up for several columns."""
 
 
-def dense_strips(model: Model, inverse: np.ndarray) -> wp.array:
-    """A matrix (3 n, 3 n) for products on the CPU, shape (strips, 3 n), of STRIP rows each."""
-    size = len(inverse)
-    padded = np.zeros((-(-size // STRIP) * STRIP, size), dtype=inverse.dtype)
-    padded[:size] = inverse
-    vector: Any = wp.types.vector(STRIP, model.scalar)
-    return model.array(padded.reshape(-1, STRIP, size).transpose(0, 2, 1), vector)
+@dataclass(frozen=True, eq=False)
+class Strips:
+    """A symmetric positive matrix for products on the CPU: S A S, A in 16 bits with ones on its diagonal."""
+
+    numbers: wp.array
+    """A in parts of WHOLE: strip after strip of STRIP rows, each column after column, shape (numbers,), int16."""
+    scale: wp.array
+    """The diagonal of S, shape (STRIP strips,), and 0 where there is no row; numbers count in units of WHOLE."""
+    columns: int
+    """Of the matrix, filled up to an even number."""
+
+    @property
+    def strips(self) -> int:
+        """Their number."""
+        return len(self.scale) // STRIP
 
 
-def record_dense_product(model: Model, inverse: wp.array, residual: wp.array, solution: wp.array) -> Launch:
-    """Records solution = inverse residual, on the CPU.
+def dense_strips(model: Model, matrix: np.ndarray) -> Strips:
+    """A matrix (n, n) for products on the CPU; of a preconditioner, which needs no more digits."""
+    size = len(matrix)
+    rows, columns = -(-size // STRIP) * STRIP, size + size % 2
+    root = np.sqrt(np.maximum(np.diagonal(matrix), np.finfo(np.float32).tiny))
+    numbers = np.zeros((rows, columns), dtype=np.int16)
+    numbers[:size, :size] = np.rint(matrix * (KEPT * WHOLE / root)[:, None] / root)
+    np.fill_diagonal(numbers[:size, :size], WHOLE)
+    scale = np.zeros(rows)
+    scale[:size] = root / math.sqrt(WHOLE)
+    strips = numbers.reshape(-1, STRIP, columns).transpose(0, 2, 1)
+    return Strips(model.array(strips.ravel(), wp.int16), model.array(scale, model.scalar), columns)
 
-    Args:
-        model: where it runs.
-        inverse: symmetric, of n nodes, in `dense_strips`.
-        residual: shape (n,), vec3.
-        solution: shape (n + STRIP,), vec3: the last strip is written whole.
-    """
-    strips, size = inverse.shape
+
+def record_dense_product(model: Model, inverse: Strips, residual: wp.array, solution: wp.array) -> Launch:
+    """Records solution = inverse residual, on the CPU; both are of shape (n + STRIP,), vec3, of which n count."""
     return model.parallel.record(
-        multilevel_kernels(model.scalar).dense_strip,
-        strips,
-        [size, inverse, view(residual, model.scalar, size)],
-        [view(solution, inverse.dtype, strips)],
+        row_loops(model.scalar).dense,
+        inverse.strips,
+        [inverse.columns, inverse.numbers, inverse.scale, view(residual, model.scalar, 3 * len(residual))],
+        [view(solution, model.scalar, 3 * len(solution))],
         least=16,
+        loops=True,
     )
 
 
@@ -75,20 +95,23 @@ def invert(matrix: np.ndarray, precision: str = "float64") -> np.ndarray:
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
     scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
-    inverse = _of_scaled(matrix, scale, precision)
+    inverse = _of_scaled(matrix, scale, precision, HELD)
     flat = np.diagonal(inverse)[scale > 0.0]
     if precision != "float64" and not (flat.min(initial=1.0) > 0.0 and flat.sum() <= FLAT * len(flat)):
-        inverse = _of_scaled(matrix, scale, "float64")
+        inverse = _of_scaled(matrix, scale, "float64", HELD)
+        flat = np.diagonal(inverse)[scale > 0.0]
+    if flat.max(initial=0.0) > 1.0 / IDLE_HELD:
+        inverse = _of_scaled(matrix, scale, "float64", IDLE_HELD)
     inverse *= scale.astype(inverse.dtype)
     inverse *= scale[:, None].astype(inverse.dtype)
     return inverse.astype(precision, copy=False)
 
 
-def _of_scaled(matrix: np.ndarray, scale: np.ndarray, precision: str) -> np.ndarray:
+def _of_scaled(matrix: np.ndarray, scale: np.ndarray, precision: str, held: float) -> np.ndarray:
     """The inverse of the matrix with rows and columns scaled, shifted, in a precision."""
     scaled = np.multiply(matrix, scale, out=np.empty(matrix.shape, precision), casting="same_kind")
     scaled *= scale[:, None].astype(precision)
-    scaled[np.diag_indices(len(scaled))] += 1e-6
+    scaled[np.diag_indices(len(scaled))] += held
     inverse = np.empty_like(scaled)
     _by_halves(scaled, inverse)
     return inverse

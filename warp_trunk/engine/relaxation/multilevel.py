@@ -22,8 +22,8 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.column_products import column_product_kernels
-from warp_trunk.kernels.multilevel import STRIP, multilevel_kernels, vec8i
-from warp_trunk.kernels.row_loops import row_loops
+from warp_trunk.kernels.multilevel import multilevel_kernels, vec8i
+from warp_trunk.kernels.row_loops import STRIP, row_loops
 from warp_trunk.kernels.slabs import slab_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
 
@@ -33,7 +33,7 @@ from ..parallel import Launch, in_turn
 from .all_grids import AllGrids
 from .block_matrix import BlockMatrix
 from .columns import Columns
-from .dense_inverse import dense_strips, invert, record_dense_columns, record_dense_product
+from .dense_inverse import Strips, dense_strips, invert, record_dense_columns, record_dense_product
 from .dots import Dots
 from .grid import CoarseGrid, Interpolation
 from .iterates import Iterates
@@ -110,7 +110,7 @@ class Multilevel:
         ]
 
     @cached_property
-    def _strips(self) -> wp.array:
+    def _strips(self) -> Strips:
         """The dense inverse for the CPU."""
         return dense_strips(self.model, self._inverse)
 
@@ -130,8 +130,9 @@ class Multilevel:
         down: list[Launch] = []
         up: list[Launch] = []
         for level in self._levels:
-            residual = model.zeros(model.vec3, level.vertices)
-            correction = model.zeros(model.vec3, level.vertices + STRIP)  # room for a whole last strip
+            residual, correction = (  # with room for a whole last strip of the dense product
+                model.zeros(model.vec3, level.vertices + STRIP) for _ in range(2)
+            )
             gather = [*level.transfer.by_vertex, r]  # a vertex gathers from tens of points
             down.append(record(kernels.restrict, level.vertices, gather, [residual], least=1024))
             interpolate = [inverse_diagonal, *level.transfer.by_point, correction, r]
