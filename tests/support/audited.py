@@ -41,7 +41,8 @@ def audited() -> Iterator[list[tuple[str, str]]]:
 
 def _is_code(path: str) -> bool:
     return (
-        path.endswith((".py", ".pyc", ".so"))
+        path.endswith((".py", ".so"))
+        or ".pyc" in path  # a number follows while it is written
         or path.startswith((sys.prefix, sys.base_prefix, "/proc/self/"))
         or not path
     )
