@@ -8,7 +8,8 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .model import Model, order_tets
+from .model import Model
+from .numbering import order_tets, places
 from .rest_mesh import RestMesh
 from .tissue import Tissue
 
@@ -97,9 +98,7 @@ def parts_derivative(model: Model, tets: np.ndarray, change: np.ndarray) -> dict
             "sensitivities: parts of tissues change only where each tetrahedron has a part of every tissue; "
             f"give the change for {len(model.corners)} tetrahedra and {len(model.tissues)} tissues"
         )
-    number = np.empty(model.nodes, dtype=np.int64)
-    number[model.order] = np.arange(model.nodes)
-    ordered = change[order_tets(number[tets])]
+    ordered = change[order_tets(places(model.order)[tets])]
     mesh = scanned_mesh(model)
     high, low = (
         model.elements.weights(replace(mesh, label=model.label + sign * PART_STEP * ordered), model.gravity)

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warp_trunk.errors import InputError
-
-from .energies.by_name import ENERGIES, EnergyName
+from .energies.by_name import ENERGIES, EnergyName, WeightsName
 from .energies.energy import TetEnergy
-from .memo import Arrays, Memo, arrays_of
-from .model_checks import check_mesh, check_tissues
-from .ordering import bisect, stable_order
+from .memo import Memo
+from .model_checks import check_arguments, check_mesh, check_tissues
+from .numbering import order_nodes, order_tets, places
 from .parallel import CUDA_BLOCK, Launch, Parallel
-from .rest_mesh import RestMesh
+from .rest_mesh import PRECISIONS, RestMesh
 from .skin import Skin, make_skin
 from .tissue import Tissue
 from .trunk_mesh import TrunkMesh
-
-PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
-WeightsName = Literal["count", "volume"]
 
 
 @dataclass(frozen=True)
@@ -205,73 +200,45 @@ def build_model(
             tissue that is not given, or a piece of free tissue that no bone holds.
     """
     tissues = (tissue or Tissue(),) if isinstance(tissue, Tissue | None) else tuple(tissue)
-    check_choice("precision", precision, tuple(PRECISIONS))
-    check_choice("energy", energy, get_args(EnergyName))
-    check_choice("weights", weights, get_args(WeightsName))
-    if not (np.isfinite(skin_rigidity) and skin_rigidity >= 0.0):
-        raise InputError(f"skin_rigidity: must be a finite number of N mm, 0 or more, not {skin_rigidity}")
-    if not np.isfinite(gravity):
-        raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
+    check_arguments(energy, weights, precision, skin_rigidity, gravity)
     parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
     check_mesh(trunk, parallel.device, memo)
     check_tissues(trunk, tissues)
-    scalar = PRECISIONS[precision]
-
-    order = arrays_of(
-        memo, "numbering", lambda: {"order": number_nodes(trunk)}, lambda known: _is_numbering(known, trunk)
-    )["order"].astype(np.int64)
-    free_nodes = int(np.count_nonzero(~trunk.prescribed))
-    number = np.empty(len(order), dtype=np.int32)
-    number[order] = np.arange(len(order), dtype=np.int32)
-    corners = number[trunk.tets]
-    tet_order = order_tets(corners)
-    corners = corners[tet_order]
-    label = trunk.tissue[tet_order] if trunk.tissue is not None and len(tissues) > 1 else None
-    rest = RestMesh(trunk.nodes[order], corners, tissues, label, scalar, parallel, memo)
+    order = order_nodes(trunk, memo)
+    rest = _in_order(trunk, order, tissues, PRECISIONS[precision], parallel=parallel, memo=memo)
     elements = ENERGIES[energy](rest, gravity, weights)
     skin = None
     if skin_rigidity:
-        faces = number[trunk.skin_nodes[trunk.skin_faces]]
+        faces = places(order)[trunk.skin_nodes[trunk.skin_faces]]
         skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
     return Model(
         parallel=parallel,
-        scalar=scalar,
+        scalar=rest.scalar,
         tissues=tissues,
         gravity=gravity,
         order=order,
-        free_nodes=free_nodes,
+        free_nodes=int(np.count_nonzero(~trunk.prescribed)),
         rest=rest.nodes,
-        corners=corners,
+        corners=rest.corners,
         tets=rest.tets,
         elements=elements,
-        label=label,
+        label=rest.label,
         skin=skin,
         memo=memo,
     )
 
 
-def number_nodes(trunk: TrunkMesh) -> np.ndarray:
-    """The mesh node of each model node, shape (nodes,), int32: the free ones first, near ones together."""
-    free, prescribed = np.flatnonzero(~trunk.prescribed), np.flatnonzero(trunk.prescribed)
-    near = bisect(trunk.nodes[free], max(1, len(free) // 8))[0]
-    return np.concatenate([free[near], prescribed]).astype(np.int32)
-
-
-def _is_numbering(known: Arrays, trunk: TrunkMesh) -> bool:
-    order, prescribed = known["order"], trunk.prescribed
-    return (
-        np.array_equal(np.sort(order), np.arange(len(prescribed)))
-        and order.dtype == np.int32
-        and np.array_equal(prescribed[order], np.sort(prescribed))
-    )
-
-
-def order_tets(corners: np.ndarray) -> np.ndarray:
-    """The mesh tetrahedron of each model tetrahedron, (tets,), by their corners (tets, 4) in model numbers."""
-    return stable_order(np.minimum.reduce(corners.T))
-
-
-def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """InputError where the value is none of the choices."""
-    if value not in choices:
-        raise InputError(f"{name}: must be {' or '.join(choices)}, not '{value}'")
+def _in_order(
+    trunk: TrunkMesh,
+    order: np.ndarray,
+    tissues: tuple[Tissue, ...],
+    scalar: Any,
+    *,
+    parallel: Parallel,
+    memo: Memo | None,
+) -> RestMesh:
+    """The trunk at rest with its nodes in an order, and its tetrahedra in that which follows."""
+    corners = places(order)[trunk.tets]
+    tets = order_tets(corners)
+    label = trunk.tissue[tets] if trunk.tissue is not None and len(tissues) > 1 else None
+    return RestMesh(trunk.nodes[order], corners[tets], tissues, label, scalar, parallel, memo)

@@ -16,6 +16,9 @@ from .parallel import Parallel
 from .tissue import Tissue
 from .trunk_mesh import tet_volumes
 
+PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
+"""Precisions of device arrays by name."""
+
 
 @dataclass(frozen=True, eq=False)
 class RestMesh:

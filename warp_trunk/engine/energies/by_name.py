@@ -11,6 +11,7 @@ from .itmsm import make_itmsm
 from .neo_hookean import make_neo_hookean
 
 EnergyName = Literal["itmsm", "neo-hookean"]
+WeightsName = Literal["count", "volume"]
 ENERGIES: dict[str, Callable[[RestMesh, float, str], TetEnergy]] = {
     "itmsm": make_itmsm,
     "neo-hookean": make_neo_hookean,
