@@ -73,56 +73,36 @@ class ConjugateGradient:
             most_iterations: the bound of a solve.
         """
         self.model = model = matrix.model
-        ranges = model.parallel.ranges
+        ranges, parallel = model.parallel.ranges, model.parallel
         self._most_iterations = most_iterations
-        self._earlier = model.free_vectors()
-        (x, runs_of_x), (r, runs_of_r), (p, runs_of_p), (z, runs_of_z), (q, runs_of_q) = (
-            in_runs(model) for _ in range(5)
-        )
-        self._iteration, self._within, self._go_on = (model.zeros(wp.int32, 1) for _ in range(3))
+        self._iteration, self._go_on = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
-        self._r_dot_z, self._p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
+        r_dot_z, p_dot_q = (Dots.of(model, self._iteration, rows) for _ in range(2))
         self._limits, self._outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 6)
         self._limited: tuple[float, ...] = ()
-        self._told, self._told_products = (
-            Report(model.parallel, array) for array in (self._outcome, self._r_dot_z.products)
-        )
-        self._at = Iterates(x, r, z, p, q, self._r_dot_z, self._p_dot_q)
+        self._told, self._told_products = (Report(parallel, array) for array in (self._outcome, r_dot_z.products))
+        x, r, z, p, q = (in_whole_runs(model) for _ in range(5))
         self.solution, self.residual, self.search = x, r, p
-        extent = model.zeros(wp.float64, ranges, PADDING)
-        r_dot_z, p_dot_q = self._r_dot_z.products, self._p_dot_q.products
+        iterates = Iterates(x, r, z, p, q, r_dot_z, p_dot_q)
+        record_iterations = iterations_on_cuda if parallel.is_cuda else iterations_on_cpu
+        self._precondition, self._iterate_window = record_iterations(matrix, preconditioner, iterates)
         kernels = conjugate_gradient_kernels(*model.variant)
-        over_free, record_undivided = model.over_free, model.parallel.record_undivided
-        self._start = over_free(kernels.start, [gradient], [x, r, p, self._earlier])
-        if model.parallel.is_cuda:
-            self._turn_and_multiply = matrix.turn_and_multiply(self._at)
-            self._precondition, self._advance = preconditioner.apply_with_steps(self._at)
-        else:
-            scalars = [ranges, self._iteration, r_dot_z, p_dot_q]
-            turn = over_runs(model, kernels.turn, [*scalars, runs_of_z], [runs_of_p])
-            advance = over_runs(model, kernels.advance, [*scalars, runs_of_p, runs_of_q], [runs_of_x, runs_of_r])
-            count = record_undivided(kernels.count, 1, [WINDOW], [self._iteration, self._within])
-            self._turn_and_multiply = in_turn(turn, matrix.multiply(p, q, self._p_dot_q))
-            self._precondition = preconditioner.apply(r, z, self._r_dot_z)
-            self._advance = in_turn(advance, count, self._precondition)
-        self._window = over_free(kernels.window, [self.solution], [self._earlier, extent])
-        self._decide = record_undivided(
+        earlier, extent = model.free_vectors(), model.zeros(wp.float64, ranges, PADDING)
+        self._start = model.over_free(kernels.start, [gradient], [x, r, p, earlier])
+        self._window = model.over_free(kernels.window, [x], [earlier, extent])
+        self._decide = parallel.record_undivided(
             kernels.decide,
             1,
-            [ranges, most_iterations, self._limits, r_dot_z, p_dot_q, self._iteration],
+            [ranges, most_iterations, self._limits, r_dot_z.products, p_dot_q.products, self._iteration],
             [extent, self._outcome, self._go_on],
         )
-        size = math.prod(r_dot_z.shape)
-        self._clear = model.parallel.record(
+        size = math.prod(r_dot_z.products.shape)
+        flat = [view(dots.products, wp.float64, size) for dots in (r_dot_z, p_dot_q)]
+        self._clear = parallel.record(
             kernels.forget,
             size,
             [],
-            [
-                *(view(products, wp.float64, size) for products in (r_dot_z, p_dot_q)),
-                self._iteration,
-                self._outcome,
-                self._go_on,
-            ],
+            [*flat, self._iteration, self._outcome, self._go_on],
             least=size + 1,  # little for one thread
         )
         self._run = record_loop(model, self._begin, self._go_on, self._advance_window, self._told.send)
@@ -172,28 +152,55 @@ class ConjugateGradient:
 
     def _advance_window(self) -> None:
         """WINDOW iterations and a look at how far they moved the solution."""
-        if self.model.parallel.is_cuda:
-            for _ in range(WINDOW):
-                self._iterate()
-        else:  # a loop in the loop: the host takes as long to capture an iteration as to do one
-            self._iterate()
-            wp.capture_while(self._within, self._iterate)
+        self._iterate_window()
         self._window()
         self._decide()
 
-    def _iterate(self) -> None:
-        self._turn_and_multiply()  # p = z + beta p, q = H p
-        self._advance()  # d += step p, r -= step q, z = M^-1 r
+
+def iterations_on_cuda(matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates) -> tuple[Launch, Launch]:
+    """Records z = M^-1 r, and WINDOW iterations, in the fewest launches."""
+    turn_and_multiply = matrix.turn_and_multiply(at)
+    precondition, advance = preconditioner.apply_with_steps(at)
+    return precondition, in_turn(*[turn_and_multiply, advance] * WINDOW)
 
 
-def in_runs(model: Model) -> tuple[wp.array, wp.array]:
-    """Vectors of the free nodes, all zero, and the same memory in runs, as vector registers hold them."""
-    count = runs_of(model)
-    padded = model.zeros(model.vec3, -(-count * RUN // 3))
-    return padded[: model.free_nodes], view(padded, wp.types.vector(RUN, model.scalar), count)
+def iterations_on_cpu(matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates) -> tuple[Launch, Launch]:
+    """Records z = M^-1 r, and WINDOW iterations: p = z + beta p, q = H p, d += step p, r -= step q, z = M^-1 r."""
+    model = matrix.model
+    kernels, ranges = conjugate_gradient_kernels(*model.variant), model.parallel.ranges
+    iteration, within = at.r_dot_z.iteration, model.zeros(wp.int32, 1)
+    scalars = [ranges, iteration, at.r_dot_z.products, at.p_dot_q.products]
+    x, r, z, p, q = (
+        runs(model, vectors) for vectors in (at.solution, at.residual, at.preconditioned, at.search, at.product)
+    )
+    precondition = preconditioner.apply(at.residual, at.preconditioned, at.r_dot_z)
+    iterate = in_turn(
+        over_runs(model, kernels.turn, [*scalars, z], [p]),
+        matrix.multiply(at.search, at.product, at.p_dot_q),
+        over_runs(model, kernels.advance, [*scalars, p, q], [x, r]),
+        model.parallel.record_undivided(kernels.count, 1, [WINDOW], [iteration, within]),
+        precondition,
+    )
+
+    def iterate_window() -> None:
+        """A loop in the loop: the host takes as long to capture an iteration as to do one."""
+        iterate()
+        wp.capture_while(within, iterate)
+
+    return precondition, iterate_window
 
 
-def runs_of(model: Model) -> int:
+def in_whole_runs(model: Model) -> wp.array:
+    """Zero vectors of the free nodes, shape (free nodes,), vec3, with room behind them for a whole last run."""
+    return model.zeros(model.vec3, -(-count_runs(model) * RUN // 3))[: model.free_nodes]
+
+
+def runs(model: Model, vectors: wp.array) -> wp.array:
+    """The memory of `in_whole_runs` in runs, as vector registers hold them."""
+    return view(vectors, wp.types.vector(RUN, model.scalar), count_runs(model))
+
+
+def count_runs(model: Model) -> int:
     """How many runs hold the vectors of the free nodes."""
     return -(-3 * model.free_nodes // RUN)
 
@@ -201,5 +208,5 @@ def runs_of(model: Model) -> int:
 def over_runs(model: Model, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
     """Records a launch over the runs of the free nodes."""
     return model.parallel.record(
-        kernel, runs_of(model), inputs, outputs, least=model.parallel.least_split * 3 // RUN
+        kernel, count_runs(model), inputs, outputs, least=model.parallel.least_split * 3 // RUN
     )
