@@ -133,6 +133,12 @@ class Relaxer:
             return course.end(RelaxStatus.NOT_FINITE, math.inf)
         if not self.model.free_nodes:
             return course.end(RelaxStatus.CONVERGED, 0.0)
+        return self._descend(course, tolerance, watch, confirm=confirm)
+
+    def _descend(
+        self, course: Course, tolerance: float, watch: Callable[[RelaxStep, State], None] | None, *, confirm: bool
+    ) -> Relaxation:
+        """The steps of a relaxation that has begun, to its end."""
         newton, method = self._newton, self._method
         newton.floor = floor = self._floor()
         arrived = RelaxStatus.CONVERGED if confirm else RelaxStatus.NEAR
