@@ -57,3 +57,22 @@ def test_times_of_a_stage_add_up_and_failing_stages_count():
     with pytest.raises(ZeroDivisionError), progress.stage("load", "reading"):
         raise ZeroDivisionError
     assert "load" in progress.seconds
+
+
+@pytest.mark.parametrize("kind", [io.StringIO, Terminal])
+def test_of_several_works_every_line_says_of_which_it_is(kind):
+    stream = kind()
+    with Progress(stream) as progress:
+        for name in ("plan short", "plan long"):
+            with progress.of(name):
+                progress.message("warning: far")
+                with progress.stage("mesh", "meshing"):
+                    pass
+                for increment in made_up_increments(small_trunk()[0], 2):
+                    progress.increment(increment, 2)
+        progress.message("side by side")
+    text = stream.getvalue()
+    relaxing = "relaxing the tissue" if stream.isatty() else "increment 2 of 2"
+    for name in ("plan short", "plan long"):
+        assert all(f"{name}: {told}" in text for told in ("warning: far", "meshing", relaxing))
+    assert "plan long: side by side" not in text

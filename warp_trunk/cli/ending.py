@@ -11,9 +11,9 @@ from .exit_status import NOT_CONVERGED, OK
 from .next_command import next_command
 
 
-def report_ending(result: RunResult) -> int:
-    """Prints how a run ended and what to do next; returns the exit status."""
-    print(plain(result.folder, result.summary, result.before, result.after))
+def report_ending(result: RunResult, name: str = "") -> int:
+    """Prints how a run ended, with its name among several, and what to do next; returns the exit status."""
+    print(plain(result.folder, result.summary, result.before, result.after, name))
     if (result.folder / RECORDING).is_file():
         print(f"See it: {next_command('view', result.folder)}")
     print(f"Page for the browser and the printer: {next_command('report', result.folder)}")

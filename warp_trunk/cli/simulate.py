@@ -56,7 +56,7 @@ class Simulate(SimulationArguments):
         """Simulates each plan; prints how each ended, and the status of the first that did not converge."""
         ends, folders = [], []
         for done in run_plans(case, plans, out, self.options, progress):
-            ends.append(report_ending(done.result))
+            ends.append(report_ending(done.result, f"plan {done.name}"))
             folders.append(done.result.folder)
             print()
         if len(folders) > 1:

@@ -18,19 +18,23 @@ if TYPE_CHECKING:
 RESEARCH = "A research simulation, not for clinical use."
 
 
-def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMeasures) -> str:
-    """What is printed at the end: why it ended, what changed, and where the files are."""
+def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMeasures, name: str = "") -> str:
+    """What is printed at the end: why it ended, what changed, and where the files are.
+
+    `name` is that of one among several results; then every block begins with it.
+    """
+    of = f"{name}: " if name else ""
     status, bsr = summary.ending, summary.bsr_deg
     bands = {} if summary.bands is None else summary.bands.bsr_deg
     lines = [
-        f"{status.name}: {status.value}",
-        *(f"Warning: {warning}" for warning in summary.warnings),
+        f"{of}{status.name}: {status.value}",
+        *(f"{of}Warning: {warning}" for warning in summary.warnings),
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
         _skin(after),
         f"Cobb angles: {_curves(before.cobb, summary.cobb_deg.followed)}",
         "",
-        "Back surface rotation (BSR): how far the back is turned at the height of each vertebra [degrees];",
+        f"{of}Back surface rotation (BSR): how far the back is turned at the height of each vertebra [degrees];",
         "positive: the right side stands further back",
         "level  before   after"
         + ("  actual" if bsr.actual else "")
@@ -43,7 +47,7 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
         lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells) + band)
     lines += [
         "",
-        f"Written to {folder}: {', '.join(sorted(_files(folder)))}",
+        f"{of}Written to {folder}: {', '.join(sorted(_files(folder)))}",
         RESEARCH,
     ]
     return "\n".join(lines)

@@ -22,6 +22,7 @@ class Progress:
         self._bars: Any = None
         self._task: Any = None
         self._began, self._reached = self._start, 0
+        self._named = ""
         self.seconds: dict[str, float] = {}
         """Time spent so far in each stage [s]."""
 
@@ -49,10 +50,19 @@ class Progress:
             self._bars.stop()
 
     @contextmanager
+    def of(self, name: str) -> Iterator[None]:
+        """Every line until the block ends begins with this name, of one among several works."""
+        before, self._named = self._named, f"{self._named}{name}: "
+        try:
+            yield
+        finally:
+            self._named = before
+
+    @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:
         """Shows what is being done, and adds the time until the block ends to `seconds[name]`."""
         bars = self._bars
-        task = None if bars is None else bars.add_task(doing, total=None)
+        task = None if bars is None else bars.add_task(self._named + doing, total=None)
         start = time.perf_counter()
         try:
             yield
@@ -73,7 +83,7 @@ class Progress:
         if self._bars is None:
             self._line(text)
         else:
-            self._bars.console.print(text, markup=False, highlight=False, soft_wrap=True)
+            self._bars.console.print(self._named + text, markup=False, highlight=False, soft_wrap=True)
 
     def increment(self, increment: Increment, count: int) -> None:
         """Shows that an increment of so many is done; the time left follows from those before it."""
@@ -110,6 +120,7 @@ class Progress:
             self._line(f"{line} ({', '.join(told)})")
 
     def _bar(self, doing: str, done: int, count: int) -> None:
+        doing = self._named + doing
         if self._task is None or done <= self._reached:  # another plan or work begins
             self._task = self._bars.add_task(doing, total=count)
         self._reached = done
@@ -120,7 +131,7 @@ class Progress:
         return time.perf_counter() - self._start
 
     def _line(self, text: str) -> None:
-        print(text, file=self._stream, flush=True)
+        print(self._named + text, file=self._stream, flush=True)
 
 
 def stage_of(progress: Progress | None, name: str, doing: str) -> AbstractContextManager[None]:

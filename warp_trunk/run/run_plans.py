@@ -86,18 +86,18 @@ def _run(
     case, given = with_mesh_given(case, options, progress)
     patient = patient_of(case, options, given, progress)
     for name, surgery in surgeries.items():
-        progress.message(f"plan {name}")
-        for warning in surgery.warnings:
-            progress.message(f"warning: {warning}")
-        result = run_case(
-            planned_case(case, surgery, name),
-            folder / name,
-            options,
-            progress,
-            warnings=warnings[name],
-            patient=patient,
-            plan=surgery.plan,
-        )
+        with progress.of(f"plan {name}"):
+            for warning in surgery.warnings:
+                progress.message(f"warning: {warning}")
+            result = run_case(
+                planned_case(case, surgery, name),
+                folder / name,
+                options,
+                progress,
+                warnings=warnings[name],
+                patient=patient,
+                plan=surgery.plan,
+            )
         yield PlanResult(name, surgery, result)
 
 
