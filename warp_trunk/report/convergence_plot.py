@@ -27,12 +27,8 @@ def convergence_plot(summary: Summary) -> Figure:
         start += row.seconds
         axes.axvline(start, color="#dddddd", linewidth=0.6, zorder=0)
     tolerance = summary.parameters.get("tolerance") or 0.0
-    for height, words, side in (
-        (tolerance, "at the end", "top"),
-        (10.0 * tolerance, "before the\nlast increment", "bottom"),
-    ):
-        if not height:
-            continue
+    limits = [(tolerance, "at the end", "top"), (10.0 * tolerance, "before the\nlast increment", "bottom")]
+    for height, words, side in limits[: len(summary.increments)] if tolerance else []:
         axes.axhline(height, color=INK, linewidth=0.8, linestyle=":")
         axes.annotate(  # beside the axes, where no curve runs
             f"tolerance {words},\n{height:g} mm", (1.0, height), va=side, xycoords=("axes fraction", "data"),
