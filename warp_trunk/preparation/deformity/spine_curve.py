@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -149,18 +150,7 @@ def vertebra_poses(straight: Landmarks, curve: SpineCurve) -> dict[str, Pose]:
 
     s = np.linspace(foot[2], heights["T1"], 2001)
     side = -1.0 if curve.direction == "right" else 1.0
-
-    def tilt_profile(p: float) -> np.ndarray:
-        share = {"+": p, "-": p - 1.0}
-        nodes = {name: share[v] if isinstance(v, str) else v for name, v in _TILTS[curve.kind].items()}
-        z = [foot[2], *(heights[name] for name in nodes)]
-        return math.radians(curve.cobb) * PchipInterpolator(z, [0.0, *nodes.values()])(s)
-
-    low, high = 0.0, 1.0  # a larger p leans T1 further to the convex side
-    for _ in range(60):
-        p = (low + high) / 2
-        low, high = (low, p) if np.sin(tilt_profile(p)).sum() > 0.0 else (p, high)
-    tilts = side * tilt_profile(low)
+    tilts = side * _tilts(curve, heights, s)
     ds = s[1] - s[0]
     slopes = np.column_stack([np.sin(tilts), np.cos(tilts) - 1.0])
     x, drop = np.vstack([[0.0, 0.0], np.cumsum((slopes[1:] + slopes[:-1]) / 2, axis=0) * ds]).T
@@ -184,6 +174,29 @@ def vertebra_poses(straight: Landmarks, curve: SpineCurve) -> dict[str, Pose]:
             after=centre + np.array([at[2], 0.0, at[3]]),
         )
     return poses
+
+
+def _tilts(curve: SpineCurve, heights: Mapping[str, float], s: np.ndarray) -> np.ndarray:
+    """Tilt to the convex side at heights s, from the foot up [radians], such that T1 stands above the foot.
+
+    Args:
+        curve: the deformity.
+        heights: of the vertebral centres, by name.
+        s: where, evenly, shape (heights,).
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    def profile(p: float) -> np.ndarray:
+        share = {"+": p, "-": p - 1.0}
+        nodes = {name: share[v] if isinstance(v, str) else v for name, v in _TILTS[curve.kind].items()}
+        z = [s[0], *(heights[name] for name in nodes)]
+        return math.radians(curve.cobb) * PchipInterpolator(z, [0.0, *nodes.values()])(s)
+
+    low, high = 0.0, 1.0  # a larger p leans T1 further to the convex side
+    for _ in range(60):
+        p = (low + high) / 2
+        low, high = (low, p) if np.sin(profile(p)).sum() > 0.0 else (p, high)
+    return profile(low)
 
 
 def _endplates(landmarks: Landmarks) -> np.ndarray:

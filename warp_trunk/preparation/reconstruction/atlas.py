@@ -58,14 +58,7 @@ def fit_atlas(
         InputError: landmarks of the atlas that the patient has not, that are off their bones or of another size,
             or on which nothing can be fitted.
     """
-    missing = [name for name in atlas.names if name not in patient.names]
-    if missing:
-        more = f" and {len(missing) - 1} more are" if len(missing) > 1 else " is"
-        raise InputError(
-            f"fit_atlas: '{missing[0]}'{more} missing among the patient's landmarks; add it, or remove it from "
-            "those of the atlas"
-        )
-    sources, targets = atlas.points, patient.points[[patient.index(name) for name in atlas.names]]
+    sources, targets = atlas.points, _same_landmarks(atlas, patient)
     owners = np.array([bone_of(name, bones) or "" for name in atlas.names])
     check_size("fit_atlas", sources, targets)
     rows = {bone: np.flatnonzero(owners == bone) for bone in bones}
@@ -93,6 +86,18 @@ def fit_atlas(
         for name, bone in bones.items()
     }
     return AtlasFit(carried, own, atlas.names, miss, left_out)
+
+
+def _same_landmarks(atlas: Landmarks, patient: Landmarks) -> np.ndarray:
+    """The patient's points of the atlas's landmarks, in their order; InputError where she lacks one."""
+    missing = [name for name in atlas.names if name not in patient.names]
+    if missing:
+        more = f" and {len(missing) - 1} more are" if len(missing) > 1 else " is"
+        raise InputError(
+            f"fit_atlas: '{missing[0]}'{more} missing among the patient's landmarks; add it, or remove it from "
+            "those of the atlas"
+        )
+    return patient.points[[patient.index(name) for name in atlas.names]]
 
 
 def _enough(points: np.ndarray) -> bool:
