@@ -79,9 +79,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break
-        for part in filter(None, (work.elements, work.skin)):
-            for name, values in part.measures(mesh).items():
-                getattr(part, name).assign(values)
+        _lay_at_rest(work, mesh)
         state.displacement.assign(scan - rest)
         state.evaluate()
         if newton.distance > tolerance:
@@ -122,6 +120,13 @@ def mesh_at(model: Model, rest: np.ndarray) -> RestMesh:
 def resting(model: Model, mesh: RestMesh) -> Model:
     """The model with elements and skin for another rest state, in arrays of their own."""
     return replace(model, elements=_at_rest(model, mesh), skin=model.skin and model.skin.at_rest(mesh))
+
+
+def _lay_at_rest(model: Model, mesh: RestMesh) -> None:
+    """Gives the model's own arrays another rest state."""
+    for part in filter(None, (model.elements, model.skin)):
+        for name, values in part.measures(mesh).items():
+            getattr(part, name).assign(values)
 
 
 def _at_rest(model: Model, mesh: RestMesh) -> TetEnergy:
