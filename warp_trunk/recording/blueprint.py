@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,21 +34,10 @@ def layout(
         unit: of the energy.
         tab: the tab that is open.
     """
-    import rerun as rr
     import rerun.blueprint as rrb
 
+    trunk = partial(_trunk, case)
     aim = "Actual, after surgery" if target == "actual" else "Target: the planned spine"
-
-    def trunk(name: str, *contents: str, glass: str = "", **override: Any) -> Any:
-        """A view of its own each time: the viewer wants no view, and no override, in two places."""
-        return rrb.Spatial3DView(
-            origin="/",
-            name=name,
-            contents=[*contents, "/sides"],
-            eye_controls=_behind_and_above(case),
-            line_grid=False,
-            overrides={glass: rr.Mesh3D.from_fields(albedo_factor=GLASS, **override)} if glass else None,
-        )
 
     def third() -> Any:
         if target == "actual":
@@ -79,6 +69,21 @@ def layout(
             row_shares=[8, 5],
         ),
         *_panels(),
+    )
+
+
+def _trunk(case: Case, name: str, *contents: str, glass: str = "", **override: Any) -> Any:
+    """A view of its own each time: the viewer wants no view, and no override, in two places."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    return rrb.Spatial3DView(
+        origin="/",
+        name=name,
+        contents=[*contents, "/sides"],
+        eye_controls=_behind_and_above(case),
+        line_grid=False,
+        overrides={glass: rr.Mesh3D.from_fields(albedo_factor=GLASS, **override)} if glass else None,
     )
 
 
