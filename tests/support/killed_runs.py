@@ -15,6 +15,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,21 @@ def telling(pipe: int) -> None:
     increments.simulate = told
 
 
+def start(run: Callable[[], object]) -> int:
+    """Begins a run; returns its process when its first increment begins, or it has ended before."""
+    begins, begun = os.pipe()
+
+    def work() -> None:
+        telling(begun)
+        run()
+
+    child = forked(work)
+    os.close(begun)  # so that nothing is waited for once the child has ended
+    os.read(begins, 1)
+    os.close(begins)
+    return child
+
+
 def contents(folder: Path) -> dict[str, str]:
     """The files of a result by their final names, as text; summaries without times and memory."""
     names = ("skin_before.ply", "predicted_skin.ply", "landmarks_before.csv", "landmarks_after.csv", "trunk.vtu")
@@ -116,23 +132,12 @@ def main(folder: Path, seed: int, moments: int) -> None:
     wp.config.log_level = wp.LOG_WARNING
     simulate("warm", record=False)
 
-    def start(name: str, kind: str, when: float) -> int:
-        """Begins a run; returns its process when its first increment begins, or it has ended before."""
-        begins, begun = os.pipe()
+    def run(name: str, kind: str, when: float) -> None:
+        if kind == "move":
+            killed_at_move(int(when))
+        simulate(name)
 
-        def work() -> None:
-            telling(begun)
-            if kind == "move":
-                killed_at_move(int(when))
-            simulate(name)
-
-        child = forked(work)
-        os.close(begun)  # so that nothing is waited for once the child has ended
-        os.read(begins, 1)
-        os.close(begins)
-        return child
-
-    child = start("whole", "not", 0.0)
+    child = start(lambda: simulate("whole"))
     began = time.perf_counter()
     assert status(child) == 0
     taken = time.perf_counter() - began
@@ -142,7 +147,7 @@ def main(folder: Path, seed: int, moments: int) -> None:
     plan += [("second", s) for s in np.random.default_rng(seed).uniform(0.0, taken, moments).tolist()]
     for number, (kind, when) in enumerate(plan):
         name = f"run {number}"
-        child = start(name, kind, when)
+        child = start(partial(run, name, kind, when))
         if kind == "second":
             time.sleep(when)
             os.kill(child, signal.SIGKILL)
@@ -156,7 +161,7 @@ def main(folder: Path, seed: int, moments: int) -> None:
             "checkpoints": len(list(checkpoint.glob("increment_0?.npz"))),
             "files": sorted(left),
             "half written": [file for file in left if left[file] != whole[file]],
-            "resumed": status(forked(lambda name=name: simulate(name, resume=True))),
+            "resumed": status(forked(partial(simulate, name, resume=True))),
         }
         now = contents(folder / name)
         row["different"] = [file for file in whole if now.get(file) != whole[file]]
