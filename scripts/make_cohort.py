@@ -113,7 +113,7 @@ def patient(
     for attempt in range(1, MOST_TRIES + 1):
         drawn = draw(random, cobb=options.cobb, truth=options.truth, bending=options.bending)
         try:
-            return drawn, made(name, drawn, skin, bones, options, random), attempt
+            return drawn, made(name, drawn, skin, bones, options=options, random=random), attempt
         except InputError as error:
             if str(error).startswith(OF_ALL):
                 raise
@@ -126,6 +126,7 @@ def made(
     drawn: Drawn,
     skin: Surface,
     bones: dict[str, Surface],
+    *,
     options: Options,
     random: np.random.Generator,
 ) -> dict[str, Case]:

@@ -37,9 +37,10 @@ def draw_budget(path: Path, costs: Sequence[Cost]) -> None:
     places = range(len(costs), 0, -1)
     for place, cost in zip(places, costs, strict=True):
         colour = COLOURS[cost.group]
-        _draw_bar(left, place, cost.mean_mm, cost.max_mm, colour, f"{_short(cost.mean_mm)}, {_short(cost.max_mm)}")
+        told = f"{_short(cost.mean_mm)}, {_short(cost.max_mm)}"
+        _draw_bar(left, place, cost.mean_mm, cost.max_mm, colour=colour, text=told)
         most = cost.spread["bsr_deg"]["p95"] if cost.spread else None
-        _draw_bar(right, place, cost.bsr_deg, most, colour, _short(cost.bsr_deg))
+        _draw_bar(right, place, cost.bsr_deg, most, colour=colour, text=_short(cost.bsr_deg))
     left.set_yticks(places, [cost.label.replace("+-", "±") for cost in costs], fontsize=9.5)
     left.set_ylim(0.3, len(costs) + 0.7)
     for axes, least, most, label in (
@@ -71,7 +72,7 @@ def draw_budget(path: Path, costs: Sequence[Cost]) -> None:
     figure.savefig(path, dpi=160, metadata={"Software": None})
 
 
-def _draw_bar(axes: Axes, place: int, value: float, most: float | None, colour: str, text: str) -> None:
+def _draw_bar(axes: Axes, place: int, value: float, most: float | None, *, colour: str, text: str) -> None:
     """A bar to a value, a whisker from there to the most, and the numbers behind them."""
     axes.barh(place, value, height=0.66, color=colour)
     if most is not None:

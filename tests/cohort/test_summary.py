@@ -15,7 +15,7 @@ from warp_trunk.cohort.writing import COLUMNS, cohort_text, write_cohort
 
 
 def level(
-    name: str, predicted: float, before: float, spline: float, actual: float | None, band: bool | None = None
+    name: str, predicted: float, before: float, spline: float, actual: float | None, *, band: bool | None = None
 ):
     return LevelRow(level=name, predicted=predicted, before=before, spline=spline, actual=actual, in_band=band)
 
@@ -25,8 +25,8 @@ ROWS = [
         folder="a", status="CONVERGED", case="first", patient="P1", virtual=True, cobb_deg=50.0, tets=1000,
         hump_before_mm=20.0, hump_predicted_mm=11.0, hump_actual_mm=10.0,
         levels=(
-            level("T5", 5.0, 9.0, 8.0, 4.0, True),
-            level("T6", 6.0, 12.0, 9.0, 9.0, False),
+            level("T5", 5.0, 9.0, 8.0, 4.0, band=True),
+            level("T6", 6.0, 12.0, 9.0, 9.0, band=False),
             level("L2", -2.0, 0.0, -4.0, -1.0),
             level("L3", -3.0, 0.0, 0.0, None),
         ),
@@ -34,7 +34,7 @@ ROWS = [
     CaseRow(
         folder="b", status="CONVERGED", case="second", patient="P2", cobb_deg=60.0, tets=1000,
         hump_before_mm=30.0, hump_predicted_mm=9.0, hump_actual_mm=14.0,
-        levels=(level("T5", 7.0, 14.0, 10.0, 6.0, True), level("L2", -8.0, -6.0, -7.0, -5.0, True)),
+        levels=(level("T5", 7.0, 14.0, 10.0, 6.0, band=True), level("L2", -8.0, -6.0, -7.0, -5.0, band=True)),
     ),
     CaseRow(folder="c", status="CONVERGED", patient="P3", levels=(level("T5", 1.0, 2.0, 3.0, None),)),
     CaseRow(folder="d", status="STALLED", patient="P4", levels=(level("T5", 1.0, 2.0, 3.0, 99.0),)),

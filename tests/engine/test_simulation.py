@@ -22,6 +22,7 @@ def run(
     trunk: TrunkMesh,
     displacement: np.ndarray,
     increments: int,
+    *,
     tolerance: float = 1e-6,
     precision: str = "float64",
     gravity: float = 0.0,

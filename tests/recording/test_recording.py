@@ -19,7 +19,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
 
-def record(path, case, trunk, increments, after_each=lambda increment: None, close=True, **options):
+def record(path, case, trunk, increments, after_each=lambda increment: None, *, close=True, **options):
     recording = start_recording(path, case, trunk, **options)
     for increment in increments:
         recording.increment(increment, measured(case, trunk, increment))

@@ -96,7 +96,7 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: 
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=view.title)
             axes.set_axis_off()
             if skin is not None:
-                _draw_bone(axes, view, skin, _SKIN, FAINT, 0)
+                _draw_bone(axes, view, skin, _SKIN, FAINT, order=0)
             _draw_bones(axes, view, drawn, found)
             _draw_landmarks(axes, view, found)
             _draw_sides(axes, view, low, high)
@@ -134,7 +134,9 @@ def _draw_bones(axes: Axes, view: _View, drawn: Mapping[str, Surface], found: Fo
             axes.text(edge + 3.0, middle[1], text, color=colour, fontsize=8.0, va="center")
 
 
-def _draw_bone(axes: Axes, view: _View, bone: Surface, colour: np.ndarray, outline: str, order: int = 1) -> None:
+def _draw_bone(
+    axes: Axes, view: _View, bone: Surface, colour: np.ndarray, outline: str, *, order: int = 1
+) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
     bone = _coarser(bone)

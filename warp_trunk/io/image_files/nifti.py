@@ -55,7 +55,7 @@ def parse_nifti(path: Path, content: bytes, scan: bool) -> Image:
     convert = to_hounsfield(slope or 1.0, intercept or 0.0) if scan else to_labels
     stream.seek(offset)
     left = len(content) - (0 if packed else offset)
-    values = read_slabs(stream, shape, header.get_data_dtype(), left, packed, convert)
+    values = read_slabs(stream, shape, header.get_data_dtype(), left, packed=packed, convert=convert)
     return Image(values[None], affine, (_names(header),), notes)
 
 

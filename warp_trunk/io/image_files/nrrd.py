@@ -64,7 +64,8 @@ def parse_nrrd(path: Path, content: bytes, scan: bool) -> Image:
     order = "<" if header.get("endian", "little") == "little" else ">"
     body = content[start:]
     convert = to_hounsfield(1.0, 0.0) if scan else to_labels
-    values = read_slabs(open_packed(body, packed), shape, np.dtype(order + kind), len(body), packed, convert)
+    stream, voxel = open_packed(body, packed), np.dtype(order + kind)
+    values = read_slabs(stream, shape, voxel, len(body), packed=packed, convert=convert)
     values = values if len(shape) == 4 else values[None]
     return Image(values, affine, _names(header, len(values)))
 

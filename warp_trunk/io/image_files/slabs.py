@@ -30,7 +30,7 @@ def open_packed(content: bytes, packed: bool) -> IO[bytes]:
 
 
 def read_slabs(
-    stream: IO[bytes], shape: tuple[int, ...], kind: np.dtype, left: int, packed: bool, convert: Convert
+    stream: IO[bytes], shape: tuple[int, ...], kind: np.dtype, left: int, *, packed: bool, convert: Convert
 ) -> np.ndarray:
     """The voxels of a file, first axis fastest, each slab converted as it comes.
 
