@@ -19,6 +19,8 @@ _BARS, _ROW = 210, 17
 _STATUS = 78
 """Height of the words over the sliders [px]; longer ones are scrolled."""
 _STALE = "opacity:.45"
+_BROKEN = "overflow-wrap:anywhere"
+"""Of what may hold a path or the name of a plan: a panel is narrow, and what is wider is not seen."""
 
 
 def status_html(view: View | None, refusal: Refusal | None) -> str:
@@ -39,7 +41,7 @@ def status_html(view: View | None, refusal: Refusal | None) -> str:
 
 def line_html(text: str) -> str:
     """A line of small text."""
-    return f"<div style='font-size:12px;padding:2px 0'>{escape(text)}</div>"
+    return f"<div style='font-size:12px;padding:2px 10px;{_BROKEN}'>{escape(text)}</div>"
 
 
 def _kind(view: View) -> tuple[str, str]:
@@ -60,7 +62,7 @@ def _size(error: float | None) -> str:
 def _box(colour: str, text: str) -> str:
     return (
         f"<div style='border-left:5px solid {colour};padding:3px 8px;margin:0 0 5px;font-size:13px;"
-        f"line-height:1.35'>{text}</div>"
+        f"line-height:1.35;{_BROKEN}'>{text}</div>"
     )
 
 
@@ -78,7 +80,10 @@ def numbers_html(
     stale = measures is not None and measures is not view.measures
     views = [view, *([] if kept is None else [kept[1]])]
     titles = ["before", "plan", *([] if kept is None else [kept[0]])]
-    head = "".join(f"<th style='text-align:right;padding-left:8px'>{escape(title)}</th>" for title in titles)
+    head = "".join(
+        f"<th style='text-align:right;padding-left:8px;{_BROKEN * (place == 2)}'>{escape(title)}</th>"
+        for place, title in enumerate(titles)
+    )
     rows = [f"<tr><th></th>{head}</tr>", *_spine_rows(views)]
     back = [before, measures, *([] if kept is None else [kept[1].measures])]
     rows += _back_rows(back, stale)
@@ -165,9 +170,9 @@ def _rotation(back: Sequence[TrunkMeasures | None], titles: Sequence[str], stale
         drawn.append(_text(34 + _BARS, row, _number(shown, True)))
     legend = " ".join(f"<span style='color:{colour}'>■</span> {escape(title)}" for title, _, colour in known)
     return (
-        f"<div style='font-size:13px;padding-top:9px'><b>Rotation of the back by level [°]</b><br>{legend}<br>"
-        f"to the right: the right side stands further back</div><svg viewBox='0 0 {70 + _BARS} {height}' "
-        f"style='width:100%;max-width:340px'>{''.join(drawn)}</svg>"
+        f"<div style='font-size:13px;padding-top:9px;{_BROKEN}'><b>Rotation of the back by level [°]</b><br>"
+        f"{legend}<br>to the right: the right side stands further back</div>"
+        f"<svg viewBox='0 0 {70 + _BARS} {height}' style='width:100%;max-width:340px'>{''.join(drawn)}</svg>"
     )
 
 
