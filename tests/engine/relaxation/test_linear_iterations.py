@@ -19,18 +19,20 @@ from warp_trunk.engine.state import State
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.meshing import MeshOptions, build_trunk
 
-LOAD_FACTORS = {"phantom": (1.0,), "small": (0.1, 0.5, 1.0)}
+LOAD_FACTORS = (0.1, 0.5, 1.0)
 """Parts of the correction whose gradients are solved for."""
 ACCURACIES = [10.0**-digits for digits in range(1, 9)]
 """Of the solves of each: a solve looks at itself every eighth iteration, which many of them blur."""
 HELD = {
-    ("phantom", "itmsm"): 960,
+    ("phantom", "itmsm"): 2888,
     ("small", "itmsm"): 2376,
     ("small", "neo-hookean"): 992,
 }
 """Iterations of all solves of a trunk, on any machine."""
-WITHIN = 0.01
-"""Part of them by which a few last bits may change them."""
+WITHIN = 0.04
+"""Part of them by which a few last bits may change them: 960 and 984 on two machines, for one load factor."""
+SPOILT = 3.0
+"""A wrong weight of the coarse correction that takes a tenth more; 1.5 takes no more than last bits may."""
 SCENES = pytest.mark.parametrize(("trunk", "energy"), HELD)
 
 
@@ -53,7 +55,7 @@ def iterations(name: str, energy: EnergyName) -> int:
     matrix.assemble()
     solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
     spent = 0
-    for load_factor in LOAD_FACTORS[name]:
+    for load_factor in LOAD_FACTORS:
         state.place(path.at(load_factor))
         state.evaluate()
         spent += sum(solver.solve(0.0, accuracy).iterations for accuracy in ACCURACIES)
@@ -70,5 +72,5 @@ def test_a_spoiled_coarse_correction_is_noticed(
     trunk: str, energy: EnergyName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     invert = multilevel.invert
-    monkeypatch.setattr(multilevel, "invert", lambda *given: 1.5 * invert(*given))
+    monkeypatch.setattr(multilevel, "invert", lambda *given: SPOILT * invert(*given))
     assert iterations(trunk, energy) > (1.0 + WITHIN) * HELD[trunk, energy]
