@@ -216,6 +216,18 @@ def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
     np.testing.assert_allclose((half * half).as_matrix(), way.as_matrix(), atol=1e-9)
 
 
+def test_what_lies_under_a_shoulder_blade_carries_it() -> None:
+    ribs = [f"rib_left_{number:02d}" for number in range(3, 7)]
+    backs = {rib: BONES[rib].vertices[BONES[rib].vertices[:, 1].argmax()] for rib in ribs}
+    corners = np.array([[0.0, 12.0, 0.0], [5.0, 12.0, 0.0], [0.0, 12.0, 5.0]])
+    blade = np.vstack([back + corners for back in backs.values()])
+    bones = {**BONES, "scapula_left": Surface(blade, BONES["rib_left_05"].faces[:1])}
+    swing = Rotation.from_rotvec([0.3, 0.0, 0.0])  # the front of each rib goes 50 mm, its back stays
+    known = {rib: RigidTransform.from_components(back - swing.apply(back), swing) for rib, back in backs.items()}
+    motion = follow(bones, CURVED, RibShares(), known)["scapula_left"]
+    assert np.linalg.norm(motion.apply(blade) - blade, axis=1).max() < 5.0
+
+
 def test_ribs_without_a_vertebra_are_left_out() -> None:
     bones = {name: bone for name, bone in BONES.items() if name != "T4"}
     assert "rib_left_04" not in follow(bones, CURVED, RibShares())

@@ -31,6 +31,8 @@ _LOWEST = 12
 """The lowest rib, which nothing ties to the sternum: the tilt of ribs below the true ones grows towards it."""
 _UNDER_SCAPULA = range(2, 8)
 """The ribs that a shoulder blade lies on."""
+_REACH = 20.0
+"""What of them lies within this of the blade carries it, the muscles between being thinner [mm]."""
 _END = 5.0
 """How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _CARTILAGE = 0.1
@@ -153,10 +155,20 @@ def _blades(
         blade = f"scapula_{side}"
         if blade in bones and blade in known:
             found[blade] = known[blade]
-        elif blade in bones and len(under) >= 3:
-            vertices = [bones[name].vertices for name in under]
-            found[blade] = steps(_ridden, vertices, shares.scapula, *[motions[name] for name in under])
+        elif blade in bones:
+            beneath = {name: _within(_REACH, bones[name].vertices, bones[blade].vertices) for name in under}
+            beneath = {name: points for name, points in beneath.items() if len(points)}
+            if len(beneath) >= 3:
+                carrying = [motions[name] for name in beneath]
+                found[blade] = steps(_ridden, list(beneath.values()), shares.scapula, *carrying)
     return found
+
+
+def _within(reach: float, points: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Those of some points that are at most so far from the nearest of others."""
+    from scipy.spatial import KDTree  # heavy
+
+    return points[KDTree(of).query(points, distance_upper_bound=reach)[0] <= reach]
 
 
 def ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:

@@ -144,7 +144,7 @@ def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Sourc
 
 
 def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[Source]:
-    """For each share of the ribs, half of what it moves from one end of its range to the other."""
+    """For each share that moves a bone of this case, half of what it does over its range."""
     for name, ends in RANGES.items():
         low, high = (
             rigid_displacement(
@@ -152,8 +152,9 @@ def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[Source]:
             )
             for end in ends
         )
-        spread = f"half of {ends[0]:g} to {ends[1]:g}"
-        yield Source(f"ribs' share of {name}", spread, "docs/ribs.md", bones=0.5 * (high - low))
+        if (high != low).any():
+            spread = f"half of {ends[0]:g} to {ends[1]:g}"
+            yield Source(f"ribs' share of {name}", spread, "docs/ribs.md", bones=0.5 * (high - low))
 
 
 def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
