@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
 _TRUE_RIBS = 7
 """Ribs down to this one reach the sternum."""
-_FALSE_RIBS = range(8, 11)
-"""The cartilage of each of these joins that of the rib above: the costal margin."""
 _LOWEST = 12
 """The lowest rib, which nothing ties to the sternum: the tilt of ribs below the true ones grows towards it."""
 _UNDER_SCAPULA = range(2, 8)
@@ -37,9 +35,6 @@ _END = 5.0
 """How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _CARTILAGE = 0.1
 """A costal cartilage keeps its length within this part."""
-_MARGIN = 0.3
-"""The front ends of two ribs of the costal margin keep their distance within this part: it goes across their
-cartilages, which slide along each other."""
 _FACET = 3.0
 """A head leaves its facet by at most this much where screws turn the vertebra [mm]."""
 
@@ -71,9 +66,10 @@ def follow(
 
     A rib takes all of the motion of its head, all of flexion, and shares of its vertebra's turn, tilt and
     sideways way. The sternum moves as one rigid body, nearest to the front ends of the ribs 1 to 7; then each of
-    these turns about its head by as little as keeps its cartilage within 10 % of its length, and so do the ribs 8
-    to 10, each of which is tied to the front end of the rib above. Of a turn that screws force on a vertebra at
-    the same curve the ribs take a share of its own, and their heads lag behind their facets by up to 3 mm.
+    these turns about its head by as little as keeps its cartilage within 10 % of its length. Front ends of the
+    ribs 8 to 10 are free: the cartilage of each meets that of the rib above in a joint. Of a turn that screws
+    force on a vertebra at the same curve the ribs take a share of its own, and their heads lag behind their
+    facets by up to 3 mm.
 
     Args:
         bones: surfaces by name, before: `rib_left_01` to `rib_right_12`, `sternum`, `scapula_left`, `T1` to
@@ -83,7 +79,7 @@ def follow(
         known: motions of ribs, sternum and shoulder blades that are known; they are given back, and the others
             follow them.
         growing: whether a curve grows, and bone and cartilage with it, as where it is imposed on straight
-            anatomy: the costal margin then takes any length, and floating ribs keep their attitude as others do.
+            anatomy: floating ribs then keep their attitude as others do.
         steps: how steps are taken; just so when left out.
 
     Returns:
@@ -100,8 +96,6 @@ def follow(
         for name, rib in ribs.items()
     }
     found = _with_sternum(bones, ribs, motions, known, steps)
-    if not growing:
-        found = _with_margin(ribs, found, known, steps)
     return found | _blades(bones, found, shares, known, steps)
 
 
@@ -123,21 +117,6 @@ def _with_sternum(
         if name not in known:
             anchor = _nearest(bones["sternum"].vertices, rib.tip)
             found[name] = steps(_reaching, motions[name], rib, anchor, sternum)
-    return found
-
-
-def _with_margin(
-    ribs: Mapping[str, _Rib],
-    motions: Mapping[str, RigidTransform],
-    known: Mapping[str, RigidTransform],
-    steps: Steps,
-) -> dict[str, RigidTransform]:
-    """The motions, of ribs 8 to 10 within reach of the front end of the rib above."""
-    found = dict(motions)
-    for name, rib in ribs.items():
-        above = f"{name[:-2]}{rib.number - 1:02d}"
-        if rib.number in _FALSE_RIBS and name not in known and above in ribs:
-            found[name] = steps(_reaching, found[name], rib, ribs[above].tip, found[above], _MARGIN)
     return found
 
 
@@ -208,16 +187,14 @@ def _turned(vertebra: VertebraMotion, rib: _Rib, shares: RibShares, depth: float
     return RigidTransform.from_components(goal - rotation.apply(rib.head), rotation)
 
 
-def _reaching(
-    motion: RigidTransform, rib: _Rib, anchor: np.ndarray, sternum: RigidTransform, give: float = _CARTILAGE
-) -> RigidTransform:
+def _reaching(motion: RigidTransform, rib: _Rib, anchor: np.ndarray, sternum: RigidTransform) -> RigidTransform:
     """The motion turned about the rib's head by as little as leaves its cartilage its length."""
     from scipy.spatial.transform import RigidTransform, Rotation  # heavy
 
     length = float(np.linalg.norm(rib.tip - anchor))
     pin, goal, end = motion.apply(rib.head), sternum.apply(anchor), motion.apply(rib.tip)
     now = float(np.linalg.norm(end - goal))
-    wanted = float(np.clip(now, (1.0 - give) * length, (1.0 + give) * length))
+    wanted = float(np.clip(now, (1.0 - _CARTILAGE) * length, (1.0 + _CARTILAGE) * length))
     across = np.cross(goal - pin, end - pin)
     if wanted == now or not across.any():
         return motion

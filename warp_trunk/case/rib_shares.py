@@ -29,10 +29,10 @@ class RibShares:
     shift: float = 1.0
     """Of the vertebra's sideways way, at the front ends of its ribs: the sideways offset of the cage follows Cobb
     (Closkey and Schultz 1993). What is missing turns a rib about its head."""
-    recovery: float = 0.85
-    """Of `turn` and `tilt`, what surgery takes back; the rest is bone that has grown. With it, hump over Cobb
-    changes by 0.5 to 0.6 in the mean of the virtual patients of docs/ribs.md: Cobb falls by 71 % and the hump by
-    41 % (Mattila et al. 2013)."""
+    recovery: float = 0.9
+    """Of `turn` and `tilt`, what surgery takes back; the rest is bone that has grown. With it, the hump over Cobb
+    changes by 0.6 in the mean of the virtual patients of docs/ribs.md, whose tissue is a continuum: Cobb falls by
+    71 % and the hump by 41 % (Mattila et al. 2013)."""
     direct: float = 0.3
     """Of the turn that screws force on a vertebra beyond what goes with the change of its curve: 5.6 degrees more
     of derotation at the same Cobb angle changed the rib hump by 0.4 (Tang et al. 2015, n = 81)."""
