@@ -3,6 +3,7 @@
     python scripts/compare_ribs.py ANATOMY                              the tables
     python scripts/compare_ribs.py ANATOMY --page docs/ribs.md          into the page, between their marks
     python scripts/compare_ribs.py ANATOMY --energy itmsm               all with one energy: how bars are met
+    python scripts/compare_ribs.py WHOLE --called whole --tets 225000   with shoulder blades: tables of their own
     python scripts/compare_ribs.py ANATOMY --pictures docs              the pictures
 
 ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. Curves are imposed on it and parts of them
@@ -53,6 +54,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, help="the page whose tables are written anew")
     parser.add_argument("--pictures", type=Path, help="the folder for pictures, which are all that is made then")
     parser.add_argument("--energy", choices=ENERGIES, help="of the tissue, for every way")
+    parser.add_argument("--called", default="", help="the anatomy's name in the marks of a page and of rows")
     given = parser.parse_args()
     be_quiet()
     study, shares = Study(given.anatomy, given.tets, given.energy), RibShares(**json.loads(given.shares))
@@ -62,7 +64,8 @@ def main() -> None:
         return
     if given.page:  # before any long work
         for name in TOLD[given.energy]:
-            replaced(given.page.read_text(), _mark(name, study), "")
+            replaced(given.page.read_text(), _mark(name, study, given.called), "")
+    given.kept /= given.called
     given.kept.mkdir(parents=True, exist_ok=True)
     number, parts = map(int, given.part.split("/"))
     plans = [plan for plan in product(PATIENTS, CORRECTIONS, WAYS) if plan[2] != "known" or plan[1] == SHOWN]
@@ -84,12 +87,12 @@ def main() -> None:
         table = make_table[name]()
         print(f"\n{table}")
         if given.page:
-            write_into(given.page, _mark(name, study), table)
+            write_into(given.page, _mark(name, study, given.called), table)
 
 
-def _mark(name: str, study: Study) -> str:
+def _mark(name: str, study: Study, called: str) -> str:
     """Where a table stands in the page."""
-    return f"ribs {name}{f', {study.energy}' if study.energy else ''}"
+    return ", ".join(part for part in (f"ribs {name}", study.energy, called) if part)
 
 
 def _share_rows(study: Study, kept: Path, rows: list[Row]) -> tuple[dict[str, Row], Row]:
@@ -99,10 +102,13 @@ def _share_rows(study: Study, kept: Path, rows: list[Row]) -> tuple[dict[str, Ro
         next(row for row in rows if (row.patient, row.correction, row.way) == ("thoracic 60", SHOWN, way))
         for way in ("follow", "spline")
     )
+    idle = {"direct"}  # screws force nothing in this plan
+    if "scapula_left" not in study.bones:
+        idle.add("scapula")
     found = {}
     for share, value in ((share, value) for share, ends in RANGES.items() for value in ends):
         other = replace(RibShares(), **{share: value})
-        if other != RibShares() and share != "direct":  # screws force nothing in this plan
+        if other != RibShares() and share not in idle:
             name = f"share{_other(other)}{_of(study, 'follow')}"
             make = partial(study.row, curve, SHOWN, "follow", other, less=False)
             found[f"`{share}` {value:g}"] = _kept(kept, name, make)
