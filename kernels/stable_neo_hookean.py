@@ -12,7 +12,8 @@ whose first bracket is |H|^2 / 2 - tr cof H - det H: all that is left is of seco
 
 That energy stays finite where a volume vanishes, so that tetrahedra beside rigid bones come to rest flat or inside
 out. One that has less than half of its volume is held by lambda CRUSH / 4 (1/2 - det F)^4 more, which begins with
-no force and no stiffness, and still is defined for every F.
+no force and no stiffness. Below det F = 1/5 it goes on with the stiffness that it has there, 433 lambda: where
+stiffness grows without limit, Newton's steps leave two thirds of the way each.
 """
 
 from typing import Any
@@ -22,7 +23,9 @@ import warp as wp
 CRUSHED = wp.constant(0.5)
 """The det F below which tissue is stiffer."""
 CRUSH = wp.constant(1600.0)
-"""How much stiffer: what has no volume left presses with 1 + CRUSH / 8 times lambda."""
+"""How much stiffer: d = CRUSHED - det F adds the pressure CRUSH d^3, in units of lambda."""
+STIFFENS = wp.constant(0.3)
+"""The d up to which stiffness grows."""
 
 
 @wp.func
@@ -58,16 +61,27 @@ def crushed(j: Any):
 
 @wp.func
 def pressed(j: Any):
-    """The derivative of j^2 / 2 and of what resists crushing, which lambda cof F has as a factor in the stress."""
+    """The derivative of j^2 / 2 + `resistance`, which lambda cof F has as a factor in the stress."""
     short = crushed(j)
-    return j - type(j)(CRUSH) * short * short * short
+    bent = wp.min(short, type(j)(STIFFENS))
+    return j - type(j)(CRUSH) * bent * bent * (bent + type(j)(3.0) * (short - bent))
 
 
 @wp.func
 def stiffened(j: Any):
     """The derivative of `pressed`."""
+    bent = wp.min(crushed(j), type(j)(STIFFENS))
+    return type(j)(1.0) + type(j)(3.0 * CRUSH) * bent * bent
+
+
+@wp.func
+def resistance(j: Any):
+    """The energy that resists crushing, over lambda and per rest volume."""
     short = crushed(j)
-    return type(j)(1.0) + type(j)(3.0 * CRUSH) * short * short
+    bent = wp.min(short, type(j)(STIFFENS))
+    over = short - bent
+    squares = bent * bent + type(j)(4.0) * bent * over + type(j)(6.0) * over * over
+    return type(j)(0.25 * CRUSH) * bent * bent * squares
 
 
 @wp.func
@@ -91,8 +105,7 @@ def neo_hookean(h: Any, mu: Any, bulk: Any):
     shear = h + wp.transpose(h) - wp.trace(h) * identity - cof
     tension = mu * quarter * x / (type(mu)(4.0) + x)
     stress = type(mu)(0.75) * mu * shear + tension * (identity + h) + bulk * pressed(j) * cofactor_of_sum(h, cof)
-    short = crushed(j)
-    volume = half * bulk * j * j + bulk * type(mu)(0.25 * CRUSH) * short * short * short * short
+    volume = bulk * (half * j * j + resistance(j))
     return shape, volume, stress, j
 
 

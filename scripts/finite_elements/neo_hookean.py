@@ -6,6 +6,7 @@ All follow Hooke's law at rest with the same modulus, and differ by the square o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 from typing import ClassVar
 
 import numpy as np
@@ -20,11 +21,14 @@ class NeoHookean(Law):
     Psi = mu/2 (I_C - 3) + lambda/2 (J - alpha)^2 - mu/2 log(I_C + 1).
 
     With mu, lambda and alpha as below it is free of stress at F = I and follows Hooke's law there. What is smaller
-    than half of its volume resists by lambda 400 (1/2 - J)^4 more, which is not of the paper.
+    than half of its volume resists by lambda 400 (1/2 - J)^4 more, which is not of the paper; below J = 1/5 this
+    goes on as the parabola that it touches there.
     """
 
     crush: ClassVar[float] = 1600.0
     """What that is multiplied by, times 4."""
+    parabola: ClassVar[float] = 0.3
+    """By how much J is below a half where the parabola begins."""
 
     @property
     def mu(self) -> float:
@@ -44,20 +48,25 @@ class NeoHookean(Law):
     def of_invariants(self, squares: np.ndarray, volume: np.ndarray) -> np.ndarray:
         bulk = (volume - self.alpha) ** 2 - (1.0 - self.alpha) ** 2
         shape = 0.5 * self.mu * (squares - 3.0 - np.log((squares + 1.0) / 4.0))
-        return shape + self.lam * (0.5 * bulk + self.crush / 4.0 * self.crushed(volume) ** 4)
+        return shape + self.lam * (0.5 * bulk + self.resistance(volume, 0))
 
-    @staticmethod
-    def crushed(volume: np.ndarray) -> np.ndarray:
-        """By how much J is below a half."""
-        return np.maximum(0.5 - volume, 0.0)
+    def resistance(self, volume: np.ndarray, derivative: int) -> np.ndarray:
+        """What resists being crushed over lambda, or a derivative of it in how much J is below a half."""
+        missing = np.maximum(0.5 - volume, 0.0)
+        quartic = np.poly1d([self.crush / 4.0, 0.0, 0.0, 0.0, 0.0])
+        touching = [quartic.deriv(order)(self.parabola) / factorial(order) for order in (2, 1, 0)]
+        below = np.poly1d(touching)(np.poly1d([1.0, -self.parabola]))
+        return np.where(
+            missing < self.parabola, quartic.deriv(derivative)(missing), below.deriv(derivative)(missing)
+        )
 
     def slopes(self, squares: np.ndarray, volume: np.ndarray) -> Slopes:
         return Slopes(
             by_squares=0.5 * self.mu * (1.0 - 1.0 / (squares + 1.0)),
-            by_volume=self.lam * (volume - self.alpha - self.crush * self.crushed(volume) ** 3),
+            by_volume=self.lam * (volume - self.alpha - self.resistance(volume, 1)),
             by_squares_twice=0.5 * self.mu / (squares + 1.0) ** 2,
             by_both=0.0,
-            by_volume_twice=self.lam * (1.0 + 3.0 * self.crush * self.crushed(volume) ** 2),
+            by_volume_twice=self.lam * (1.0 + self.resistance(volume, 2)),
         )
 
 

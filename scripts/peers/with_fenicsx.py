@@ -91,7 +91,10 @@ class _Made:
         F = ufl.Identity(3) + ufl.grad(self.u)
         squares, volume = ufl.inner(F, F), ufl.det(F)
         density = 0.5 * law.mu * (squares - 3.0) + 0.5 * law.lam * (volume - law.alpha) ** 2
-        density += law.lam * law.crush / 4.0 * ufl.max_value(0.5 - volume, 0.0) ** 4
+        missing = ufl.max_value(0.5 - volume, 0.0)
+        bent = ufl.min_value(missing, law.parabola)
+        over = missing - bent
+        density += law.lam * law.crush / 4.0 * bent**2 * (bent**2 + 4.0 * bent * over + 6.0 * over**2)
         energy = (density - 0.5 * law.mu * ufl.ln(squares + 1.0)) * ufl.dx(metadata={"quadrature_degree": 0})
         forces = ufl.derivative(energy, self.u)
         self.forces = fem.form(forces, jit_params=COMPILER)

@@ -25,7 +25,7 @@ def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray
     """Equation 14 of Smith, de Goes and Kim (2018), less its value at rest, as the parts of shape and volume.
 
     Volume is lambda/2 (J - 1)^2; what else there is in (J - alpha)^2 belongs to mu. Below J = 1/2 lambda
-    400 (1/2 - J)^4 is added.
+    times `crushing` is added.
     """
     j, squares = determinant(f), (f * f).sum(axis=(-2, -1))
     alpha = 1.0 + mu / bulk - mu / (4.0 * bulk)
@@ -35,12 +35,18 @@ def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray
 
     volume = 0.5 * bulk * (j - 1.0) ** 2
     shape = atomic_write(squares, j) - atomic_write(3.0, 1.0) - volume
-    return shape, volume + bulk * 400.0 * missing(j) ** 4
+    return shape, volume + bulk * crushing(j)
 
 
-def missing(j: np.ndarray) -> np.ndarray:
-    """What a volume lacks of half of that at rest, complex ones too."""
-    return np.where(np.real(j) < 0.5, 0.5 - j, 0.0)
+def crushing(j: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """400 (1/2 - J)^4 of a volume below a half, or the derivative in 1/2 - J; complex ones too.
+
+    Below J = 1/5 it has its values there: 3.24, then 43.2 (1/5 - J) and 216 (1/5 - J)^2 more.
+    """
+    missing, under = np.where(np.real(j) < 0.5, 0.5 - j, 0.0), 0.2 - j
+    if derivative:
+        return np.where(np.real(under) > 0.0, 43.2 + 432.0 * under, 1600.0 * missing**3)
+    return np.where(np.real(under) > 0.0, 3.24 + 43.2 * under + 216.0 * under**2, 400.0 * missing**4)
 
 
 def stress(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
@@ -48,7 +54,7 @@ def stress(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
     squares, alpha = (f * f).sum(axis=(-2, -1))[..., None, None], 1.0 + 0.75 * mu / bulk
     rows = [np.cross(f[..., i, :], f[..., k, :]) for i, k in ((1, 2), (2, 0), (0, 1))]
     j = determinant(f)[..., None, None]
-    pressure = bulk * (j - alpha - 1600.0 * missing(j) ** 3)
+    pressure = bulk * (j - alpha - crushing(j, 1))
     return mu * (1.0 - 1.0 / (squares + 1.0)) * f + pressure * np.stack(rows, axis=-2)
 
 

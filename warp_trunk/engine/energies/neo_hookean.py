@@ -12,7 +12,7 @@ import warp as wp
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.neo_hookean import GRAVITY, SHAPE, VOLUME, neo_hookean_kernels
 from warp_trunk.kernels.rest_measures import rest_kernels
-from warp_trunk.kernels.stable_neo_hookean import CRUSH, CRUSHED
+from warp_trunk.kernels.stable_neo_hookean import CRUSH, CRUSHED, STIFFENS
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
@@ -70,7 +70,9 @@ class NeoHookean:
         square, j = np.einsum("tij,tij->t", f, f), np.linalg.det(f) - 1.0
         y = (square - 3.0) / 4.0
         shape = 0.75 * mu * (square / 2.0 - 1.5 - j) + 0.5 * mu * (y - np.log1p(y))
-        volume = 0.5 * j**2 + CRUSH / 4.0 * np.maximum(CRUSHED - 1.0 - j, 0.0) ** 4
+        short = np.maximum(CRUSHED - 1.0 - j, 0.0)
+        bent, over = np.minimum(short, STIFFENS), np.maximum(short - STIFFENS, 0.0)
+        volume = 0.5 * j**2 + CRUSH / 4.0 * bent**2 * (bent**2 + 4.0 * bent * over + 6.0 * over**2)
         return self.rest_volume.numpy()[tets] * (shape + bulk * volume)
 
 
