@@ -1,5 +1,7 @@
 """Joints: what is free where bones share a surface, and where a narrow gap parts them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,3 +31,14 @@ def test_only_the_two_faces_of_a_narrow_gap_are_free(cell: float, loose: int) ->
     assert freed.sum() == loose
     np.testing.assert_allclose(trunk.nodes[freed, 0], 2.5 * cell, atol=0.61 * cell)
     np.testing.assert_array_equal(free.bone[~freed], trunk.bone[~freed])
+
+
+@pytest.mark.parametrize("slides", ["scapula_left", "clavicle_right"])
+def test_of_a_bone_that_slides_the_face_towards_another_is_free_at_any_distance(slides: str) -> None:
+    trunk = block_with_bone((5, 5, 5), 8.0, holes=((1, 2, 2), (3, 2, 2)))
+    free = free_joints(replace(trunk, bone_names=("rib_left_05", slides)))
+    freed = np.flatnonzero((trunk.bone >= 0) & (free.bone < 0))
+    sliding = trunk.bone == 1
+    towards = sliding & (np.abs(trunk.nodes[:, 0] - trunk.nodes[trunk.bone == 0, 0].max()) < 8.5)
+    np.testing.assert_array_equal(freed, np.flatnonzero(towards))
+    assert len(freed) == 4

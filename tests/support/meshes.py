@@ -60,9 +60,8 @@ def block_with_bone(
         bone[((away >= 0.0) & (away <= 1.0)).all(axis=1)] = number
         keep &= (cell != hole).any(axis=1)
     shift = 0.1 * size * np.random.default_rng(6).uniform(-1, 1, nodes.shape)
-    made = trunk(nodes + shift, tets[keep], bone >= 0)
-    made.bone[:] = bone
-    return made
+    names = tuple(f"bone {number}" for number in range(len(holes)))
+    return replace(trunk(nodes + shift, tets[keep], bone >= 0), bone=bone, bone_names=names)
 
 
 def with_skin(mesh: TrunkMesh) -> TrunkMesh:

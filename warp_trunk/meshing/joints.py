@@ -13,6 +13,8 @@ _REACH = 4.0
 """How far from the border between two bones their joint reaches [mm]."""
 _GAP = 5.0
 """Where a single tetrahedron bridges less than this between two bones, they touch [mm]."""
+_SLIDES = ("scapula", "clavicle")
+"""Bones that slide on the ribs, which no joint holds there: how their names begin."""
 
 
 def free_joints(trunk: TrunkMesh) -> TrunkMesh:
@@ -23,6 +25,8 @@ def free_joints(trunk: TrunkMesh) -> TrunkMesh:
     inside out, which relaxation cannot mend. A collar of a few millimetres is enough: with 8 mm a quarter of the
     nodes on bone were loose, and the skin no smoother. Of bones just apart, a head of a rib and the vertebra above
     its own, the nodes at both ends of a narrow gap are free: its tetrahedra, held at all corners, would close.
+    Of shoulder blades and clavicles all nodes are free from which a tetrahedron reaches another bone, at any
+    distance: they slide on the ribs by several times the gap.
     """
     from scipy.spatial import KDTree  # heavy
 
@@ -31,6 +35,8 @@ def free_joints(trunk: TrunkMesh) -> TrunkMesh:
     narrow = np.linalg.norm(np.subtract(*trunk.nodes[gaps].swapaxes(0, 1)), axis=1) < _GAP
     loose = np.zeros(len(trunk.nodes), dtype=bool)
     loose[gaps[narrow]] = True
+    slides = np.array([name.startswith(_SLIDES) for name in trunk.bone_names], dtype=bool)
+    loose[gaps[slides[trunk.bone[gaps]]]] = True
     if len(border):
         distance, _ = KDTree(trunk.nodes[border]).query(trunk.nodes, distance_upper_bound=_REACH)
         loose |= np.isfinite(distance)
