@@ -4,7 +4,7 @@
     python scripts/compare_ribs.py ANATOMY --page docs/ribs.md          into the page, between their marks
     python scripts/compare_ribs.py ANATOMY --energy itmsm               all with one energy: how bars are met
     python scripts/compare_ribs.py WHOLE --called whole --tets 225000   with shoulder blades: tables of their own
-    python scripts/compare_ribs.py ANATOMY --pictures docs              the pictures
+    python scripts/compare_ribs.py ANATOMY --flank docs/ribs_flank.png  a picture; --cage another
 
 ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. Curves are imposed on it and parts of them
 corrected. Each plan is simulated with bones that the spline carries, with ribs that follow by shares, and with all
@@ -52,18 +52,21 @@ def main() -> None:
     parser.add_argument("--as-kept", action="store_true", help="tell the rows that are kept, simulate no other")
     parser.add_argument("--part", default="0/1", help="which part of the rows this process makes: 0/4 to 3/4")
     parser.add_argument("--page", type=Path, help="the page whose tables are written anew")
-    parser.add_argument("--pictures", type=Path, help="the folder for pictures, which are all that is made then")
+    parser.add_argument("--cage", type=Path, help="draw the cage into this file, and simulate nothing")
+    parser.add_argument("--flank", type=Path, help="draw the skin of the flank into this file, and tell nothing")
     parser.add_argument("--energy", choices=ENERGIES, help="of the tissue, for every way")
     parser.add_argument("--called", default="", help="the anatomy's name in the marks of a page and of rows")
     given = parser.parse_args()
     be_quiet()
     study, shares = Study(given.anatomy, given.tets, given.energy), RibShares(**json.loads(given.shares))
-    if given.pictures:
-        draw_cage(study, given.pictures / "ribs_cage.png")
-        draw_flank(study, given.pictures / "ribs_flank.png")
+    for draw, path in ((draw_cage, given.cage), (draw_flank, given.flank)):
+        if path:
+            draw(study, path)
+    if given.cage or given.flank:
         return
+    tables = ("patients", "bars") if given.called else TOLD[given.energy]
     if given.page:  # before any long work
-        for name in TOLD[given.energy]:
+        for name in tables:
             replaced(given.page.read_text(), _mark(name, study, given.called), "")
     given.kept /= given.called
     given.kept.mkdir(parents=True, exist_ok=True)
@@ -83,7 +86,7 @@ def main() -> None:
         "imposed": partial(imposed, study),
         "shares": lambda: by_share(*_share_rows(study, given.kept, rows)),
     }
-    for name in TOLD[given.energy]:
+    for name in tables:
         table = make_table[name]()
         print(f"\n{table}")
         if given.page:
