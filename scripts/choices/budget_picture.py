@@ -21,7 +21,7 @@ NAMES: dict[Group, str] = {
 }
 DETECTABLE = 2.5
 """Smallest difference of the back's rotation that a surgeon can detect [degrees] (section 4.5 of [2])."""
-FLOOR_MM, FLOOR_DEG = 1e-5, 1e-6
+FLOOR_MM, FLOOR_DEG = 1e-7, 1e-7
 """Where the logarithmic axes begin; what is less is not drawn."""
 INK = "#222222"
 
@@ -57,7 +57,7 @@ def draw_budget(path: Path, costs: Sequence[Cost]) -> None:
     right.axvline(DETECTABLE, color=INK, linestyle="--", linewidth=1.0, zorder=1.5)
     right.text(
         DETECTABLE / 1.3,
-        1.5,
+        1.0,
         f"a surgeon detects\n{DETECTABLE:g} degrees",
         fontsize=9,
         ha="right",
