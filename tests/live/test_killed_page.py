@@ -27,10 +27,11 @@ patient = small_patient()
 for line in sys.stdin:
     if os.fork() == 0:
         with Page(patient, Path({folder!r}), int(line)) as page:
-            print(os.getpid(), flush=True)
+            print(f"\\npage {{os.getpid()}}\\n", end="", flush=True)
             page.stopped.wait()
 """
-"""Opens a page for each port that it is told, in a process of its own, and says which."""
+"""Opens a page for each port that it is told, in a process of its own, and says which, on a line of its own: what
+Warp prints of a kernel while it is loaded ends without one."""
 FILES = {"bones", "case.toml", "landmarks_after.csv", "landmarks_before.csv", "plan.json", "plan.toml", "skin.ply"}
 MOMENTS = 8
 
@@ -57,7 +58,7 @@ def opened(pages: subprocess.Popen[str]) -> Iterator[tuple[Client, int]]:
     port = free_port()
     pages.stdin.write(f"{port}\n")
     pages.stdin.flush()
-    number = next(int(line) for line in pages.stdout if line.strip().isdigit())
+    number = next(int(line.split()[1]) for line in pages.stdout if line.startswith("page "))
     try:
         with Client(f"http://127.0.0.1:{port}") as client:
             client.move(40)
