@@ -5,7 +5,8 @@
 CASES holds of each patient one case that bends and one of surgery, both with an actual skin, as
 `make_cohort.py --bending` writes them. Her constants are found on the first, as `calibrate` does; her surgery is
 simulated with those of the start, with hers, and where truth.json lies beside the cases with the true ones.
-Prints a row for each patient, and means over patients. docs/calibration.md tells what it gave.
+Prints a row for each patient, how sure of each constant her bending makes one, and means over patients.
+docs/calibration.md tells what it gave.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import tyro
 from warp_trunk.case import read_checked_case
 from warp_trunk.case.study import Pose
 from warp_trunk.case.tissue_file import constant_of
-from warp_trunk.cohort.calibration.calibrate import calibrate
+from warp_trunk.cohort.calibration.calibrate import Found, calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob, tried
 from warp_trunk.cohort.calibration.rounds import FitCase
@@ -56,6 +57,8 @@ class Checked:
     patient: str
     constants: dict[str, dict[str, float]]
     """By `start`, `hers`, `truth`."""
+    found: tuple[Found, ...]
+    """Hers, with their intervals."""
     fits: dict[str, CaseFit | InputError]
     """The same; an error where her surgery found no equilibrium."""
 
@@ -77,6 +80,8 @@ def main(options: Options) -> list[Checked]:
         print(one.patient)
         for name, fit in one.fits.items():
             print(f"  {name:<6} {row(fit)}   {', '.join(f'{n} {v:.3f}' for n, v in one.constants[name].items())}")
+    for constant in options.free:
+        print(f"{constant}: {sure(done, constant)}")
     for what in ("skin_mm", "bsr_deg"):
         print(f"{what}: nearer by {told(gain(done, what))} with hers than at the start")
     return done
@@ -125,7 +130,7 @@ def checked(client: Any, bending: FitCase, surgery: FitCase, known: dict[str, fl
         client.submit(tried, surgery.job, np.array([one.counted(values[one.name]) for one in free]), pure=False)
         for values in constants.values()
     ]
-    return Checked(surgery.patient, constants, dict(zip(constants, client.gather(futures), strict=True)))
+    return Checked(surgery.patient, constants, found, dict(zip(constants, client.gather(futures), strict=True)))
 
 
 def row(fit: CaseFit | InputError) -> str:
@@ -133,6 +138,20 @@ def row(fit: CaseFit | InputError) -> str:
     return (
         str(fit) if isinstance(fit, InputError) else f"{fit.skin_mm:.3f} mm, {fit.bsr_deg or np.nan:.3f} degrees"
     )
+
+
+def sure(done: list[Checked], constant: str) -> str:
+    """What the patients found of a constant, how much of it they told, and whose interval holds the truth."""
+    found = {one.patient: next(hers for hers in one.found if hers.name == constant) for one in done}
+    values, told_by = [one.value for one in found.values()], [100.0 * one.from_data for one in found.values()]
+    text = (
+        f"found {min(values):.3f} to {max(values):.3f}, told by her {min(told_by):.0f} to {max(told_by):.0f} %, "
+        f"intervals {min(one.low for one in found.values()):.3f} to {max(one.high for one in found.values()):.3f}"
+    )
+    true = {one.patient: one.constants["truth"][constant] for one in done if "truth" in one.constants}
+    missed = [name for name, value in true.items() if not found[name].low <= value <= found[name].high]
+    held = f", {len(true) - len(missed)} of {len(true)} hold the truth" if true else ""
+    return text + held + (f", not {', '.join(missed)}" if missed else "")
 
 
 def gain(done: list[Checked], what: str) -> Estimate | None:

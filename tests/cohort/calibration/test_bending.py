@@ -93,4 +93,10 @@ def test_the_script_tells_what_her_constants_are_worth(cases: Path, capsys: pyte
     )
     back = {name: fit.skin_mm for name, fit in one.fits.items() if isinstance(fit, CaseFit)}
     assert back["truth"] < back["hers"] < 0.8 * back["start"]  # what is believed before holds her back
-    assert f"skin_mm: nearer by {back['start'] - back['hers']:.3f} with hers" in capsys.readouterr().out
+    held = {found.name for found in one.found if found.low <= HIDDEN[found.name] <= found.high}
+    out = capsys.readouterr().out
+    assert f"skin_mm: nearer by {back['start'] - back['hers']:.3f} with hers" in out
+    for name in HIDDEN:
+        (line,) = (line for line in out.splitlines() if line.startswith(f"{name}: found "))
+        held_by = "1 of 1 hold the truth" if name in held else f"0 of 1 hold the truth, not {one.patient}"
+        assert line.endswith(held_by), line
