@@ -44,7 +44,7 @@ class BonePath:
     """Bones that keep their shape; all other nodes move straight."""
 
     def at(self, load_factor: float) -> np.ndarray:
-        """Motion from rest at a load factor in [0, 1] [mm], shape (nodes, 3)."""
+        """Motion from rest at a load factor of 0 to 1 [mm], shape (nodes, 3)."""
         moved = load_factor * self.displacement
         for bone in self.rigid_bones:
             moved[bone.nodes] = part_of(bone.motion, load_factor).apply(bone.rest) - bone.rest

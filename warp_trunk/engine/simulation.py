@@ -27,7 +27,7 @@ class BonePath(Protocol):
     """Where the nodes are moved to, those on bone above all."""
 
     def at(self, load_factor: float) -> np.ndarray:
-        """Displacement from before surgery at a load factor in [0, 1] [mm], in mesh order, shape (nodes, 3)."""
+        """Displacement from before surgery at a load factor of 0 to 1 [mm], in mesh order, shape (nodes, 3)."""
         ...
 
     def of(self, nodes: np.ndarray) -> BonePath:
