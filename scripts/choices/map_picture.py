@@ -64,14 +64,15 @@ def _draw_panel(axes: Axes, points: Sequence[dict[str, Any]], nu: float, measure
     nearest = np.unravel_index(np.nanargmin(values), values.shape)
     for at in np.ndindex(values.shape):
         marks = [mark for mark, place in (("default", default), ("nearest", nearest)) if place == at]
-        number = "not\nconverged" if np.isnan(values[at]) else f"{values[at]:.2f}"
+        ended = not np.isnan(values[at])
+        number = f"{values[at]:.2f}" if ended else "not\nconverged"
         axes.text(
             at[1],
             at[0],
             "\n".join([number, *marks]),
             ha="center",
             va="center",
-            fontsize=8 if marks else 10,
+            fontsize=10 if ended and not marks else 8 if ended else 6.5,
             fontweight="bold" if marks else "normal",
             color="white" if values[at] > 0.6 * most else INK,
         )
