@@ -21,6 +21,10 @@ PATIENCE = 5.0
 """Time without any stream done after which the device is asked whether something is wrong with it [s]."""
 
 
+SLICE = 0.5
+"""The longest time for which a thread waits without looking for an interrupt [s]."""
+
+
 class GivenUp(BaseException):
     """Nobody wants any more what is being worked on."""
 
@@ -41,8 +45,9 @@ class _Member:
             self._turn.release()
 
     def take(self) -> None:
-        """Waits for the turn."""
-        self._turn.acquire()
+        """Waits for the turn, in slices: an interrupt that comes just before a wait is seen when it ends."""
+        while not self._turn.acquire(timeout=SLICE):
+            pass
 
 
 class Turns:
