@@ -19,8 +19,6 @@ import warp as wp
 
 PATIENCE = 5.0
 """Time without any stream done after which the device is asked whether something is wrong with it [s]."""
-
-
 SLICE = 0.5
 """The longest time for which a thread waits without looking for an interrupt [s]."""
 
