@@ -37,4 +37,4 @@ def test_bones_that_pass_through_each_other_are_named():
 def test_a_fold_that_tissue_can_undo_is_no_collision():
     assert colliding_bones(TRUNK, moved(4, 11.0)) == []
     (text,) = folded_tissue(TRUNK, moved(4, 11.0))
-    assert text.startswith("the spline of the landmarks folds at T8, around")
+    assert text.startswith("the path of the bones folds tissue at T8, around")

@@ -24,7 +24,7 @@ from warp_trunk.run.prepare import Prepared, prepare
 from warp_trunk.run.sensitivities import sensitivities
 
 CASE, TRUNK = boned_case()
-OPTIONS = RunOptions(precision="float64", device="cpu", simulation=SimulationOptions(increments=1))
+OPTIONS = RunOptions(bones="spline", precision="float64", device="cpu", simulation=SimulationOptions(increments=1))
 
 
 @cache

@@ -21,7 +21,9 @@ from warp_trunk.run.prepare import prepare_plan
 from warp_trunk.run.run_case import run_case
 
 CASE, TRUNK = small_case()
-OPTIONS = RunOptions(simulation=SimulationOptions(increments=3), device="cpu", threads=1, record=False)
+OPTIONS = RunOptions(
+    simulation=SimulationOptions(increments=3), bones="spline", device="cpu", threads=1, record=False
+)
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +82,8 @@ def test_the_time_of_making_her_ready_is_in_no_plans_summary(patient: Patient, t
     ("change", "what"),
     [
         ({"skin": replace(CASE.skin, vertices=CASE.skin.vertices + 1e-9)}, "its skin must be that of 'small'"),
-        ({"bones": {}}, "its bone spine must be"),
-        ({"bones": {"spine": replace(CASE.bones["spine"], vertices=CASE.bones["spine"].vertices + 1.0)}}, "bone"),
+        ({"bones": {}}, "its bone T10 must be"),
+        ({"bones": {"T10": replace(CASE.bones["T10"], vertices=CASE.bones["T10"].vertices + 1.0)}}, "bone"),
         ({"tissue": Tissue(theta=3.0)}, "its tissue must be"),
         ({"layers": Layers()}, "its layers of tissue must be"),
     ],
@@ -112,4 +114,4 @@ def test_many_plans_of_hers_end_as_each_does_alone(patient: Patient) -> None:
     assert isinstance(nothing, InputError)
     assert "landmarks_after" in str(nothing)
     assert isinstance(other, InputError)
-    assert "bone spine" in str(other)
+    assert "bone T10" in str(other)

@@ -41,12 +41,12 @@ def test_gravity_stands_at_rest_and_layers_are_told_apart(options: RunOptions, s
 
 
 def test_bones_are_carried_by_the_spline_of_the_landmarks() -> None:
-    moved = prepare(CASE, RunOptions(device="cpu"), TRUNK).bone_path.at(1.0)
+    moved = prepare(CASE, RunOptions(device="cpu", bones="spline"), TRUNK).bone_path.at(1.0)
     assert np.abs(moved).max() == pytest.approx(12.0, rel=0.5)  # as T8
 
 
-def test_bones_move_rigidly_where_asked() -> None:
-    path = prepare(CASE, RunOptions(device="cpu", bones="follow"), TRUNK).bone_path
+def test_bones_move_rigidly_unless_asked_otherwise() -> None:
+    path = prepare(CASE, RunOptions(device="cpu"), TRUNK).bone_path
     here = TRUNK.nodes[TRUNK.bone == 0]
     there = here + path.at(0.3)[TRUNK.bone == 0]
     before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (here, there))

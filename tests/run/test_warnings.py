@@ -53,7 +53,7 @@ def test_gravity_that_pulls_up_is_refused(gravity):
 
 
 def test_an_end_that_is_whole_needs_no_warning():
-    assert ending_warnings(LAST, [], ["the spline of the landmarks folds around here"]) == []
+    assert ending_warnings(LAST, [], ["the path of the bones folds tissue around here"]) == []
 
 
 @pytest.mark.parametrize("ending", [{"status": RelaxStatus.STALLED}, {"inverted_tets": 3}])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from support.known_spine import known_spine
@@ -30,4 +31,5 @@ def curved_case() -> Case:
 
 def small_patient(**options: Any) -> Patient:
     """It, made ready on one CPU thread."""
-    return patient_of(curved_case(), RunOptions(device="cpu", threads=1, **options), small_trunk()[0])
+    trunk = replace(small_trunk()[0], bone_names=("T8",))
+    return patient_of(curved_case(), RunOptions(device="cpu", threads=1, **options), trunk)

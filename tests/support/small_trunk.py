@@ -1,4 +1,7 @@
-"""A box of tissue around a column of bone, small enough to see through: for tests that need a whole case."""
+"""A box of tissue around a column of bone, small enough to see through: for tests that need a whole case.
+
+The bone is called T10 and has no landmarks of its own, so that it goes where the spline of all landmarks does.
+"""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -58,7 +61,7 @@ def small_trunk():
         skin_nodes=skin_nodes.astype(np.int32),
         skin_faces=faces.astype(np.int32),
         bone=bone,
-        bone_names=("spine",),
+        bone_names=("T10",),
         bone_faces=triangles[(bone[triangles] == 0).all(axis=1)].astype(np.int32),
     )
     return trunk, Surface(nodes[skin_nodes], trunk.skin_faces)
@@ -81,7 +84,7 @@ def small_case():
     before = small_landmarks()
     moved = before.points.copy()
     moved[[name.startswith("T8") for name in before.names], 0] += 12.0
-    bones = {"spine": Surface(skin.vertices * [0.05, 0.05, 0.8] + [0.0, 20.0, 40.0], skin.faces)}
+    bones = {"T10": Surface(skin.vertices * [0.05, 0.05, 0.8] + [0.0, 20.0, 40.0], skin.faces)}
     return Case("small", skin, bones, before, Landmarks(before.names, moved)), trunk
 
 
@@ -91,7 +94,7 @@ def boned_case():
     at = trunk.nodes[trunk.prescribed]
     low, high = at.min(axis=0) - 4.0, at.max(axis=0) + 4.0
     box = low + (case.skin.vertices / SIZE + [0.5, 0.5, 0.0]) * (high - low)
-    return replace(case, bones={"spine": Surface(box, case.skin.faces)}), trunk
+    return replace(case, bones={"T10": Surface(box, case.skin.faces)}), trunk
 
 
 def turned(trunk, degrees_at_top):

@@ -1,4 +1,4 @@
-"""Where the path of the bones cannot be followed by tissue: bones that collide, and folds of the spline."""
+"""Where the path of the bones cannot be followed by tissue: bones that collide, and folds of what lies between."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def colliding_bones(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
 
 def folded_tissue(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
     """Where the path, which carries all nodes, turns tetrahedra inside out, in words; relaxation may mend them."""
-    return _places(trunk, _inverted(trunk, bone_path), "the spline of the landmarks folds")
+    return _places(trunk, _inverted(trunk, bone_path), "the path of the bones folds tissue")
 
 
 def _inverted(trunk: TrunkMesh, bone_path: BonePath) -> np.ndarray:

@@ -58,7 +58,7 @@ class RunOptions:
     layers: LayersFrom | None = None
     """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
     case.toml has in [layers] when left out."""
-    bones: Literal["spline", "follow"] = "spline"
+    bones: Literal["follow", "spline"] = "follow"
     """How bones are carried: by the thin-plate spline through all landmarks, which bends them (the papers), or
     each rigidly: known ones first, vertebrae by their landmarks, and ribs follow them by the shares of [ribs]."""
     bands: bool = False

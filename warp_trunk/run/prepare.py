@@ -64,5 +64,5 @@ def prepare_plan(patient: Patient, case: Case, progress: Progress | None = None)
         InputError: the case is of another patient or tissue, or has landmarks on which no spline can be fitted.
     """
     patient.check(case)
-    with stage_of(progress, "path", "fitting the spline of the landmarks"):
+    with stage_of(progress, "path", "finding where the bones go"):
         return Prepared(patient.trunk, patient.model, find_path(case, patient.trunk, patient.options))

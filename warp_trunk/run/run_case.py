@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warp_trunk.bone_motion.bone_names import unknown_bones
 from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import plan_text
 from warp_trunk.case import check_case
@@ -104,6 +105,7 @@ def run_case(
         warnings = [
             *(check_case(case) if warnings is None else warnings),
             *curve_warnings(case.landmarks_before, case.planned_landmarks),
+            *(unknown_bones(case.bones) if options.bones == "follow" else ()),
             *option_warnings(
                 (case.tissue, *(() if case.layers is None else case.layers.tissues(case.tissue))), options.gravity
             ),

@@ -90,11 +90,11 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--free", "youngs_modulus"], "all forces grow with it alike"),
+        (["--free", "youngs_modulus", "--bones", "spline"], "all forces grow with it alike"),
         (["--free", "thetta"], "did you mean theta?"),
-        (["--free", "theta", "--pose", "bending"], "no case with an actual skin after bending"),
-        (["--free", "theta", "--workers", "-2"], "--workers: must be 0"),
-        (["--free", "theta", "--out", "tissue.txt"], "tissue.txt: must end in .toml"),
+        (["--free", "poisson_ratio", "--pose", "bending"], "no case with an actual skin after bending"),
+        (["--free", "poisson_ratio", "--workers", "-2"], "--workers: must be 0"),
+        (["--free", "poisson_ratio", "--out", "tissue.txt"], "tissue.txt: must end in .toml"),
     ],
 )
 def test_refused(

@@ -15,7 +15,8 @@ from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_fre
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
 
-CONTINUUM: dict[str, Any] = {"energy": "neo-hookean"}
+PAPERS: dict[str, Any] = {"bones": "spline"}
+CONTINUUM: dict[str, Any] = {"bones": "spline", "energy": "neo-hookean"}
 
 
 @pytest.mark.parametrize(
@@ -24,15 +25,15 @@ CONTINUUM: dict[str, Any] = {"energy": "neo-hookean"}
         ((), {}, "is missing"),
         (("poison_ratio",), {}, "did you mean poisson_ratio?"),
         (("theta", "theta"), {}, "'theta' is given twice"),
-        (("youngs_modulus",), {}, "all forces grow with it alike"),
+        (("youngs_modulus",), PAPERS, "all forces grow with it alike"),
         (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
-        (("youngs_modulus",), {"bones": "follow"}, "all forces (but those of bending skin"),
-        (("skin_rigidity",), {"bones": "follow"}, "an option of a simulation"),
-        (("epsilon",), {"bones": "follow"}, "simulated with neo-hookean"),
+        (("youngs_modulus",), {}, "all forces (but those of bending skin"),
+        (("skin_rigidity",), {}, "an option of a simulation"),
+        (("epsilon",), {}, "simulated with neo-hookean; give --energy itmsm"),
         (("density",), {}, "acts only with gravity"),
-        (("poisson_ratio",), {}, "give --energy neo-hookean"),
+        (("poisson_ratio",), PAPERS, "give --energy neo-hookean"),
         (("epsilon",), CONTINUUM, "constant of the energy itmsm"),
-        (("ribs.recovery",), {}, "give --bones follow"),
+        (("ribs.recovery",), PAPERS, "give --bones follow"),
         (("fat.youngs_modulus",), {}, "give --layers depth"),
         (("youngs_modulus",), {"layers": "depth", "gravity": 9.81}, "every layer has its own"),
         (
@@ -51,10 +52,10 @@ def test_what_no_skin_tells_is_refused(names: tuple[str, ...], options: dict[str
 @pytest.mark.parametrize(
     ("names", "options"),
     [
-        (("epsilon", "theta"), {}),
+        (("epsilon", "theta"), PAPERS),
         (("youngs_modulus", "density"), {"gravity": 9.81}),
         (("poisson_ratio", "fat.youngs_modulus"), {**CONTINUUM, "layers": "depth"}),
-        (("ribs.recovery", "ribs.turn", "poisson_ratio"), {"bones": "follow"}),
+        (("ribs.recovery", "ribs.turn", "poisson_ratio"), {}),
     ],
 )
 def test_what_skins_tell_is_not(names: tuple[str, ...], options: dict[str, Any]) -> None:

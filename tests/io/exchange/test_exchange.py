@@ -61,7 +61,7 @@ def test_abaqus_gets_sets_material_and_every_displacement(trunk, motion, tmp_pat
     write_volume(tmp_path / "a.inp", trunk, motion, TISSUE)
     sets = meshio.read(tmp_path / "a.inp").point_sets
     np.testing.assert_array_equal(np.sort(sets["skin"]), np.sort(trunk.skin_nodes))
-    np.testing.assert_array_equal(sets["bone_spine"], np.flatnonzero(trunk.bone == 0))
+    np.testing.assert_array_equal(sets["bone_T10"], np.flatnonzero(trunk.bone == 0))
     text = (tmp_path / "a.inp").read_text()
     assert "*ELASTIC\n0.012, 0.4\n" in text  # MPa
     rows = [row.split(",") for row in text.split("*BOUNDARY\n")[1].split("*NODE FILE")[0].splitlines()]

@@ -137,7 +137,8 @@ def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
     if of and not layered:
         return "the trunk has no layers; give --layers depth"
     if constant in _OF_ITMSM and options.energy_of_tissue != "itmsm":
-        return f"it is a constant of the energy itmsm; these are simulated with {options.energy_of_tissue}"
+        energy = options.energy_of_tissue
+        return f"it is a constant of the energy itmsm; these are simulated with {energy}; give --energy itmsm"
     if constant in _OF_CONTINUUM and options.energy_of_tissue == "itmsm":
         return "it is a constant of the neo-Hookean energy; give --energy neo-hookean"
     if constant == "density" and not options.gravity:
