@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from warp_trunk import Landmarks, Surface
+from warp_trunk.geometry.rigid import fit_rigid
 
 LANDMARK_MEAN, LANDMARK_SD = 2.1, 1.5
 """Length of the error of a landmark [mm]."""
@@ -33,6 +34,15 @@ def moved_landmarks(landmarks: Landmarks, random: np.random.Generator) -> Landma
     direction = random.standard_normal((len(landmarks.names), 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     return Landmarks(landmarks.names, landmarks.points + length * direction)
+
+
+def carried_along(before: Landmarks, after: Landmarks, found: Landmarks) -> Landmarks:
+    """Landmarks found before surgery where a plan takes them: each vertebra's by its own rigid motion."""
+    points = found.points + after.points - before.points
+    for level in before.vertebrae():
+        rows = [row for row, name in enumerate(before.names) if name.startswith(f"{level}_")]
+        points[rows] = fit_rigid(before.points[rows], after.points[rows]).apply(found.points[rows])
+    return Landmarks(after.names, points)
 
 
 def moved_bones(bones: Mapping[str, Surface], mean: float, random: np.random.Generator) -> dict[str, Surface]:

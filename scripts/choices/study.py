@@ -31,7 +31,7 @@ from warp_trunk.measures.volume import tissue_volume_change
 from warp_trunk.meshing.cache import cache_key
 
 from .choices import Choices
-from .errors import moved_bones, moved_landmarks
+from .errors import carried_along, moved_bones, moved_landmarks
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class Study:
             return before, after
         found = moved_landmarks(before, np.random.default_rng([choices.sample, 0]))
         if choices.landmark_error == "shared":
-            return found, Landmarks(after.names, after.points + found.points - before.points)
+            return found, carried_along(before, after, found)
         return found, moved_landmarks(after, np.random.default_rng([choices.sample, 1]))
 
     def trunk(self, choices: Choices) -> TrunkMesh:

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from support.marked_spine import with_errors
+from warp_trunk.bone_motion import steadying
 from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.path_derivative import rigid_derivative
 from warp_trunk.bone_motion.rib_cage import ends
+from warp_trunk.bone_motion.steadying import steadying_of
 from warp_trunk.bone_motion.steps import RememberedSteps, Steps
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -68,9 +71,26 @@ EVERY = np.arange(len(BEFORE.names))
     ids=["surgery", "bending", "no landmarks of T8", "no iliac spines", "no sternum", "no vertebrae"],
 )
 def test_each_bone(bones: dict[str, Surface], rows: np.ndarray, pose: Literal["surgery", "bending"]) -> None:
-    random = np.random.default_rng(1)
     names = tuple(BEFORE.names[row] for row in rows)
-    before, after = BEFORE.points[rows], AFTER.points[rows]
+    compare(bones, Landmarks(names, BEFORE.points[rows]), Landmarks(names, AFTER.points[rows]), pose)
+
+
+def test_landmarks_with_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Vertebrae are steadied, by a smoothness that a derivative takes as given."""
+    random = np.random.default_rng(2)
+    before, after = with_errors(BEFORE, random), with_errors(AFTER, random)
+    given = steadying_of(before, after)
+    assert given is not None
+    monkeypatch.setattr(steadying, "steadying_of", lambda *_: given)
+    compare(all_kinds(), before, after, "surgery")
+
+
+def compare(
+    bones: dict[str, Surface], marks: Landmarks, marks_after: Landmarks, pose: Literal["surgery", "bending"]
+) -> None:
+    """The derivative of each bone's motion in two directions of all landmarks, against differences."""
+    random = np.random.default_rng(1)
+    names, before, after = marks.names, marks.points, marks_after.points
     steps = RememberedSteps(before, after)
     trunk, owner = mesh_of(bones)
 

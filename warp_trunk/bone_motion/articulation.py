@@ -16,6 +16,7 @@ from warp_trunk.geometry.spline import Spline, fit_spline
 
 from .coupled_turn import coupled_turns
 from .rib_cage import ends, follow
+from .steadying import steadied
 from .steps import Steps
 from .vertebra_motion import VertebraMotion, split
 
@@ -75,6 +76,7 @@ def bone_motions(
     """
     steps = steps or Steps()
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
+    landmarks_after = steadied(landmarks_before, landmarks_after, steps)
     motions, pelvis = _by_landmarks(bones, landmarks_before, landmarks_after, steps)
     for bone, after in (bones_after or {}).items():
         motions[bone] = fit_rigid(bones[bone].vertices, after.vertices)

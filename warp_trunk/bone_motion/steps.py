@@ -42,7 +42,8 @@ class Steps:
         return second * first
 
     def rows(self, points: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Some of the landmarks, shape (rows, 3) [mm]; `points` are all landmarks before, or all after."""
+        """Some of the landmarks, shape (rows, 3) [mm]; `points` are all landmarks before, or all after, or what a
+        step made of these."""
         return points[rows]
 
     def carried(self, spline: Spline, points: np.ndarray) -> np.ndarray:
@@ -93,8 +94,16 @@ class RememberedSteps(Steps):
 
     def rows(self, points: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Also remembers which they are."""
-        which = next(i for i, known in enumerate(self._landmarks) if known is points)
         found = super().rows(points, rows)
+        which = next((i for i, known in enumerate(self._landmarks) if known is points), None)
+        if which is None:
+
+            def pull_back(weight: np.ndarray) -> list[np.ndarray]:
+                spread = np.zeros((len(weight), *points.shape))
+                spread[:, rows] = weight.reshape(len(weight), len(rows), 3)
+                return [spread.reshape(len(weight), -1)]
+
+            return self._taken(found, (points,), pull_back)
         self._known[id(found)] = found
         self._rows.append((found, which, rows))
         return found

@@ -1,0 +1,88 @@
+"""Vertebrae steadied along the spine against motions that are known, with errors that are drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from support.marked_spine import before_and_after, with_errors
+from warp_trunk.bone_motion.steadying import steadied, steadying_of
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.rigid import fit_rigid
+
+BEFORE, AFTER = before_and_after()
+LEVELS = BEFORE.vertebrae()
+
+
+def tumbling(before: Landmarks, after: Landmarks) -> np.ndarray:
+    """How far the motion of each vertebra is turned from the true one [degrees], shape (levels,)."""
+    off = []
+    for level in LEVELS:
+        true = fit_rigid(BEFORE.of_bone(level).points, AFTER.of_bone(level).points).rotation
+        found = fit_rigid(before.of_bone(level).points, after.of_bone(level).points).rotation
+        off.append(np.degrees((found * true.inv()).magnitude()))
+    return np.array(off)
+
+
+def test_landmarks_that_move_rigidly_stay_as_they_are() -> None:
+    assert steadied(BEFORE, AFTER) is AFTER
+    written = Landmarks(AFTER.names, AFTER.points.round(3))
+    assert steadied(BEFORE, written) is written
+    few = [row for row, name in enumerate(BEFORE.names) if name.startswith(("T1_", "T8_", "L2_"))]
+    names = tuple(BEFORE.names[row] for row in few)
+    rough = Landmarks(names, AFTER.points[few] * 1.1)
+    assert steadied(Landmarks(names, BEFORE.points[few]), rough) is rough
+
+
+def test_errors_are_told_and_nearly_halved() -> None:
+    raw, found, errors = [], [], []
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        before, after = with_errors(BEFORE, random), with_errors(AFTER, random)
+        steadying = steadying_of(before, after)
+        assert steadying is not None
+        errors.append(steadying.error)
+        raw.append(tumbling(before, after))
+        found.append(tumbling(before, steadied(before, after)))
+    stated = np.sqrt(2.0 * (2.1**2 + 1.5**2) / 3.0)  # before and after, each axis
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(stated, rel=0.05)
+    assert np.sqrt(np.mean(np.square(found))) < 0.65 * np.sqrt(np.mean(np.square(raw)))
+
+
+def test_each_vertebra_keeps_its_shape_and_others_their_place() -> None:
+    random = np.random.default_rng(3)
+    before, after = with_errors(BEFORE, random), with_errors(AFTER, random)
+    moved = steadied(before, after)
+    assert moved.names == after.names
+    for level in LEVELS:
+        here, there = before.of_bone(level).points, moved.of_bone(level).points
+        np.testing.assert_allclose(fit_rigid(here, there).apply(here), there, atol=1e-9)
+    for name in ("asis_left", "asis_right"):
+        np.testing.assert_array_equal(moved.point(name), after.point(name))
+
+
+def test_a_kink_that_stands_out_of_the_errors_is_followed() -> None:
+    """T8 turned by 40 degrees against its neighbours, landmarks off by 0.3 mm, which is 0.6 degrees."""
+    random = np.random.default_rng(5)
+    points = AFTER.points.copy()
+    rows = [row for row, name in enumerate(AFTER.names) if name.startswith("T8_")]
+    middle = points[rows].mean(axis=0)
+    turn = Rotation.from_euler("z", 40.0, degrees=True)
+    points[rows] = turn.apply(points[rows] - middle) + middle
+    kinked = Landmarks(AFTER.names, points + 0.3 * random.normal(size=points.shape))
+    wanted = fit_rigid(BEFORE.points[rows], points[rows]).rotation
+    found = fit_rigid(BEFORE.points[rows], steadied(BEFORE, kinked).points[rows]).rotation
+    assert np.degrees((found * wanted.inv()).magnitude()) < 3.0
+
+
+def test_smaller_errors_change_less() -> None:
+    random = np.random.default_rng(7)
+    error = random.normal(size=AFTER.points.shape)
+    changes = []
+    for size in (0.1, 1.0, 3.0):
+        after = replace(AFTER, points=AFTER.points + size * error)
+        changes.append(np.abs(steadied(BEFORE, after).points - after.points).max() / size)
+    assert changes[0] < changes[2]

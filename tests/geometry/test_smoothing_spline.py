@@ -1,0 +1,56 @@
+"""Smoothing splines against SciPy's, and their smoothness against a likelihood written apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline, make_smoothing_spline
+
+from warp_trunk.geometry.smoothing_spline import likeliest_smoothness, roughness_of, smoother
+
+RANDOM = np.random.default_rng(4)
+ALONG = np.cumsum(RANDOM.uniform(15.0, 30.0, 17))
+VARIANCE = RANDOM.uniform(0.5, 2.0, 17)
+
+
+def test_roughness_is_the_integral_of_the_curvature_squared() -> None:
+    values = RANDOM.normal(size=17)
+    spline = CubicSpline(ALONG, values, bc_type="natural")
+    fine = np.linspace(ALONG[0], ALONG[-1], 200_001)
+    wanted = np.trapezoid(np.square(spline(fine, 2)), fine)
+    assert values @ roughness_of(ALONG) @ values == pytest.approx(wanted, rel=1e-6)
+    np.testing.assert_allclose(roughness_of(ALONG) @ (3.0 + 2.0 * ALONG), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("smoothness", [1e-2, 1e2, 1e5])
+def test_smoothed_values_are_those_of_scipy(smoothness: float) -> None:
+    values = RANDOM.normal(size=17)
+    wanted = make_smoothing_spline(ALONG, values, w=1.0 / VARIANCE, lam=smoothness)(ALONG)
+    found = smoother(smoothness, VARIANCE, roughness_of(ALONG)) @ values
+    np.testing.assert_allclose(found, wanted, atol=1e-7)
+
+
+def test_smoothness_is_likeliest() -> None:
+    """The density of what is left of the values without a straight line: a Gaussian, by its covariance."""
+    values = np.sin(ALONG / 60.0) * 3.0 + np.sqrt(VARIANCE) * RANDOM.normal(size=17)
+    roughness = roughness_of(ALONG)
+    line = np.column_stack([np.ones(17), ALONG])
+    contrasts = np.linalg.qr(line, mode="complete")[0][:, 2:].T
+    wander = np.linalg.pinv(roughness)
+
+    def likelihood(smoothness: float) -> float:
+        covariance = contrasts @ (np.diag(VARIANCE) + wander / smoothness) @ contrasts.T
+        seen = contrasts @ values
+        return -0.5 * float(np.linalg.slogdet(covariance)[1] + seen @ np.linalg.solve(covariance, seen))
+
+    found = likeliest_smoothness(values, VARIANCE, roughness)
+    others = found * np.array([0.5, 0.9, 1.1, 2.0, 1e-3, 1e3])
+    assert all(likelihood(found) > likelihood(float(other)) for other in others)
+
+
+def test_values_on_a_line_and_values_far_above_their_errors() -> None:
+    roughness = roughness_of(ALONG)
+    line, rough = 2.0 + 0.1 * ALONG, 1e3 * RANDOM.normal(size=17)
+    for values in (line, rough):
+        smoothed = smoother(likeliest_smoothness(values, VARIANCE, roughness), VARIANCE, roughness) @ values
+        np.testing.assert_allclose(smoothed, values, atol=0.05)
