@@ -35,9 +35,9 @@ the back surface rotation of any level from T1 to L5. A surgeon can detect 2.5 d
 Random errors are those the papers state of their reconstruction from radiographs; the table has their mean +-
 standard deviation over the samples, and the 95th percentile. *Before and after*: each landmark of both
 reconstructions has an error of its own, in any direction, as where a prediction is judged by what came after.
-*The plan by the same*: the plan moves the landmarks that were found, so both have the same error. *Bones*: each
-is displaced by a smooth random field of its own, {bone:g} mm long in the mean; landmarks stay, and the trunk is
-meshed anew, which by itself costs what *meshed anew* says.
+*The plan by the same*: the plan moves the vertebrae that were found, so that errors go along with them.
+*Bones*: each is displaced by a smooth random field of its own, {bone:g} mm long in the mean; landmarks stay, and
+the trunk is meshed anew, which by itself costs what *meshed anew* says. *The papers' way*: `--bones spline`.
 
 {table}"""
 

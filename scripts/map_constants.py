@@ -22,6 +22,7 @@ from benchmarking.tables import markdown
 from choices.choices import Choices
 from choices.difference import difference
 from choices.map_picture import draw_map
+from choices.rows import PAPERS
 from choices.study import Study
 
 EPSILON = (0.01, 0.1, 1.0, 10.0, 100.0)
@@ -68,7 +69,7 @@ def write_map(
     thetas: Sequence[float] = THETA,
 ) -> None:
     """Simulates each pair of constants, and writes `out` with the endings .json, .png and .md."""
-    start = Choices(tets=tets, tolerance=TOLERANCE, increments=1)
+    start = replace(PAPERS, tets=tets, tolerance=TOLERANCE, increments=1)
     points = [
         point for weights in WEIGHTS for point in entries(study, replace(start, weights=weights), epsilons, thetas)
     ]

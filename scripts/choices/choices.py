@@ -15,7 +15,7 @@ class Choices:
 
     tets: int = 225_000
     """Number of tetrahedra asked for."""
-    energy: EnergyName = "itmsm"
+    energy: EnergyName = "neo-hookean"
     """Energy of the tissue."""
     weights: WeightsName = "count"
     """Weights of itmsm."""
@@ -31,8 +31,10 @@ class Choices:
     """Gravity [m/s^2]."""
     rest: Literal["sag-free", "scan"] = "sag-free"
     """The rest state under gravity."""
-    bones: Literal["spline", "follow"] = "spline"
+    bones: Literal["follow", "spline"] = "follow"
     """How bones are carried."""
+    skin_rigidity: float | None = None
+    """Flexural rigidity of the skin [N mm]; when left out what the program takes with such bones."""
     precision: Literal["float32", "float64"] = "float32"
     """Precision of the simulation."""
     tolerance: float = RelaxOptions.tolerance

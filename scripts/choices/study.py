@@ -144,6 +144,7 @@ class Study:
     def _options(self, choices: Choices) -> RunOptions:
         return RunOptions(
             energy=choices.energy,
+            skin_rigidity=choices.skin_rigidity,
             weights=choices.weights,
             layers="depth" if choices.layers else "none",
             gravity=choices.gravity,
