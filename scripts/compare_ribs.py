@@ -11,7 +11,8 @@ corrected. Each plan is simulated with bones that the spline carries, with ribs 
 bones known after surgery (those of the trunk on which the corrected curve is imposed, each rigidly). The tables
 tell the change of back surface rotation (BSR) at the level where it was largest, over that of the Cobb angle (0.58
 for the hump in Mattila et al. 2013), what 5 degrees less of derotation at the same Cobb angle change, how smooth
-the skin stays, the work, how each bar is met in all plans, and what other shares change at each level. Rows are
+the skin stays, the work, how each bar is met in all plans, how far the skin lies from that of the trunk on which
+the corrected curve is imposed, and what other shares change at each level. Rows are
 kept in a folder, so that it goes on where it was stopped, and several processes can share the work; delete the
 folder when a model has changed.
 """
@@ -30,15 +31,15 @@ from pathlib import Path
 from benchmarking.process import be_quiet
 from marked import replaced, write_into
 from ribs.pictures import draw_cage, draw_flank
-from ribs.rows import Row, Shoulders, Smoothness
+from ribs.rows import Distance, Row, Shoulders, Smoothness
 from ribs.study import CORRECTIONS, PATIENTS, SHOWN, WAYS, Study, Way, moved
-from ribs.tables import by_bar, by_patient, by_share, imposed
+from ribs.tables import by_bar, by_patient, by_share, by_truth, imposed
 
 from warp_trunk.case.rib_shares import RANGES, RibShares
 from warp_trunk.engine.energies.by_name import ENERGIES
 from warp_trunk.run.options import RunOptions
 
-TOLD = {None: ("patients", "bars", "imposed", "shares"), "itmsm": ("bars",), "neo-hookean": ("bars",)}
+TOLD = {None: ("patients", "bars", "truth", "imposed", "shares"), "itmsm": ("bars",), "neo-hookean": ("bars",)}
 """The tables of each energy; None is what each way has when it is left out, itmsm with the spline."""
 
 
@@ -64,7 +65,7 @@ def main() -> None:
             draw(study, path)
     if given.cage or given.flank:
         return
-    tables = ("patients", "bars") if given.called else TOLD[given.energy]
+    tables = ("patients", "bars", "truth") if given.called else TOLD[given.energy]
     if given.page:  # before any long work
         for name in tables:
             replaced(given.page.read_text(), _mark(name, study, given.called), "")
@@ -83,6 +84,7 @@ def main() -> None:
     make_table = {
         "patients": partial(by_patient, rows),
         "bars": partial(by_bar, rows),
+        "truth": partial(by_truth, rows),
         "imposed": partial(imposed, study),
         "shares": lambda: by_share(*_share_rows(study, given.kept, rows)),
     }
@@ -138,6 +140,7 @@ def _kept(folder: Path, name: str, make: Callable[[], Row]) -> Row:
         os.replace(making, path)
     entries = json.loads(path.read_text())
     parts = {"smooth": Smoothness, "shoulders_before": Shoulders, "shoulders_after": Shoulders}
+    parts |= {"truth_before": Distance, "truth_after": Distance}
     row = Row(**entries | {name: kind(**entries[name]) for name, kind in parts.items()})
     print(f"{name}: {row.status}, {row.over_cobb:.2f}", flush=True)
     return row

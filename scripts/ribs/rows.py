@@ -45,6 +45,22 @@ def smoothness(before: Surface, after: Surface) -> Smoothness:
     )
 
 
+@dataclass(frozen=True)
+class Distance:
+    """How far a skin lies from another one of the same triangles."""
+
+    mean: float
+    """Of all vertices [mm]."""
+    most: float
+    """Of all but a twentieth of them at most [mm]."""
+
+
+def distance(skin: Surface, other: Surface) -> Distance:
+    """Vertex from vertex."""
+    apart = np.linalg.norm(skin.vertices - other.vertices, axis=1)
+    return Distance(float(apart.mean()), float(np.quantile(apart, 0.95)))
+
+
 def rotations(skin: Surface, landmarks: Landmarks) -> list[float]:
     """Back surface rotation at LEVELS, 0 where there is none [degrees]."""
     found = measure(skin, landmarks).bsr
@@ -97,6 +113,10 @@ class Row:
     """The same with less derotation at the same Cobb angle; None where that was not simulated."""
     smooth: Smoothness
     """The skin."""
+    truth_before: Distance
+    """How far the skin before lies from that on which the corrected curve is imposed."""
+    truth_after: Distance
+    """The same of the predicted skin."""
     iterations: int
     """Linear iterations of all increments."""
     inverted: int

@@ -29,7 +29,7 @@ from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.prepare import prepare
 
-from .rows import Row, rotations, shoulders, smoothness
+from .rows import Row, distance, rotations, shoulders, smoothness
 
 Way = Literal["spline", "follow", "known"]
 WAYS: tuple[Way, ...] = ("spline", "follow", "known")
@@ -91,7 +91,7 @@ class Study:
             other = self.plan(curve, correction, way, shares, LESS)
             with_less = rotations(self.simulated(other, trunk, way)[1], other.planned_landmarks)
         increments, skin = self.simulated(plan, trunk, way)
-        end = increments[-1].relaxation
+        end, truth = increments[-1].relaxation, self.imposed(curve.corrected(correction))[0]
         return Row(
             patient=name_of(curve),
             correction=correction,
@@ -103,6 +103,8 @@ class Study:
             shoulders_after=shoulders(skin, plan.planned_landmarks),
             less=with_less,
             smooth=smoothness(plan.skin, skin),
+            truth_before=distance(plan.skin, truth),
+            truth_after=distance(skin, truth),
             iterations=sum(one.relaxation.linear_iterations for one in increments),
             inverted=end.inverted_tets,
             status=end.status.name,

@@ -79,6 +79,18 @@ def imposed(study: Study) -> str:
     return markdown(["curve", "edges", "fold", *names, "right shoulder higher [mm]"], lines)
 
 
+def by_truth(rows: Sequence[Row]) -> str:
+    """How far each way's skin lies from that on which the corrected curve is imposed."""
+    shown = [row for row in rows if row.correction == SHOWN]
+    lines = []
+    for patient in dict.fromkeys(row.patient for row in shown):
+        own = {row.way: row for row in shown if row.patient == patient}
+        ends = [next(iter(own.values())).truth_before, *(own[way].truth_after for way in WAYS if way in own)]
+        lines.append([patient, *(f"{end.mean:.1f}; {end.most:.0f}" for end in ends)])
+    ways = [way for way in WAYS if way in {row.way for row in shown}]
+    return markdown(["curve", "before", *ways], lines)
+
+
 def by_share(rows: Mapping[str, Row], usual: Row) -> str:
     """What other shares change, by level [degrees]; `rows` by what is other in them."""
     at = [LEVELS.index(level) for level in TOLD]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from ribs.rows import LEVELS, Row, Shoulders, Smoothness, smoothness
-from ribs.tables import ABOVE, BELOW, by_bar, by_patient, by_share
+from ribs.rows import LEVELS, Distance, Row, Shoulders, Smoothness, distance, smoothness
+from ribs.tables import ABOVE, BELOW, by_bar, by_patient, by_share, by_truth
 
 from support.synthetic import sphere
 from warp_trunk import Surface
@@ -24,6 +25,8 @@ ROW = Row(
     shoulders_after=Shoulders(5.0, [3.0, 1.0]),
     less=[0.65 * value for value in BEFORE],
     smooth=GOOD,
+    truth_before=Distance(18.0, 40.0),
+    truth_after=Distance(5.2, 14.0),
     iterations=1200,
     inverted=0,
     status="CONVERGED",
@@ -63,6 +66,18 @@ def test_a_skin_that_grows_is_stretched_and_not_folded() -> None:
     assert found.fold == pytest.approx(0.0, abs=1e-9)
     assert found.good
     assert not smoothness(ball, Surface(1.25 * ball.vertices, ball.faces)).good
+
+
+def test_distance_from_truth_by_way() -> None:
+    ball = sphere(50.0)
+    found = distance(Surface(ball.vertices + np.array([3.0, 0.0, 4.0]), ball.faces), ball)
+    assert (found.mean, found.most) == pytest.approx((5.0, 5.0))
+    spline = replace(ROW, way="spline", truth_after=Distance(9.7, 27.0))
+    table = by_truth([ROW, spline, replace(spline, correction=0.5)]).splitlines()
+    assert (table[0], table[2:]) == (
+        "| curve | before | spline | follow |",
+        ["| thoracic 60 | 18.0; 40 | 9.7; 27 | 5.2; 14 |"],
+    )
 
 
 def test_tables_tell_each_way_and_how_bars_are_met() -> None:
