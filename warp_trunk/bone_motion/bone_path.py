@@ -84,7 +84,7 @@ def spline_path(
     return BonePath(spline.displacement(nodes, device))
 
 
-def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> BonePath:
+def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: str = "cpu") -> BonePath:
     """Every bone moves rigidly, on the shortest screw to its place after surgery.
 
     The papers' spline is fitted on landmarks and bends what lies between them; here a bone keeps its shape at
@@ -94,6 +94,7 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> BoneP
     Args:
         trunk: the mesh, whose nodes on bone know which bone that is.
         motions: of each bone of the mesh from before to after surgery (`bone_motions`).
+        device: as in `spline_path`.
 
     Raises:
         InputError: a bone without a motion.
@@ -101,7 +102,7 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> BoneP
     rigid_bones = _rigid_bones(trunk, motions)
     held = np.flatnonzero(trunk.prescribed)
     moved = rigid_displacement(trunk, motions)[held]
-    return BonePath(BonePath(carry(trunk.nodes, held, moved), rigid_bones).at(1.0), rigid_bones)
+    return BonePath(BonePath(carry(trunk.nodes, held, moved, device), rigid_bones).at(1.0), rigid_bones)
 
 
 def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> np.ndarray:

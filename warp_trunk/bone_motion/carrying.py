@@ -14,7 +14,7 @@ _NEAREST = 4
 """By the mean of so many nodes on bone."""
 
 
-def carry(nodes: np.ndarray, held: np.ndarray, moved: np.ndarray) -> np.ndarray:
+def carry(nodes: np.ndarray, held: np.ndarray, moved: np.ndarray, device: str = "cpu") -> np.ndarray:
     """A smooth displacement of all nodes that is that of the bones on them.
 
     A spline through some of the nodes on bone, and on top of it what it misses at the others, fading out with
@@ -25,6 +25,7 @@ def carry(nodes: np.ndarray, held: np.ndarray, moved: np.ndarray) -> np.ndarray:
         nodes: where all nodes are, shape (nodes, 3) [mm].
         held: which of them are on bone, shape (held,), int.
         moved: how far these move, shape (held, 3) [mm].
+        device: where the spline is evaluated, the model's: 'cpu' or 'cuda:N'.
 
     Returns:
         The displacement, shape (nodes, 3) [mm]; on the nodes on bone to rounding that given.
@@ -34,7 +35,7 @@ def carry(nodes: np.ndarray, held: np.ndarray, moved: np.ndarray) -> np.ndarray:
     chosen = _spread(nodes[held])
     points = nodes[held]
     spline = fit_spline(points[chosen], points[chosen] + moved[chosen], drift="constant")
-    displacement = spline.displacement(nodes)
+    displacement = spline.displacement(nodes, device)
     left = moved - displacement[held]
     distance, near = KDTree(points).query(nodes, k=min(_NEAREST, len(points)))
     distance, near = distance.reshape(len(nodes), -1), near.reshape(len(nodes), -1)

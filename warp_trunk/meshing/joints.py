@@ -30,26 +30,22 @@ def free_joints(trunk: TrunkMesh) -> TrunkMesh:
     """
     from scipy.spatial import KDTree  # heavy
 
-    border = np.unique(_between(trunk, _edges(trunk.bone_faces)))
-    gaps = _between(trunk, _edges(trunk.tets))
+    border = np.unique(_between(trunk, trunk.bone_faces))
+    gaps = _between(trunk, trunk.tets)
     narrow = np.linalg.norm(np.subtract(*trunk.nodes[gaps].swapaxes(0, 1)), axis=1) < _GAP
     loose = np.zeros(len(trunk.nodes), dtype=bool)
     loose[gaps[narrow]] = True
     slides = np.array([name.startswith(_SLIDES) for name in trunk.bone_names], dtype=bool)
     loose[gaps[slides[trunk.bone[gaps]]]] = True
     if len(border):
-        distance, _ = KDTree(trunk.nodes[border]).query(trunk.nodes, distance_upper_bound=_REACH)
-        loose |= np.isfinite(distance)
+        held = np.flatnonzero(trunk.prescribed)
+        distance, _ = KDTree(trunk.nodes[border]).query(trunk.nodes[held], distance_upper_bound=_REACH)
+        loose[held] |= np.isfinite(distance)
     return replace(trunk, bone=np.where(loose, np.int32(-1), trunk.bone))
 
 
-def _edges(cells: np.ndarray) -> np.ndarray:
-    """The edges of triangles or tetrahedra, each once, shape (edges, 2)."""
+def _between(trunk: TrunkMesh, cells: np.ndarray) -> np.ndarray:
+    """The edges of triangles or tetrahedra that lead from one bone to another, some more than once, (edges, 2)."""
     ends = np.vstack([cells[:, list(pair)] for pair in combinations(range(cells.shape[1]), 2)])
-    return np.unique(np.sort(ends, axis=1), axis=0)
-
-
-def _between(trunk: TrunkMesh, edges: np.ndarray) -> np.ndarray:
-    """Those of the edges that lead from one bone to another, shape (edges, 2)."""
-    bone = trunk.bone[edges]
-    return edges[(bone >= 0).all(axis=1) & (bone[:, 0] != bone[:, 1])]
+    bone = trunk.bone[ends]
+    return ends[(bone >= 0).all(axis=1) & (bone[:, 0] != bone[:, 1])]

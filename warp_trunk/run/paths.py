@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
     """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
-    if options.bones == "follow":
-        return rigid_path(trunk, motions_of(case))
     device = choose_device(options.device)
+    if options.bones == "follow":
+        return rigid_path(trunk, motions_of(case), device)
     return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)
 
 
