@@ -43,8 +43,8 @@ from warp_trunk.run.spine_bands import spine_measures
 LANDMARKS_ONLY = replace(CERTAIN, landmark_error=LANDMARK_MEAN, landmark_error_sd=LANDMARK_SD)
 PAGE = """# Bands against whole simulations: {case}
 
-Made by `scripts/check_bands.py`: {draws} simulations of {tets} tetrahedra ({energy}), each with errors of
-{mean:g} ± {sd:g} mm of every landmark before and after, drawn independently; {converged} of them
+Made by `scripts/check_bands.py`: {draws} simulations of {tets} tetrahedra
+({energy}, --bones {bones}), each with errors of {mean:g} ± {sd:g} mm of every landmark before and after, drawn independently; {converged} of them
 converged, and all are counted. So many draws know a standard deviation to {known:.0%}.
 
 ## The back: back surface rotation of every level [degrees]
@@ -215,7 +215,8 @@ def page(case: Case, options: RunOptions, draws: int, checked: Check) -> str:
         draws=draws,
         converged=checked.converged,
         tets=f"{checked.tets:,}",
-        energy=options.energy,
+        energy=options.energy_of_tissue,
+        bones=options.bones,
         mean=LANDMARK_MEAN,
         sd=LANDMARK_SD,
         known=(2.0 * draws) ** -0.5,
@@ -232,14 +233,14 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--band-draws", type=int, default=DRAWS)
     parser.add_argument("--tets", type=int, default=225_000)
-    parser.add_argument("--energy", choices=("itmsm", "neo-hookean"), default="itmsm")
+    parser.add_argument("--bones", choices=("follow", "spline"), default="follow")
     parser.add_argument("--device", default="auto")
     parser.add_argument("--out", type=Path, default=Path("docs/bands"), help="name without its ending")
     given = parser.parse_args()
     case = load_case(given.case)
     options = RunOptions(
         mesh=MeshOptions(tets=given.tets),
-        energy=given.energy,
+        bones=given.bones,
         device=given.device,
         simulation=SimulationOptions(increments=1),
     )

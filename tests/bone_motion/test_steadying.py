@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support.marked_spine import before_and_after, with_errors
-from warp_trunk.bone_motion.steadying import steadied, steadying_of
+from warp_trunk.bone_motion.steadying import steadied, steadying_of, steadying_warnings
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import fit_rigid
 
@@ -50,6 +50,14 @@ def test_errors_are_told_and_nearly_halved() -> None:
     stated = np.sqrt(2.0 * (2.1**2 + 1.5**2) / 3.0)  # before and after, each axis
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(stated, rel=0.05)
     assert np.sqrt(np.mean(np.square(found))) < 0.65 * np.sqrt(np.mean(np.square(raw)))
+
+
+def test_errors_are_warned_of() -> None:
+    assert steadying_warnings(BEFORE, AFTER) == []
+    random = np.random.default_rng(3)
+    (text,) = steadying_warnings(with_errors(BEFORE, random), with_errors(AFTER, random))
+    assert "move as one body to within 2." in text
+    assert "turned by up to" in text
 
 
 def test_each_vertebra_keeps_its_shape_and_others_their_place() -> None:

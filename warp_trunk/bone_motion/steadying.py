@@ -66,6 +66,25 @@ def steadied(before: Landmarks, after: Landmarks, steps: Steps | None = None) ->
     return Landmarks(after.names, steps(_joined, places, *moved, steps.rows(after.points, others)))
 
 
+def steadying_warnings(before: Landmarks, after: Landmarks) -> list[str]:
+    """A sentence where vertebrae are steadied: how large the errors of landmarks are, and what is done most."""
+    steadying = steadying_of(before, after)
+    if steadying is None:
+        return []
+    still = steadied(before, after)
+    by_level = {}
+    for level in before.vertebrae():
+        here, there, moved = (marks.of_bone(level).points for marks in (before, after, still))
+        off = fit_rigid(here, moved).rotation * fit_rigid(here, there).rotation.inv()
+        by_level[level] = np.degrees(off.magnitude())
+    most = max(by_level, key=by_level.__getitem__)
+    return [
+        f"landmarks: those of a vertebra move as one body to within {steadying.error:.1f} mm only (each axis), by "
+        "their errors; vertebrae are steadied along the spine, turned by up to "
+        f"{by_level[most]:.1f} degrees ({most})."
+    ]
+
+
 def steadying_of(before: Landmarks, after: Landmarks) -> Steadying | None:
     """How the vertebrae are steadied; None where nothing is to be done."""
     rows = _rows(before)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from warp_trunk.bone_motion.bone_names import unknown_bones
 from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import plan_text
+from warp_trunk.bone_motion.steadying import steadying_warnings
 from warp_trunk.case import check_case
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
@@ -105,7 +106,7 @@ def run_case(
         warnings = [
             *(check_case(case) if warnings is None else warnings),
             *curve_warnings(case.landmarks_before, case.planned_landmarks),
-            *(unknown_bones(case.bones) if options.bones == "follow" else ()),
+            *(_rigid_warnings(case) if options.bones == "follow" else ()),
             *option_warnings(
                 (case.tissue, *(() if case.layers is None else case.layers.tissues(case.tissue))), options.gravity
             ),
@@ -114,6 +115,11 @@ def run_case(
             progress.message(f"warning: {warning}")
         with locked(folder):
             return _run(case, folder, options, progress, warnings=warnings, patient=patient, plan=plan)
+
+
+def _rigid_warnings(case: Case) -> list[str]:
+    """What is to be said where each bone moves on its own."""
+    return [*unknown_bones(case.bones), *steadying_warnings(case.landmarks_before, case.planned_landmarks)]
 
 
 def _run(
