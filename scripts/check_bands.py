@@ -44,7 +44,8 @@ LANDMARKS_ONLY = replace(CERTAIN, landmark_error=LANDMARK_MEAN, landmark_error_s
 PAGE = """# Bands against whole simulations: {case}
 
 Made by `scripts/check_bands.py`: {draws} simulations of {tets} tetrahedra
-({energy}, --bones {bones}), each with errors of {mean:g} ± {sd:g} mm of every landmark before and after, drawn independently; {converged} of them
+({energy}, --bones {bones}), each with errors of {mean:g} ± {sd:g} mm of every landmark
+before and after, drawn independently; {converged} of them
 converged, and all are counted. So many draws know a standard deviation to {known:.0%}.
 
 ## The back: back surface rotation of every level [degrees]

@@ -23,7 +23,6 @@ import psutil
 import warp as wp
 
 from warp_trunk import RelaxOptions, RunOptions, SimulationOptions, read_case
-from warp_trunk.live.page import Page
 from warp_trunk.live.session import Measured, Refusal, Session, View
 from warp_trunk.live.wish import Wish, first_wish, spine_before
 from warp_trunk.recording.viewer import free_port
@@ -136,6 +135,8 @@ def over_the_wire(patient: Patient, drag: list[Wish], unit: float) -> None:
     from live_client import Client  # here: it needs the extra `live`
 
     shares = [max(wish.correction.values()) for wish in drag]
+    from warp_trunk.live.page import Page  # the extra, which nothing else here needs
+
     with TemporaryDirectory() as folder, Page(patient, Path(folder), free_port()) as page:
         with Client(page.server.address) as client:
             client.move(shares[0])

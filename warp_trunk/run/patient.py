@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.bone_names import check_bone_names
 from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.many_plans import simulate_all
@@ -178,8 +177,6 @@ def patient_of(
         InputError: the case or an option is one that a stage refuses.
     """
     options = options or RunOptions()
-    if options.bones == "follow":
-        check_bone_names(case.bones)
     given, trunk = trunk, trunk or _mesh(case, options, progress)
     if options.bones == "follow":
         trunk = free_joints(trunk)
