@@ -43,6 +43,7 @@ def bone_motions(
     *,
     pose: Pose = "surgery",
     steps: Steps | None = None,
+    expected_error: float | None = None,
 ) -> dict[str, RigidTransform]:
     """How each bone moves rigidly from before to after surgery, or from standing to bending sideways.
 
@@ -67,6 +68,7 @@ def bone_motions(
         shares: what of a vertebra's motion reaches its ribs; the default ones when left out.
         pose: what lies between before and after.
         steps: how steps are taken; `RememberedSteps` of the same landmarks can then differentiate the motions.
+        expected_error: of landmarks that have none yet, see `steadying.steadying_of` [mm].
 
     Returns:
         A motion for each of the bones [mm].
@@ -76,7 +78,7 @@ def bone_motions(
     """
     steps = steps or Steps()
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
-    landmarks_after = steadied(landmarks_before, landmarks_after, steps)
+    landmarks_after = steadied(landmarks_before, landmarks_after, steps, expected=expected_error)
     motions, pelvis = _by_landmarks(bones, landmarks_before, landmarks_after, steps)
     for bone, after in (bones_after or {}).items():
         motions[bone] = fit_rigid(bones[bone].vertices, after.vertices)

@@ -32,7 +32,9 @@ class Steadying:
     """What each vertebra takes of the numbers (turn, shift) of each, shape (6, vertebrae, vertebrae)."""
 
 
-def steadied(before: Landmarks, after: Landmarks, steps: Steps | None = None) -> Landmarks:
+def steadied(
+    before: Landmarks, after: Landmarks, steps: Steps | None = None, *, expected: float | None = None
+) -> Landmarks:
     """The landmarks after surgery, those of each vertebra moved rigidly from before, and steadied along the spine.
 
     Six landmarks with errors of 2.1 +- 1.5 mm before and after, as the papers state them, turn a vertebra by 3 to
@@ -45,6 +47,7 @@ def steadied(before: Landmarks, after: Landmarks, steps: Steps | None = None) ->
         before: landmarks before.
         after: the same after.
         steps: how steps are taken. A derivative takes the smoothness as given.
+        expected: see `steadying_of`.
 
     Returns:
         `after` itself where landmarks move rigidly within 0.05 mm, as those of a plan do, or have too few
@@ -52,7 +55,7 @@ def steadied(before: Landmarks, after: Landmarks, steps: Steps | None = None) ->
     """
     steps = steps or Steps()
     rows = _rows(before)
-    steadying = steadying_of(before, after)
+    steadying = steadying_of(before, after, expected)
     if steadying is None:
         return after
     here = [steps.rows(before.points, one) for one in rows]
@@ -85,8 +88,15 @@ def steadying_warnings(before: Landmarks, after: Landmarks) -> list[str]:
     ]
 
 
-def steadying_of(before: Landmarks, after: Landmarks) -> Steadying | None:
-    """How the vertebrae are steadied; None where nothing is to be done."""
+def steadying_of(before: Landmarks, after: Landmarks, expected: float | None = None) -> Steadying | None:
+    """How the vertebrae are steadied; None where nothing is to be done.
+
+    Args:
+        before: landmarks before.
+        after: the same after.
+        expected: the error of a landmark, before and after together [mm, each axis], that these may have though
+            they move rigidly; as those of a plan, of which films after surgery are taken later.
+    """
     rows = _rows(before)
     if len(rows) < _LEAST:
         return None
@@ -95,6 +105,8 @@ def steadying_of(before: Landmarks, after: Landmarks) -> Steadying | None:
     missed = [motion.apply(here) - there for motion, (here, there) in zip(motions, pairs, strict=True)]
     freedom = sum(3 * len(one) - 6 for one in rows)
     error = float(np.sqrt(sum(float(np.square(one).sum()) for one in missed) / freedom))
+    if clean := error < EXACT:
+        error = expected or 0.0
     if error < EXACT:
         return None
     centres = np.array([here.mean(axis=0) for here, _ in pairs])
@@ -105,7 +117,7 @@ def steadying_of(before: Landmarks, after: Landmarks) -> Steadying | None:
         [_leverage(motion, here) for motion, (here, _) in zip(motions, pairs, strict=True)]
     )
     by_row = [
-        smoother(likeliest_smoothness(values, spread, roughness), spread, roughness)
+        smoother(likeliest_smoothness(values, spread, roughness, clean=clean), spread, roughness)
         for values, spread in zip(numbers.T, variance.T, strict=True)
     ]
     return Steadying(error, np.array(by_row))

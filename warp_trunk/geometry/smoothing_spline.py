@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 _EXTREME = 1e4
@@ -26,7 +28,9 @@ def roughness_of(along: np.ndarray) -> np.ndarray:
     return Q @ np.linalg.solve(R, Q.T)
 
 
-def likeliest_smoothness(values: np.ndarray, variance: np.ndarray, roughness: np.ndarray) -> float:
+def likeliest_smoothness(
+    values: np.ndarray, variance: np.ndarray, roughness: np.ndarray, *, clean: bool = False
+) -> float:
     """How much roughness has to count for the values to be likeliest, by their restricted likelihood.
 
     A spline with this smoothness s is the least of sum(error^2 / variance) + s * roughness; values without
@@ -37,13 +41,14 @@ def likeliest_smoothness(values: np.ndarray, variance: np.ndarray, roughness: np
         values: with errors, shape (n,).
         variance: of the error of each.
         roughness: the matrix of `roughness_of`.
+        clean: whether the values have no errors yet; what is likeliest in the mean over such errors is told.
     """
     from scipy.optimize import minimize_scalar  # heavy
 
     scale = np.sqrt(variance)
     curvature, modes = np.linalg.eigh(scale[:, None] * roughness * scale)
     curvature, modes = curvature[2:], modes[:, 2:]  # straight lines are not rough
-    seen = np.square(modes.T @ (values / scale))
+    seen = np.square(modes.T @ (values / scale)) + clean  # an error adds its variance to each
 
     def unlikely(log: float) -> float:
         """Twice the negative logarithm of the restricted likelihood, but for a constant."""
@@ -51,7 +56,8 @@ def likeliest_smoothness(values: np.ndarray, variance: np.ndarray, roughness: np
         return float((seen * rough / (1.0 + rough)).sum() + np.log1p(1.0 / rough).sum())
 
     bounds = -np.log(_EXTREME * curvature[-1]), np.log(_EXTREME / curvature[0])
-    return float(np.exp(minimize_scalar(unlikely, bounds=bounds, method="bounded").x))
+    found: Any = minimize_scalar(unlikely, bounds=bounds, method="bounded")
+    return float(np.exp(found.x))
 
 
 def smoother(smoothness: float, variance: np.ndarray, roughness: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ a number in proportion.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -73,8 +74,8 @@ def find_bands(
     linear = Linearization(prepared.model, increment, ACCURACY, relaxer=relaxer)
     sources = sources_of(case, prepared, options)
     sizes = draws, np.random.default_rng(seed)
-    found, drawn, own = _solved(case, prepared, increment, options, linear, sources=sources, sizes=sizes)
-    effects = _effects(case, found, sources, own)
+    found, apart, drawn, own = _solved(case, prepared, increment, options, linear, sources=sources, sizes=sizes)
+    effects = _effects(case, found, apart, sources, own)
     bands = _bands(found, effects.sd(drawn.ratio), drawn.linear)
     skin_sd = np.sqrt(drawn.skin**2 + case.uncertainty.mesh_length**2)
     return FoundBands(
@@ -114,8 +115,9 @@ def _solved(
     *,
     sources: Sequence[Source],
     sizes: tuple[int, np.random.Generator],
-) -> tuple[tuple[Sensitivity, ...], _Drawn, np.ndarray]:
-    """What the numbers depend on, what draws show, and what each source that moves no landmarks does to each.
+) -> tuple[tuple[Sensitivity, ...], tuple[Sensitivity, ...], _Drawn, np.ndarray]:
+    """What the numbers depend on, also where landmarks before and after have errors of their own, what draws show,
+    and what each source that moves no landmarks does to each.
 
     All of one block of linear solves.
     """
@@ -130,11 +132,15 @@ def _solved(
     adjoints, followed = linear.adjoints_and_follow(on_nodes(prepared, numbers), drawn.bones, drawn.pulls)
     solved = numbers, adjoints, linear.by_places(adjoints)
     found = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
+    apart = found
+    if options.bones == "follow":  # which are steadied against such errors
+        error = math.sqrt(2.0) * case.uncertainty.landmark_sd
+        apart = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls, expected_error=error)
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
     changes = _changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.pulls[own])
     followed = followed[:, prepared.trunk.skin_nodes]
     ratio, straight = proportion(drawn, followed, numbers, skin, case.planned_landmarks)
-    return found, _Drawn(ratio, straight, skin_deviation(drawn, followed, normals)), changes
+    return found, apart, _Drawn(ratio, straight, skin_deviation(drawn, followed, normals)), changes
 
 
 def _changes(derivatives: np.ndarray, fields: np.ndarray) -> np.ndarray:
@@ -163,7 +169,13 @@ class _Effects:
         return np.sqrt(sum(np.square(effect * ratio) for effect in parts.values()) + self.by_name[_MESH] ** 2)
 
 
-def _effects(case: Case, found: Sequence[Sensitivity], sources: Sequence[Source], own: np.ndarray) -> _Effects:
+def _effects(
+    case: Case,
+    found: Sequence[Sensitivity],
+    found_apart: Sequence[Sensitivity],
+    sources: Sequence[Source],
+    own: np.ndarray,
+) -> _Effects:
     """Of landmarks, with errors of their own before and after, of all other sources, and of the mesh."""
     sd, others = case.uncertainty.landmark_sd, iter(own.T)
     by_source = {
@@ -172,7 +184,7 @@ def _effects(case: Case, found: Sequence[Sensitivity], sources: Sequence[Source]
         else np.array([float(np.vdot(one.landmarks_after, moved)) for one in found])
         for source in sources
     }
-    apart = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in found]
+    apart = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in found_apart]
     same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in found]
     return _Effects(
         by_name={

@@ -26,7 +26,9 @@ def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
     return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)
 
 
-def motions_of(case: Case, steps: Steps | None = None) -> dict[str, RigidTransform]:
+def motions_of(
+    case: Case, steps: Steps | None = None, expected_error: float | None = None
+) -> dict[str, RigidTransform]:
     """How each bone of a case moves rigidly, known ones first; see `bone_motions`."""
     return bone_motions(
         case.bones,
@@ -36,4 +38,5 @@ def motions_of(case: Case, steps: Steps | None = None) -> dict[str, RigidTransfo
         case.rib_shares,
         pose=case.study.pose,
         steps=steps,
+        expected_error=expected_error,
     )

@@ -122,6 +122,7 @@ def from_adjoints(
     *,
     solved: tuple[Mapping[str, Derivative], Adjoints, np.ndarray],
     pulls: Mapping[str, np.ndarray],
+    expected_error: float | None = None,
 ) -> tuple[Sensitivity, ...]:
     """What numbers depend on.
 
@@ -135,10 +136,11 @@ def from_adjoints(
         response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
         solved: the numbers, their adjoints, and their derivatives in all places (`Linearization.by_places`).
         pulls: what constants add to forces (`pulls_of`).
+        expected_error: see `bone_motions`.
     """
     numbers, adjoints, places = solved
     held = prepared.trunk.prescribed
-    before, after = landmark_derivative(case, prepared, options)(places[:, held])
+    before, after = landmark_derivative(case, prepared, options, expected_error)(places[:, held])
     carried = np.tensordot(places[:, ~held], response[~held], axes=(1, 0)).transpose(0, 2, 1)
     by_bones = np.where(held[:, None], places, 0.0)
     return tuple(
@@ -155,13 +157,15 @@ def from_adjoints(
     )
 
 
-def landmark_derivative(case: Case, prepared: Prepared, options: RunOptions) -> PathDerivative:
+def landmark_derivative(
+    case: Case, prepared: Prepared, options: RunOptions, expected_error: float | None = None
+) -> PathDerivative:
     """How the nodes on bone follow the landmarks on the path that these options choose."""
     trunk, before, after = prepared.trunk, case.landmarks_before, case.planned_landmarks
     if options.bones == "spline":
         return spline_derivative(trunk.nodes[trunk.prescribed], before, after)
     steps = RememberedSteps(before.points, after.points)
-    return rigid_derivative(trunk, motions_of(case, steps), steps)
+    return rigid_derivative(trunk, motions_of(case, steps, expected_error), steps)
 
 
 def _numbers(
