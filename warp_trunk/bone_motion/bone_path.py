@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.rigid import part_of
 from warp_trunk.geometry.spline import fit_spline
 
 from .carrying import carry
@@ -22,41 +21,53 @@ if TYPE_CHECKING:
     from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 
-@dataclass(frozen=True)
-class RigidBone:
-    """Nodes that keep their distances from each other."""
+@dataclass(frozen=True, eq=False)
+class RigidBones:
+    """Bones each of whose nodes keep their distances from each other."""
 
     nodes: np.ndarray
     """Which nodes of the mesh, shape (k,)."""
     rest: np.ndarray
     """Where they are before surgery [mm], shape (k, 3), float64."""
-    motion: RigidTransform
-    """From before to after surgery."""
+    bone: np.ndarray
+    """Which of the bones each lies on, shape (k,), int."""
+    screws: np.ndarray
+    """The screw of each bone over surgery in exponential coordinates [rad, mm], shape (bones, 6)."""
+
+    def at(self, load_factor: float) -> np.ndarray:
+        """Motion of the nodes from rest [mm], shape (k, 3)."""
+        from scipy.spatial.transform import RigidTransform  # heavy
+
+        motions = RigidTransform.from_exp_coords(load_factor * self.screws).as_matrix()[self.bone]
+        return np.einsum("kij,kj->ki", motions[:, :3, :3], self.rest) + motions[:, :3, 3] - self.rest
+
+    def of(self, place: np.ndarray) -> RigidBones:
+        """Those of the nodes that have a place, by their places; -1 is none."""
+        kept = place[self.nodes] >= 0
+        return RigidBones(place[self.nodes][kept], self.rest[kept], self.bone[kept], self.screws)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BonePath:
     """The motion that carries all nodes, and at which the nodes on bone are held."""
 
     displacement: np.ndarray
     """Motion from rest at load factor 1 [mm], shape (nodes, 3), float64."""
-    rigid_bones: tuple[RigidBone, ...] = ()
+    rigid_bones: RigidBones | None = None
     """Bones that keep their shape; all other nodes move straight."""
 
     def at(self, load_factor: float) -> np.ndarray:
         """Motion from rest at a load factor of 0 to 1 [mm], shape (nodes, 3)."""
         moved = load_factor * self.displacement
-        for bone in self.rigid_bones:
-            moved[bone.nodes] = part_of(bone.motion, load_factor).apply(bone.rest) - bone.rest
+        if self.rigid_bones is not None:
+            moved[self.rigid_bones.nodes] = self.rigid_bones.at(load_factor)
         return moved
 
     def of(self, nodes: np.ndarray) -> BonePath:
         """The path of some nodes alone, shape (k,), none of them twice, in their order."""
         place = np.full(len(self.displacement), -1)
         place[nodes] = np.arange(len(nodes))
-        kept = [(bone, place[bone.nodes] >= 0) for bone in self.rigid_bones]
-        bones = [RigidBone(place[bone.nodes][is_kept], bone.rest[is_kept], bone.motion) for bone, is_kept in kept]
-        return BonePath(self.displacement[nodes], tuple(bone for bone in bones if len(bone.nodes)))
+        return BonePath(self.displacement[nodes], None if self.rigid_bones is None else self.rigid_bones.of(place))
 
 
 def spline_path(
@@ -113,15 +124,13 @@ def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) 
     return BonePath(np.zeros_like(trunk.nodes), _rigid_bones(trunk, motions)).at(1.0)
 
 
-def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> tuple[RigidBone, ...]:
+def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> RigidBones:
     missing = [name for name in trunk.bone_names if name not in motions]
     if missing:
         raise InputError(f"rigid_path: 'motions' has none for the bone '{missing[0]}'; give one for each bone")
-    return tuple(
-        RigidBone(nodes, trunk.nodes[nodes], motions[name])
-        for number, name in enumerate(trunk.bone_names)
-        if len(nodes := np.flatnonzero(trunk.bone == number))
-    )
+    nodes = np.flatnonzero(trunk.prescribed)
+    screws = np.array([motions[name].as_exp_coords() for name in trunk.bone_names]).reshape(-1, 6)
+    return RigidBones(nodes, trunk.nodes[nodes], trunk.bone[nodes], screws)
 
 
 def composed_path(

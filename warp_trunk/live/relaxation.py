@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from warp_trunk.bone_motion.bone_path import BonePath, rigid_displacement
 from warp_trunk.bone_motion.path_faults import colliding_bones
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
-from warp_trunk.run.paths import find_path
+from warp_trunk.run.paths import find_path, motions_of
 from warp_trunk.run.warnings import ending_warnings
 
 from .forecast import Forecast
@@ -20,10 +21,14 @@ from .forecast import Forecast
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from warp_trunk.bone_motion.bone_path import BonePath
     from warp_trunk.case import Case
     from warp_trunk.engine.relaxation import Relaxation, RelaxStep
     from warp_trunk.run.patient import Patient
+
+
+_FAR = 10.0
+"""Rigid bones so far from the plans that are known would cut into tissue that is foretold [mm]: it starts from
+where they carry it instead."""
 
 
 class Interrupted(Exception):  # noqa: N818 - no error
@@ -47,28 +52,36 @@ class Relaxed:
 class LiveRelaxation:
     """One patient's tissue, which follows her bones from plan to plan.
 
-    It starts from where the bones carry it and what relaxation is foretold to add (`Forecast`): a small change of
-    a plan takes a step. The equilibrium is that of a simulation from before surgery as far as there is only one;
-    where tetrahedra end inside out or no equilibrium is found, all increments from before surgery are taken.
+    It starts from where the spline of the landmarks carries it and what relaxation is foretold to add
+    (`Forecast`), bones from where they go: a small change of a plan takes a step. The equilibrium is that of a
+    simulation from before surgery as far as there is only one; where tetrahedra end inside out or no equilibrium
+    is found, all increments from before surgery are taken.
     """
 
     def __init__(self, patient: Patient) -> None:
         self._patient = patient
         self._scalar = wp.dtype_to_numpy(patient.model.scalar)
-        self._follow = patient.options.bones == "follow"
         before = patient.case.landmarks_before
-        if not self._follow:
-            patient.carried(before)  # so that the spline's matrix is made now, not at the first drag
+        patient.carried(before)  # so that the spline's matrix is made now, not at the first drag
         still = np.zeros(patient.trunk.nodes.shape, self._scalar)
         self._added = Forecast(before.points, still)
-        self._case, self._carried, self._lost = patient.case, still, False
+        self._case, self._carried, self._bones, self._lost = patient.case, still, still, False
         self._state.place(still)
 
     def go(self, case: Case) -> None:
         """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
         self._case, landmarks = case, case.planned_landmarks
-        self._carried = self._path().at(1.0) if self._follow else self._patient.carried(landmarks)
-        self._state.place(self._carried + self._added.at(landmarks.points))
+        self._carried = self._patient.carried(landmarks)
+        start = self._carried + self._added.at(landmarks.points)
+        if self._patient.options.bones == "follow":
+            held = self._patient.trunk.prescribed
+            self._bones = rigid_displacement(self._patient.trunk, motions_of(case))
+            if self._added.way(landmarks.points) > _FAR:
+                start = self._path().at(1.0)
+            start[held] = self._bones[held]
+        else:
+            self._bones = self._carried
+        self._state.place(start)
 
     def relax(self, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
         """Relaxes the tissue to a tolerance [mm], with `confirm` to one that is known.
@@ -92,7 +105,7 @@ class LiveRelaxation:
             added = displacement.astype(self._scalar) - self._carried
             added[patient.trunk.prescribed] = 0.0
             self._added.learn(self._case.planned_landmarks.points, added)
-        held = colliding_bones(patient.trunk, self._path()) if confirm or self._lost else []
+        held = colliding_bones(patient.trunk, BonePath(self._bones)) if confirm or self._lost else []
         return Relaxed(
             patient.case.skin.vertices + displacement[patient.trunk.skin_nodes],
             relaxation.estimated_error,
