@@ -25,13 +25,13 @@ from typing import get_args
 
 from benchmarking import curves, outside, scaling, scenes, tables, throughput
 from benchmarking.plot import plot
-from benchmarking.prepare import load_case, mesh_case
-from benchmarking.problem import read_problem, solve_truth, write_problem
+from benchmarking.prepare import as_simulated, load_case, mesh_case
+from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.process import be_quiet, empty_kernel_cache, fresh
 from benchmarking.record import Record, Setting, read_records, write_records
 from marked import write_into
 
-from warp_trunk import InputError, RelaxOptions, SimulationOptions
+from warp_trunk import InputError, RelaxOptions, RunOptions, SimulationOptions
 from warp_trunk.engine.model import EnergyName
 from warp_trunk.engine.parallel import choose_device
 
@@ -55,8 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def prepare(given: argparse.Namespace) -> None:
     """Meshes a case and solves it for the truth."""
-    problem = mesh_case(load_case(given.case), given.tets, given.bone_edge_length)
-    problem = replace(problem, energy=given.energy)
+    case = load_case(given.case)
+    problem = mesh_case(case, given.tets, given.bone_edge_length)
+    problem = as_simulated(problem, case, RunOptions(bones=given.bones, energy=given.energy))
     if given.truth:
         problem = replace(problem, truth=solve_truth(problem))
     write_problem(given.out, problem)
@@ -69,7 +70,7 @@ def run(given: argparse.Namespace) -> None:
     problem.errors(problem.bone_path().displacement)  # says now if there is no truth
     records: list[Record] = []
     compiled: dict[tuple[str, str], float] = {}
-    settings = choose_settings(given, problem.energy)
+    settings = choose_settings(given, problem)
 
     def measure_all() -> None:
         for setting in settings:
@@ -104,7 +105,7 @@ def table(given: argparse.Namespace) -> None:
         write_into(given.page, "benchmark", tables.short_table(records))
 
 
-def choose_settings(given: argparse.Namespace, energy: EnergyName) -> list[Setting]:
+def choose_settings(given: argparse.Namespace, problem: Problem) -> list[Setting]:
     """Every combination asked for that exists; SciPy only in float64, on the most threads."""
     settings = []
     for device, method, precision in itertools.product(given.devices, given.methods, given.precisions):
@@ -118,7 +119,14 @@ def choose_settings(given: argparse.Namespace, energy: EnergyName) -> list[Setti
                 continue
             precision, threads = "float64", [max(threads)]
         settings += [
-            Setting(method=method, threads=count, precision=precision, device=device, energy=energy)
+            Setting(
+                method=method,
+                threads=count,
+                precision=precision,
+                device=device,
+                energy=problem.energy,
+                bones="spline" if problem.path is None else "follow",
+            )
             for count in threads
         ]
     return settings
@@ -184,7 +192,8 @@ def _add_curves(add: Add) -> None:
     one.add_argument("case", help="a case folder, or phantom")
     one.add_argument("--tets", type=int, default=225_000, help="number of tetrahedra (default %(default)s)")
     one.add_argument("--bone-edge-length", type=float, default=0.0, help="of the bone surface [mm]; 0 chooses it")
-    one.add_argument("--energy", choices=get_args(EnergyName), default="itmsm", help="of the tissue")
+    one.add_argument("--bones", choices=("follow", "spline"), default="spline", help="how bones are carried")
+    one.add_argument("--energy", choices=get_args(EnergyName), help="of the tissue; left out as simulate has it")
     one.add_argument("--no-truth", dest="truth", action="store_false", help="mesh only, for scale")
     one.add_argument("--out", required=True, help="the file, .npz")
 

@@ -15,6 +15,7 @@ from .tables import curves, method
 COLOURS = {
     "newton": "#0072B2",
     "newton, neo-hookean": "#CC79A7",
+    "newton, neo-hookean, follow": "#E69F00",
     "conjugate": "#D55E00",
     "gradient": "#009E73",
     OUTSIDE: "#000000",
@@ -23,6 +24,7 @@ COLOURS = {
 NAMES = {
     "newton": "truncated Newton",
     "newton, neo-hookean": "the same, neo-Hookean",
+    "newton, neo-hookean, follow": "the same, ribs follow",
     "conjugate": "conjugate gradients",
     "gradient": "spectral gradient",
     OUTSIDE: "SciPy L-BFGS-B",

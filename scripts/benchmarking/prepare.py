@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from warp_trunk import Case, MeshOptions, build_trunk, phantom_case, read_case
+from dataclasses import replace
+
+from warp_trunk import Case, MeshOptions, RunOptions, build_trunk, phantom_case, read_case
+from warp_trunk.meshing.joints import free_joints
+from warp_trunk.run.paths import find_path
 
 from .problem import Problem
 
@@ -23,3 +27,12 @@ def mesh_case(case: Case, tets: int, bone_edge_length: float = 0.0) -> Problem:
     """
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets, bone_edge_length=bone_edge_length))
     return Problem(case.name, trunk, case.tissue, case.landmarks_before, case.planned_landmarks)
+
+
+def as_simulated(problem: Problem, case: Case, options: RunOptions) -> Problem:
+    """The problem of a case with the bones, the energy and the skin of these options."""
+    problem = replace(problem, energy=options.energy_of_tissue, skin_rigidity=options.rigidity_of_skin)
+    if options.bones == "spline":
+        return problem
+    trunk = free_joints(problem.trunk)
+    return replace(problem, trunk=trunk, path=find_path(case, trunk, options))

@@ -25,6 +25,7 @@ from warp_trunk import (
     simulate,
     spline_path,
 )
+from warp_trunk.bone_motion.bone_path import RigidBones
 from warp_trunk.engine.model import EnergyName
 
 TRUTH_TOLERANCE = 1e-6
@@ -61,12 +62,16 @@ class Problem:
     """The same points after surgery."""
     energy: EnergyName = "itmsm"
     """Which energy the tissue has."""
+    skin_rigidity: float = 0.0
+    """Flexural rigidity of the skin [N mm]."""
+    path: BonePath | None = None
+    """The motion of bones that follow, each rigidly; the spline of the landmarks where there is none."""
     truth: np.ndarray | None = None
     """Displacement after surgery in float64, converged to TRUTH_TOLERANCE [mm], shape (nodes, 3)."""
 
     def bone_path(self) -> BonePath:
         """The motion of the bones."""
-        return spline_path(self.trunk.nodes, self.landmarks_before, self.landmarks_after)
+        return self.path or spline_path(self.trunk.nodes, self.landmarks_before, self.landmarks_after)
 
     def skin(self, displacement: np.ndarray) -> Surface:
         """The skin at a displacement of the nodes (nodes, 3) [mm]."""
@@ -96,7 +101,14 @@ def compare_skins(skin: Surface, other: Surface, landmarks: Landmarks) -> Errors
 
 def solve_truth(problem: Problem) -> np.ndarray:
     """The equilibrium in float64 to TRUTH_TOLERANCE, shape (nodes, 3) [mm]."""
-    model = build_model(problem.trunk, problem.tissue, energy=problem.energy, device="cpu", precision="float64")
+    model = build_model(
+        problem.trunk,
+        problem.tissue,
+        energy=problem.energy,
+        skin_rigidity=problem.skin_rigidity,
+        device="cpu",
+        precision="float64",
+    )
     relax = RelaxOptions(method="newton", tolerance=TRUTH_TOLERANCE)
     *_, last = simulate(model, problem.bone_path(), SimulationOptions(relax=relax))
     if last.relaxation.status is not RelaxStatus.CONVERGED:
@@ -116,6 +128,10 @@ def write_problem(path: str | Path, problem: Problem) -> None:
     arrays["landmark_names"] = np.array(problem.landmarks_before.names, dtype=str)
     arrays["landmarks_before"] = problem.landmarks_before.points
     arrays["landmarks_after"] = problem.landmarks_after.points
+    arrays["skin_rigidity"] = np.array(problem.skin_rigidity)
+    if problem.path is not None and (rigid := problem.path.rigid_bones) is not None:
+        arrays["path"] = problem.path.displacement
+        arrays |= {f"rigid_{name}": value for name, value in vars(rigid).items()}
     if problem.truth is not None:
         arrays["truth"] = problem.truth
     path = Path(path)
@@ -135,7 +151,7 @@ def read_problem(path: str | Path) -> Problem:
             stored = {name: file[name] for name in file.files}
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as a problem ({error}); make one with 'prepare'") from error
-    missing = sorted({"name", "energy", "tissue", "landmark_names", *_MESH} - set(stored))
+    missing = sorted({"name", "energy", "skin_rigidity", "tissue", "landmark_names", *_MESH} - set(stored))
     if missing:
         raise InputError(f"{path}: '{missing[0]}' is missing; make the file again with 'prepare'")
     mesh = {name: stored[name] for name in _MESH if name != "bone_names"}
@@ -149,8 +165,18 @@ def read_problem(path: str | Path) -> Problem:
         landmarks_before=Landmarks(names, stored["landmarks_before"]),
         landmarks_after=Landmarks(names, stored["landmarks_after"]),
         energy=energy,
+        skin_rigidity=float(stored["skin_rigidity"]),
+        path=_path(stored),
         truth=stored.get("truth"),
     )
+
+
+def _path(stored: dict[str, np.ndarray]) -> BonePath | None:
+    """The motion of bones that follow, where it is stored."""
+    if "path" not in stored:
+        return None
+    rigid = {field.name: stored[f"rigid_{field.name}"] for field in fields(RigidBones)}
+    return BonePath(stored["path"], RigidBones(**rigid))
 
 
 def _differences(tets: np.ndarray) -> np.ndarray:

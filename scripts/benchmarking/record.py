@@ -33,6 +33,8 @@ class Setting:
     """cpu or cuda:N."""
     energy: EnergyName = "itmsm"
     """Energy of the tissue."""
+    bones: str = "spline"
+    """How bones are carried: spline or follow."""
 
 
 @dataclass(frozen=True, kw_only=True)

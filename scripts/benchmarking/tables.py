@@ -64,7 +64,8 @@ def place(setting: Setting) -> str:
 
 def method(setting: Setting) -> str:
     """How a curve is made, in words."""
-    return setting.method if setting.energy == "itmsm" else f"{setting.method}, {setting.energy}"
+    names = [setting.energy] * (setting.energy != "itmsm") + [setting.bones] * (setting.bones != "spline")
+    return ", ".join([setting.method, *names])
 
 
 def seconds_to(points: Iterable[Record], error: float) -> float | None:
@@ -81,6 +82,7 @@ def short_table(records: Iterable[Record]) -> str:
         rows.append(
             [
                 METHODS.get(setting.method, setting.method),
+                setting.bones,
                 ENERGIES[setting.energy],
                 place(setting) if setting.device == "cpu" else end.hardware,
                 setting.precision,
@@ -88,7 +90,7 @@ def short_table(records: Iterable[Record]) -> str:
                 f"{number(end.max_error_mm)} mm after {number(end.seconds)} s" if reached[-1] is None else "",
             ]
         )
-    header = ["method", "energy", "where", "precision", *(f"to {level:g} mm [s]" for level in LEVELS)]
+    header = ["method", "bones", "energy", "where", "precision", *(f"to {level:g} mm [s]" for level in LEVELS)]
     return markdown([*header, "left at the end"], rows)
 
 
@@ -128,7 +130,7 @@ def comparison(records: Sequence[Record]) -> str:
             same_place = (other.device, other.threads) == (setting.device, setting.threads)
             if (
                 other.method == "newton"
-                or other.energy != setting.energy
+                or (other.energy, other.bones) != (setting.energy, setting.bones)
                 or not same_place
                 or other.precision != setting.precision
             ):

@@ -59,6 +59,7 @@ def make_model(problem: Problem, setting: Setting) -> Model:
         problem.trunk,
         problem.tissue,
         energy=setting.energy,
+        skin_rigidity=problem.skin_rigidity,
         device=setting.device,
         precision=setting.precision,
         threads=setting.threads,
