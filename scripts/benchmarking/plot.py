@@ -22,9 +22,9 @@ COLOURS = {
 }
 """By method; of the palette of Okabe and Ito, told apart by colour-blind readers, and in grey by the marks."""
 NAMES = {
-    "newton": "truncated Newton",
-    "newton, neo-hookean": "the same, neo-Hookean",
-    "newton, neo-hookean, follow": "the same, ribs follow",
+    "newton": "Newton, papers' energy",
+    "newton, neo-hookean": "Newton, neo-Hookean",
+    "newton, neo-hookean, follow": "Newton, ribs that follow",
     "conjugate": "conjugate gradients",
     "gradient": "spectral gradient",
     OUTSIDE: "SciPy L-BFGS-B",

@@ -75,8 +75,8 @@ _VARIED: list[Row] = [
         "model",
         DEFAULT,
         {
-            "papers' way (spline, itmsm) instead of ribs that follow, in a continuum": vars(PAPERS),
-            "spline instead of ribs that follow, both in a continuum": vars(BENT),
+            "the papers' way: spline and itmsm": vars(PAPERS),
+            "spline instead of ribs that follow": vars(BENT),
             "itmsm instead of a continuum": {"energy": "itmsm"},
             "skin that does not resist bending": {"skin_rigidity": 0.0},
             "skin of 1.5 N mm instead of 0.4": {"skin_rigidity": 1.5},
@@ -110,14 +110,14 @@ _VARIED: list[Row] = [
     *_vary(
         "computation",
         replace(BY_VOLUME, tets=FINEST),
-        {"papers' way, weights by volume: mesh of 221k, against 898k": {"tets": DEFAULT.tets}},
+        {"papers' way by volume: mesh of 221k, against 898k": {"tets": DEFAULT.tets}},
     ),
     *_vary(
         "model",
         replace(BENT, tets=FINEST),
         {
             "papers' way, against a continuum of 898k": vars(PAPERS),
-            "papers' way, weights by volume, against a continuum of 898k": vars(BY_VOLUME),
+            "papers' way by volume, against a continuum of 898k": vars(BY_VOLUME),
         },
     ),
 ]

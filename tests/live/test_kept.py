@@ -26,6 +26,7 @@ def view(number: int = 1) -> View:
         number=number,
         wish=first_wish(spine_before(case.landmarks_before), plan),
         surgery=plan_surgery(case, plan),
+        motions=None,
         skin=case.skin.vertices,
         relaxed=False,
         error=None,

@@ -22,6 +22,7 @@ VIEW = View(
     number=1,
     wish=first_wish(spine_before(CASE.landmarks_before), PLAN),
     surgery=plan_surgery(CASE, PLAN),
+    motions=None,
     skin=CASE.skin.vertices,
     relaxed=False,
     error=2.34,

@@ -68,15 +68,21 @@ def corrected(rest: Wish, share: int) -> Wish:
     return replace(rest, correction={**rest.correction, apex: share})
 
 
-def test_after_any_way_the_end_is_that_of_a_simulation(patient: Patient, rest: Wish) -> None:
-    heard = Heard()
+@pytest.mark.parametrize("bones", ["follow", "spline"])
+def test_after_any_way_the_end_is_that_of_a_simulation(bones: str, rest: Wish) -> None:
+    heard, patient = Heard(), small_patient(bones=bones)
     with Session(patient, None, heard, heard.faults.append) as session:
         for share in (60, 20, 45):
             session.ask(corrected(rest, share))
             view = heard.settled(corrected(rest, share))
-    alone = small_patient()
+    alone = small_patient(bones=bones)
     case = view.surgery.planned_case(alone.case)
     *_, last = simulate(alone.model, prepare_plan(alone, case).bone_path, alone.options.simulation)
+    if view.motions is not None:  # drawn where the simulation holds them
+        here = alone.trunk.nodes[alone.trunk.prescribed]
+        there = here + last.displacement[alone.trunk.prescribed]
+        np.testing.assert_allclose(view.motions["T8"].apply(here), there, atol=1e-4)
+    assert (view.motions is None) == (bones == "spline")
     skin = predicted_skin(case, alone.trunk, last.displacement)
     tolerance = alone.options.simulation.relax.tolerance
     assert view.error is not None

@@ -189,7 +189,9 @@ def test_tables_tell_what_the_records_say() -> None:
     assert "1 mm in 200 s, 100 times as long" in text
     assert "one thread: 3.6 s, 1.80 times as long" in text
     assert "largest of 5 points: 0.75" in text
-    assert "| gradient | spline | papers' | 2 threads | float32 | 200 |  |  | 0.9 mm after 200 s |" in short_table(records)
+    assert "| gradient | spline | papers' | 2 threads | float32 | 200 |  |  | 0.9 mm after 200 s |" in short_table(
+        records
+    )
     assert "| newton | spline | papers' | 1 thread | float32 | 3.6 | 3.6 | 3.6 |  |" in short_table(records)
     assert len(long_table(records).splitlines()) == 2 + len(records)
     with pytest.raises(InputError, match="'hardware'"):

@@ -31,6 +31,8 @@ _UNDER_SCAPULA = range(2, 8)
 """The ribs that a shoulder blade lies on."""
 _REACH = 20.0
 """What of them lies within this of the blade carries it, the muscles between being thinner [mm]."""
+_FEW = 16
+"""One in so many vertices tells about how far away a bone is."""
 _END = 5.0
 """How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _CARTILAGE = 0.1
@@ -154,7 +156,11 @@ def ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
     """The middle of the end of a bone at its neighbour, and of the end furthest from there, shape (2, 3)."""
     from scipy.spatial import KDTree  # heavy
 
-    near, _ = KDTree(neighbour).query(vertices)
+    tree = KDTree(neighbour)
+    bound = (
+        tree.query(vertices[::_FEW])[0].min() + 1.001 * _END
+    )  # what is further is no end, and is not looked for
+    near, _ = tree.query(vertices, distance_upper_bound=bound)
     joint = vertices[near <= near.min() + _END].mean(axis=0)
     far = np.linalg.norm(vertices - joint, axis=1)
     return np.array([joint, vertices[far >= far.max() - _END].mean(axis=0)])

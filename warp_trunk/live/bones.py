@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,8 @@ from warp_trunk.geometry.rigid import fit_rigid_all
 from warp_trunk.geometry.spline_response import spline_response
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
 
@@ -18,8 +20,15 @@ _SAMPLES = 24
 """So many vertices of a bone without landmarks tell how it moves."""
 
 
+def poses_of(motions: Mapping[str, RigidTransform]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """By bone, the turn of its motion as a quaternion (w, x, y, z) and then the shift [mm]."""
+    return {
+        name: (motion.rotation.as_quat(scalar_first=True), motion.translation) for name, motion in motions.items()
+    }
+
+
 class BonePoses:
-    """The rigid motion nearest to what a plan does to each bone.
+    """The rigid motion nearest to what the spline of the landmarks does to each bone.
 
     A bone with three landmarks or more goes with them; any other with the spline of all landmarks at some of its
     vertices. The spline bends ribs a little; drawn they keep their shape.

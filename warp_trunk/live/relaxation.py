@@ -13,13 +13,15 @@ from warp_trunk.bone_motion.path_faults import colliding_bones
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
-from warp_trunk.run.paths import find_path, motions_of
+from warp_trunk.run.paths import find_path
 from warp_trunk.run.warnings import ending_warnings
 
 from .forecast import Forecast
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
+
+    from scipy.spatial.transform import RigidTransform
 
     from warp_trunk.case import Case
     from warp_trunk.engine.relaxation import Relaxation, RelaxStep
@@ -68,19 +70,23 @@ class LiveRelaxation:
         self._case, self._carried, self._bones, self._lost = patient.case, still, still, False
         self._state.place(still)
 
-    def go(self, case: Case) -> None:
-        """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
+    def go(self, case: Case, motions: Mapping[str, RigidTransform] | None) -> None:
+        """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet.
+
+        Args:
+            case: with what is planned.
+            motions: of each bone (`motions_of`); None where the spline of the landmarks carries them.
+        """
         self._case, landmarks = case, case.planned_landmarks
         self._carried = self._patient.carried(landmarks)
         start = self._carried + self._added.at(landmarks.points)
-        if self._patient.options.bones == "follow":
-            held = self._patient.trunk.prescribed
-            self._bones = rigid_displacement(self._patient.trunk, motions_of(case))
+        self._bones = self._carried
+        if motions is not None:
+            self._bones = rigid_displacement(self._patient.trunk, motions)
             if self._added.way(landmarks.points) > _FAR:
                 start = self._path().at(1.0)
+            held = self._patient.trunk.prescribed
             start[held] = self._bones[held]
-        else:
-            self._bones = self._carried
         self._state.place(start)
 
     def relax(self, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:

@@ -9,7 +9,7 @@ import numpy as np
 from warp_trunk.bone_motion.plan.record import rank
 from warp_trunk.report.style import BEFORE, PLANS
 
-from .bones import BonePoses
+from .bones import BonePoses, poses_of
 from .relief_lines import relief_lines
 
 if TYPE_CHECKING:
@@ -69,13 +69,14 @@ class Scene:
             self._lines()
             if view.surgery is not self._surgery:  # bones are where the image had them when the skin is relaxed
                 self._surgery = view.surgery
-                self._move_bones(view.surgery)
+                self._move_bones(view)
 
-    def _move_bones(self, surgery: PlannedSurgery) -> None:
-        for name, (turn, shift) in self._poses.at(surgery.landmarks_after).items():
+    def _move_bones(self, view: View) -> None:
+        poses = self._poses.at(view.surgery.landmarks_after) if view.motions is None else poses_of(view.motions)
+        for name, (turn, shift) in poses.items():
             self._bones[name].wxyz = turn
             self._bones[name].position = shift
-        plan = surgery.plan
+        plan = view.surgery.plan
         for level in self._case.landmarks_before.vertebrae():
             if level in self._bones:
                 fused = rank(plan.uiv) <= rank(level) <= rank(plan.liv)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from warp_trunk.bone_motion.plan import Planner
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
+from warp_trunk.run.paths import motions_of
 from warp_trunk.run.warnings import curve_warnings
 
 from .image import Images
@@ -23,6 +24,8 @@ from .relaxation import Interrupted, LiveRelaxation, Relaxed
 from .worker import worker
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from warp_trunk.bone_motion.plan import Plan, PlannedSurgery
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.run.patient import Patient
@@ -47,6 +50,8 @@ class View:
     """Where the sliders stood."""
     surgery: PlannedSurgery
     """What the plan asks of each vertebra."""
+    motions: Mapping[str, RigidTransform] | None
+    """How each bone moves; None where the spline of the landmarks carries them."""
     skin: np.ndarray
     """Vertices of the skin [mm], shape (vertices, 3)."""
     relaxed: bool
@@ -84,6 +89,7 @@ class _Job:
     number: int
     wish: Wish
     surgery: PlannedSurgery
+    motions: Mapping[str, RigidTransform] | None
     warnings: tuple[str, ...]
 
 
@@ -162,7 +168,7 @@ class Session:
         Raises:
             InputError: no spine can meet it.
         """
-        job = _job(0, wish, self._planner.plan(plan))
+        job = self._job(0, wish, self._planner.plan(plan))
         with self._lock:
             image = self._images.of(job.surgery.landmarks_after)
         tell(_view(job, image.skin, image.error))
@@ -178,9 +184,9 @@ class Session:
                 with self._lock:
                     self._tell_show(Refusal(wish, str(error).removeprefix("plan: ")))
                 continue
+            job = self._job(self._newest + 1, wish, surgery)
             with self._lock:
-                self._newest += 1
-                self._current = job = _job(self._newest, wish, surgery)
+                self._newest, self._current = job.number, job
                 if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
                     self._jobs.put(job)
                 self._show_current_image()
@@ -205,7 +211,7 @@ class Session:
         first = max(FIRST["cuda" if self._on_gpu else "cpu"], tolerance)
 
         while (job := self._jobs.take()) is not None:
-            tissue.go(job.surgery.planned_case(case))
+            tissue.go(job.surgery.planned_case(case), job.motions)
             try:
                 # not given up for a newer wish: while a slider is dragged there always is one
                 near = tissue.relax(first, confirm=False, newer=lambda: self._jobs.closed)
@@ -221,7 +227,7 @@ class Session:
 
     def _relax_aside(self, tissue: LiveRelaxation, aside: _Aside) -> None:
         job, before = aside.job, self._patient.case.skin
-        tissue.go(job.surgery.planned_case(self._patient.case))
+        tissue.go(job.surgery.planned_case(self._patient.case), job.motions)
         end = tissue.relax(
             self._patient.options.simulation.relax.tolerance, confirm=True, newer=lambda: self._jobs.waits
         )
@@ -251,6 +257,12 @@ class Session:
                 else:
                     self._tell_show(Measured(measures))
 
+    def _job(self, number: int, wish: Wish, surgery: PlannedSurgery) -> _Job:
+        case, curves = self._patient.case, curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
+        follow = self._patient.options.bones == "follow"
+        motions = motions_of(surgery.planned_case(case)) if follow else None
+        return _Job(number, wish, surgery, motions, (*surgery.warnings, *curves))
+
     def _is_current(self, job: _Job) -> bool:
         return self._current is not None and self._current.number == job.number
 
@@ -265,9 +277,4 @@ def _view(
     settled: bool = False,
 ) -> View:
     warnings = (*job.warnings, *warnings)
-    return View(job.number, job.wish, job.surgery, skin, relaxed, error, None, warnings, settled)
-
-
-def _job(number: int, wish: Wish, surgery: PlannedSurgery) -> _Job:
-    curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
-    return _Job(number, wish, surgery, (*surgery.warnings, *curves))
+    return View(job.number, job.wish, job.surgery, job.motions, skin, relaxed, error, None, warnings, settled)
