@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -29,10 +30,11 @@ def devices_used(monkeypatch: pytest.MonkeyPatch) -> set[str]:
     return used
 
 
-def end(device: str) -> np.ndarray:
-    """Where a small trunk ends, prepared and simulated on a device [mm]."""
+def end(device: str, bones: Literal["follow", "spline"]) -> np.ndarray:
+    """Where a small trunk ends, prepared and simulated on a device [mm]; its bone has landmarks of its own."""
     case, trunk = small_case()
-    options = RunOptions(device=device, simulation=SimulationOptions(increments=2))
+    case, trunk = replace(case, bones={"T8": case.bones["T10"]}), replace(trunk, bone_names=("T8",))
+    options = RunOptions(bones=bones, device=device, simulation=SimulationOptions(increments=2))
     prepared = prepare(case, options, trunk)
     assert prepared.model.device == device
     *_, last = simulate(prepared.model, prepared.bone_path, options.simulation)
@@ -40,18 +42,22 @@ def end(device: str) -> np.ndarray:
 
 
 @pytest.mark.skipif("cpu" not in map(str, wp.get_devices()), reason="Warp has no CPU device on this machine")
-def test_the_cpu_is_taken_beside_a_cuda_device(monkeypatch: pytest.MonkeyPatch, devices_used: set[str]) -> None:
+@pytest.mark.parametrize("bones", ["follow", "spline"])
+def test_the_cpu_is_taken_beside_a_cuda_device(
+    bones: Literal["follow", "spline"], monkeypatch: pytest.MonkeyPatch, devices_used: set[str]
+) -> None:
     """Where there is a CUDA device, which `auto` would take, `cpu` gives the bits of a machine without one."""
-    alone = end("cpu")
+    alone = end("cpu", bones)
     monkeypatch.setattr(wp, "is_cuda_available", lambda: True)
     monkeypatch.setattr(wp, "get_devices", lambda: ["cpu", "cuda:0"])
     assert choose_device("auto") == "cuda:0"
     devices_used.clear()
-    np.testing.assert_array_equal(end("cpu"), alone)
+    np.testing.assert_array_equal(end("cpu", bones), alone)
     assert devices_used == {"cpu"}
 
 
 @pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
-def test_cuda_is_taken_where_it_is_asked_for(devices_used: set[str]) -> None:
-    end("cuda:0")
+@pytest.mark.parametrize("bones", ["follow", "spline"])
+def test_cuda_is_taken_where_it_is_asked_for(bones: Literal["follow", "spline"], devices_used: set[str]) -> None:
+    end("cuda:0", bones)
     assert devices_used == {"cuda:0"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,34 +20,35 @@ _SAMPLES = 24
 """So many vertices of a bone without landmarks tell how it moves."""
 
 
-def poses_of(motions: Mapping[str, RigidTransform]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """By bone, the turn of its motion as a quaternion (w, x, y, z) and then the shift [mm]."""
-    return {
-        name: (motion.rotation.as_quat(scalar_first=True), motion.translation) for name, motion in motions.items()
-    }
-
-
 class BonePoses:
-    """The rigid motion nearest to what the spline of the landmarks does to each bone.
+    """The motion of each bone for any plan, told at once.
 
     A bone with three landmarks or more goes with them; any other with the spline of all landmarks at some of its
-    vertices. The spline bends ribs a little; drawn they keep their shape.
+    vertices, rigidly. Where ribs follow the spine, the model has them elsewhere, which takes longer to find: from
+    there, as known of the plan relaxed last, each bone goes on as the spline does.
     """
 
     def __init__(self, case: Case) -> None:
         before = case.landmarks_before
         self._before = before.points
-        self._rows: dict[str, np.ndarray] = {}
-        sampled = {}
-        for name, bone in case.bones.items():
-            rows = np.array([i for i, mark in enumerate(before.names) if mark.startswith(f"{name}_")])
-            if len(rows) >= 3:
-                self._rows[name] = rows
-            else:
-                sampled[name] = bone.vertices[np.linspace(0, len(bone.vertices) - 1, _SAMPLES).astype(int)]
-        self._sampled = tuple(sampled)
-        self._points = np.reshape(list(sampled.values()), (-1, 3))
+        rows = {
+            name: np.array([i for i, mark in enumerate(before.names) if mark.startswith(f"{name}_")])
+            for name in case.bones
+        }
+        self._own = {
+            count: {name: own for name, own in rows.items() if len(own) == count}
+            for count in sorted({len(own) for own in rows.values() if len(own) >= 3})
+        }
+        self._sampled = [name for name, own in rows.items() if len(own) < 3]
+        samples = [
+            bone.vertices[np.linspace(0, len(bone.vertices) - 1, _SAMPLES).astype(int)]
+            for name, bone in case.bones.items()
+            if name in self._sampled
+        ]
+        self._points = np.reshape(samples, (-1, 3))
         self._response = spline_response(self._before, self._points)
+        self._names = (*self._sampled, *(name for alike in self._own.values() for name in alike))
+        self._known = np.tile(np.eye(4), (len(self._names), 1, 1))
 
     def at(self, landmarks: Landmarks) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """The motion of each bone from before surgery, for landmarks after it.
@@ -55,22 +56,23 @@ class BonePoses:
         Returns:
             By bone, the turn as a quaternion (w, x, y, z) and then the shift [mm].
         """
-        after = landmarks.points
+        from scipy.spatial.transform import RigidTransform  # heavy
+
+        motions = RigidTransform.from_matrix(self._by_spline(landmarks.points) @ self._known)
+        turns = motions.rotation.as_quat(scalar_first=True)
+        return dict(zip(self._names, zip(turns, motions.translation, strict=True), strict=True))
+
+    def learn(self, landmarks: Landmarks, motions: Mapping[str, RigidTransform]) -> None:
+        """Goes on from where the model has each bone for landmarks after surgery."""
+        exact = np.array([motions[name].as_matrix() for name in self._names]).reshape(-1, 4, 4)
+        self._known = np.linalg.inv(self._by_spline(landmarks.points)) @ exact
+
+    def _by_spline(self, after: np.ndarray) -> np.ndarray:
+        """The motion of each bone, as matrices, shape (bones, 4, 4)."""
         there = self._points + self._response @ (after - self._before)
         shape = (-1, _SAMPLES, 3)
-        moved = {}
-        if self._sampled:
-            moved |= _moved(self._sampled, self._points.reshape(shape), there.reshape(shape))
-        for count in {len(rows) for rows in self._rows.values()}:
-            alike = {name: rows for name, rows in self._rows.items() if len(rows) == count}
+        moved = [fit_rigid_all(self._points.reshape(shape), there.reshape(shape))] if self._sampled else []
+        for alike in self._own.values():
             own = np.array(list(alike.values()))
-            moved |= _moved(alike, self._before[own], after[own])
-        return moved
-
-
-def _moved(
-    names: Iterable[str], before: np.ndarray, after: np.ndarray
-) -> Iterable[tuple[str, tuple[np.ndarray, np.ndarray]]]:
-    motions = fit_rigid_all(before, after)
-    turns = motions.rotation.as_quat(scalar_first=True)
-    return zip(names, zip(turns, motions.translation, strict=True), strict=True)
+            moved.append(fit_rigid_all(self._before[own], after[own]))
+        return np.concatenate([motions.as_matrix() for motions in moved] or [np.empty((0, 4, 4))])

@@ -13,7 +13,7 @@ from warp_trunk.bone_motion.path_faults import colliding_bones
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
-from warp_trunk.run.paths import find_path
+from warp_trunk.run.paths import find_path, motions_of
 from warp_trunk.run.warnings import ending_warnings
 
 from .forecast import Forecast
@@ -43,6 +43,8 @@ class Relaxed:
 
     skin: np.ndarray
     """Its vertices [mm], shape (vertices, 3)."""
+    motions: Mapping[str, RigidTransform] | None
+    """Of each bone; None where the spline of the landmarks carries them."""
     error: float
     """Estimated largest distance of a node from its equilibrium [mm]."""
     status: RelaxStatus
@@ -67,22 +69,19 @@ class LiveRelaxation:
         patient.carried(before)  # so that the spline's matrix is made now, not at the first drag
         still = np.zeros(patient.trunk.nodes.shape, self._scalar)
         self._added = Forecast(before.points, still)
+        self._motions: Mapping[str, RigidTransform] | None = None
         self._case, self._carried, self._bones, self._lost = patient.case, still, still, False
         self._state.place(still)
 
-    def go(self, case: Case, motions: Mapping[str, RigidTransform] | None) -> None:
-        """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet.
-
-        Args:
-            case: with what is planned.
-            motions: of each bone (`motions_of`); None where the spline of the landmarks carries them.
-        """
+    def go(self, case: Case) -> None:
+        """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
         self._case, landmarks = case, case.planned_landmarks
         self._carried = self._patient.carried(landmarks)
         start = self._carried + self._added.at(landmarks.points)
         self._bones = self._carried
-        if motions is not None:
-            self._bones = rigid_displacement(self._patient.trunk, motions)
+        if self._patient.options.bones == "follow":
+            self._motions = motions_of(case)
+            self._bones = rigid_displacement(self._patient.trunk, self._motions)
             if self._added.way(landmarks.points) > _FAR:
                 start = self._path().at(1.0)
             held = self._patient.trunk.prescribed
@@ -114,6 +113,7 @@ class LiveRelaxation:
         held = colliding_bones(patient.trunk, BonePath(self._bones)) if confirm or self._lost else []
         return Relaxed(
             patient.case.skin.vertices + displacement[patient.trunk.skin_nodes],
+            self._motions,
             relaxation.estimated_error,
             relaxation.status,
             (

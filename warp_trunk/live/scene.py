@@ -9,7 +9,7 @@ import numpy as np
 from warp_trunk.bone_motion.plan.record import rank
 from warp_trunk.report.style import BEFORE, PLANS
 
-from .bones import BonePoses, poses_of
+from .bones import BonePoses
 from .relief_lines import relief_lines
 
 if TYPE_CHECKING:
@@ -67,13 +67,14 @@ class Scene:
         with self._server.atomic():
             self.skin.vertices = view.skin.astype(np.float32)
             self._lines()
-            if view.surgery is not self._surgery:  # bones are where the image had them when the skin is relaxed
+            if view.motions is not None:
+                self._poses.learn(view.surgery.landmarks_after, view.motions)
+            if view.surgery is not self._surgery or view.motions is not None:
                 self._surgery = view.surgery
                 self._move_bones(view)
 
     def _move_bones(self, view: View) -> None:
-        poses = self._poses.at(view.surgery.landmarks_after) if view.motions is None else poses_of(view.motions)
-        for name, (turn, shift) in poses.items():
+        for name, (turn, shift) in self._poses.at(view.surgery.landmarks_after).items():
             self._bones[name].wxyz = turn
             self._bones[name].position = shift
         plan = view.surgery.plan

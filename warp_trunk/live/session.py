@@ -15,10 +15,9 @@ from warp_trunk.bone_motion.plan import Planner
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
-from warp_trunk.run.paths import motions_of
 from warp_trunk.run.warnings import curve_warnings
 
-from .image import Images
+from .image import Image, Images
 from .latest import Latest
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
 from .worker import worker
@@ -51,7 +50,7 @@ class View:
     surgery: PlannedSurgery
     """What the plan asks of each vertebra."""
     motions: Mapping[str, RigidTransform] | None
-    """How each bone moves; None where the spline of the landmarks carries them."""
+    """Where the model has each bone; None of an image, and where the spline of the landmarks carries them."""
     skin: np.ndarray
     """Vertices of the skin [mm], shape (vertices, 3)."""
     relaxed: bool
@@ -89,7 +88,6 @@ class _Job:
     number: int
     wish: Wish
     surgery: PlannedSurgery
-    motions: Mapping[str, RigidTransform] | None
     warnings: tuple[str, ...]
 
 
@@ -168,10 +166,10 @@ class Session:
         Raises:
             InputError: no spine can meet it.
         """
-        job = self._job(0, wish, self._planner.plan(plan))
+        job = _job(0, wish, self._planner.plan(plan))
         with self._lock:
             image = self._images.of(job.surgery.landmarks_after)
-        tell(_view(job, image.skin, image.error))
+        tell(_view(job, image))
         self._asides.append(_Aside(job, tell))
         if self._current is not None:
             self._jobs.put(self._current)  # wakes who relaxes
@@ -184,9 +182,9 @@ class Session:
                 with self._lock:
                     self._tell_show(Refusal(wish, str(error).removeprefix("plan: ")))
                 continue
-            job = self._job(self._newest + 1, wish, surgery)
             with self._lock:
-                self._newest, self._current = job.number, job
+                self._newest += 1
+                self._current = job = _job(self._newest, wish, surgery)
                 if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
                     self._jobs.put(job)
                 self._show_current_image()
@@ -198,7 +196,7 @@ class Session:
         if job is None:
             return
         image = self._images.of(job.surgery.landmarks_after)
-        self._show(_view(job, image.skin, image.error))
+        self._show(_view(job, image))
 
     def _show(self, view: View) -> None:
         self._shown = view
@@ -211,7 +209,7 @@ class Session:
         first = max(FIRST["cuda" if self._on_gpu else "cpu"], tolerance)
 
         while (job := self._jobs.take()) is not None:
-            tissue.go(job.surgery.planned_case(case), job.motions)
+            tissue.go(job.surgery.planned_case(case))
             try:
                 # not given up for a newer wish: while a slider is dragged there always is one
                 near = tissue.relax(first, confirm=False, newer=lambda: self._jobs.closed)
@@ -227,17 +225,17 @@ class Session:
 
     def _relax_aside(self, tissue: LiveRelaxation, aside: _Aside) -> None:
         job, before = aside.job, self._patient.case.skin
-        tissue.go(job.surgery.planned_case(self._patient.case), job.motions)
+        tissue.go(job.surgery.planned_case(self._patient.case))
         end = tissue.relax(
             self._patient.options.simulation.relax.tolerance, confirm=True, newer=lambda: self._jobs.waits
         )
-        view = _view(job, end.skin, end.error, end.warnings, relaxed=True, settled=True)
+        view = _relaxed_view(job, end, settled=True)
         measures = measure(Surface(end.skin, before.faces), job.surgery.landmarks_after, before)
         aside.tell(replace(view, measures=measures))
 
     def _learn(self, job: _Job, relaxed: Relaxed, *, settled: bool) -> None:
         """Shows a relaxed skin, or where sliders have moved on what it makes of their image; it is measured."""
-        view = _view(job, relaxed.skin, relaxed.error, relaxed.warnings, relaxed=True, settled=settled)
+        view = _relaxed_view(job, relaxed, settled=settled)
         with self._lock:
             current = self._is_current(job)
             if current:
@@ -257,24 +255,19 @@ class Session:
                 else:
                     self._tell_show(Measured(measures))
 
-    def _job(self, number: int, wish: Wish, surgery: PlannedSurgery) -> _Job:
-        case, curves = self._patient.case, curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
-        follow = self._patient.options.bones == "follow"
-        motions = motions_of(surgery.planned_case(case)) if follow else None
-        return _Job(number, wish, surgery, motions, (*surgery.warnings, *curves))
-
     def _is_current(self, job: _Job) -> bool:
         return self._current is not None and self._current.number == job.number
 
 
-def _view(
-    job: _Job,
-    skin: np.ndarray,
-    error: float | None,
-    warnings: tuple[str, ...] = (),
-    *,
-    relaxed: bool = False,
-    settled: bool = False,
-) -> View:
-    warnings = (*job.warnings, *warnings)
-    return View(job.number, job.wish, job.surgery, job.motions, skin, relaxed, error, None, warnings, settled)
+def _view(job: _Job, image: Image) -> View:
+    return View(job.number, job.wish, job.surgery, None, image.skin, False, image.error, None, job.warnings)
+
+
+def _relaxed_view(job: _Job, end: Relaxed, *, settled: bool) -> View:
+    warnings = (*job.warnings, *end.warnings)
+    return View(job.number, job.wish, job.surgery, end.motions, end.skin, True, end.error, None, warnings, settled)
+
+
+def _job(number: int, wish: Wish, surgery: PlannedSurgery) -> _Job:
+    curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
+    return _Job(number, wish, surgery, (*surgery.warnings, *curves))
