@@ -36,7 +36,7 @@ class RunOptions:
     simulation: SimulationOptions = field(default_factory=SimulationOptions)
     """How the correction is applied."""
     energy: EnergyName | None = None
-    """Energy of the tissue: itmsm (springs on edges, faces, volumes; the papers') or neo-hookean (continuum); when
+    """Energy of the tissue: neo-hookean (continuum) or itmsm (springs on edges, faces, volumes; the papers'); when
     left out the continuum with --bones follow, whose rigid ribs crumple itmsm, and itmsm with the spline."""
     weights: WeightsName = "count"
     """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the papers') or volume (what it
@@ -59,8 +59,8 @@ class RunOptions:
     """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
     case.toml has in [layers] when left out."""
     bones: Literal["follow", "spline"] = "follow"
-    """How bones are carried: by the thin-plate spline through all landmarks, which bends them (the papers), or
-    each rigidly: known ones first, vertebrae by their landmarks, and ribs follow them by the shares of [ribs]."""
+    """How bones are carried: each rigidly, known ones first, vertebrae by their landmarks, and ribs follow them by
+    the shares of [ribs]; or by the thin-plate spline through all landmarks, which bends them (the papers)."""
     bands: bool = False
     """Tell how sure each number is, from the errors that case.toml states in [uncertainty]; takes one to two
     times as long as the relaxation, longer under gravity."""
