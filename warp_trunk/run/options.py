@@ -62,8 +62,8 @@ class RunOptions:
     """How bones are carried: each rigidly, known ones first, vertebrae by their landmarks, and ribs follow them by
     the shares of [ribs]; or by the thin-plate spline through all landmarks, which bends them (the papers)."""
     bands: bool = False
-    """Tell how sure each number is, from the errors that case.toml states in [uncertainty]; takes one to two
-    times as long as the relaxation, longer under gravity."""
+    """Tell how sure each number is, from the errors that case.toml states in [uncertainty]; takes three
+    to five times as long as the relaxation, some seconds, longer under gravity."""
     record: bool = True
     """Write recording.rrd, which the viewer steps through."""
     record_steps: bool = False
