@@ -12,7 +12,7 @@ _EXTREME = 1e4
 
 def roughness_of(along: np.ndarray) -> np.ndarray:
     """The matrix K of natural cubic splines through values v at these places: v K v is the integral of the square
-    of the second derivative (Green and Silverman 1994, section 2.1).
+    of the second derivative (section 2.1 of [15]).
 
     Args:
         along: places, rising, shape (n,), three at least.
@@ -34,8 +34,8 @@ def likeliest_smoothness(
     """How much roughness has to count for the values to be likeliest, by their restricted likelihood.
 
     A spline with this smoothness s is the least of sum(error^2 / variance) + s * roughness; values without
-    errors are likeliest to lie on a straight line, and then to stray from it at random (Wahba 1985, Ann Statist
-    13:1378).
+    errors are likeliest to lie on a straight line, and then to stray from it at random ([14] of
+    docs/sources.md).
 
     Args:
         values: with errors, shape (n,).
