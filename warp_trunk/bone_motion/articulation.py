@@ -50,7 +50,8 @@ def bone_motions(
     The first of these that applies:
 
     - A bone known after surgery, with the same vertices: the rigid motion nearest to theirs.
-    - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs.
+    - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs. Where those
+      of vertebrae do not move rigidly, by their errors, these are steadied along the spine (`steadying.steadied`).
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
       two iliac spines alone leave the turn about the line between them open; it is taken as none.
     - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`) of what these do

@@ -157,9 +157,8 @@ def ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
     from scipy.spatial import KDTree  # heavy
 
     tree = KDTree(neighbour)
-    bound = (
-        tree.query(vertices[::_FEW])[0].min() + 1.001 * _END
-    )  # what is further is no end, and is not looked for
+    # what is further is no end, and is not looked for
+    bound = tree.query(vertices[::_FEW])[0].min() + 1.001 * _END
     near, _ = tree.query(vertices, distance_upper_bound=bound)
     joint = vertices[near <= near.min() + _END].mean(axis=0)
     far = np.linalg.norm(vertices - joint, axis=1)
