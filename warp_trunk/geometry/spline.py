@@ -81,7 +81,8 @@ def fit_spline(
     In three dimensions r is the thin-plate kernel, and also the linear variogram of dual kriging. Minus r is
     conditionally positive definite, so the nugget is subtracted from the diagonal:
     (R - nugget I) w + P a = u, P^T w = 0. Coordinates are centred and scaled for the solve, which changes
-    nothing but the rounding.
+    nothing but the rounding. SciPy's RBFInterpolator solves the same system, but keeps the weights w to itself,
+    which the kernels and the derivatives need.
 
     Args:
         sources: landmarks before, shape (n, 3) [mm].
@@ -98,9 +99,7 @@ def fit_spline(
     """
     sources = np.asarray(sources, dtype=np.float64)
     targets = np.asarray(targets, dtype=np.float64)
-    called = [f"number {i}" for i in range(len(sources))] if names is None else list(names)
-    _check(sources, targets, nugget, called, drift)
-
+    check_landmarks(sources, targets, nugget, names, drift)
     n = len(sources)
     origin = sources.mean(axis=0)
     scale = float(np.abs(sources - origin).max()) or 1.0
@@ -139,9 +138,15 @@ def distances(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
     return np.sqrt(squared, out=squared)
 
 
-def _check(
-    sources: np.ndarray, targets: np.ndarray, nugget: float | np.ndarray, names: list[str], drift: str
+def check_landmarks(
+    sources: np.ndarray,
+    targets: np.ndarray,
+    nugget: float | np.ndarray = 0.0,
+    names: Sequence[str] | None = None,
+    drift: str = "linear",
 ) -> None:
+    """Raises InputError for what `fit_spline` refuses."""
+    names = [f"number {i}" for i in range(len(sources))] if names is None else list(names)
     if sources.ndim != 2 or sources.shape[1] != 3 or sources.shape != targets.shape:
         raise InputError(
             "spline: sources and targets must both have shape (n, 3), "

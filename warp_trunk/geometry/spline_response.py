@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from .spline import distances, fit_spline, spline_matrix
+from .spline import check_landmarks
 
 
 def spline_response(sources: np.ndarray, points: np.ndarray) -> np.ndarray:
     """What each landmark adds to the displacement of each point.
 
     A spline is linear in its targets: with R the result, the points move by R @ (targets - sources).
-    That is one product where fitting and evaluating a spline anew costs a square root for each entry of R.
+    That is one product where fitting and evaluating another spline costs a square root for each entry of R.
 
     Args:
         sources: landmarks before, shape (n, 3) [mm].
@@ -23,9 +23,7 @@ def spline_response(sources: np.ndarray, points: np.ndarray) -> np.ndarray:
     Raises:
         InputError: as `fit_spline`.
     """
-    spline = fit_spline(sources, sources)
-    scale = float(np.abs(spline.centres).max()) or 1.0
-    centres, here = spline.centres / scale, (points - spline.origin) / scale
-    basis = np.hstack([distances(here, centres), np.ones((len(here), 1)), here])
-    matrix = spline_matrix(centres)
-    return basis @ np.linalg.solve(matrix, np.eye(len(matrix), len(sources)))
+    from scipy.interpolate import RBFInterpolator  # heavy
+
+    check_landmarks(sources, sources)
+    return RBFInterpolator(sources, np.eye(len(sources)), kernel="linear", degree=1)(points)
