@@ -1,9 +1,9 @@
 """What the clinic gives: a patient's skin, bones and landmarks, read, checked and written as a case folder."""
 
 from .axes import Axes
+from .case import Case
 from .checks import CheckOptions, check_case
-from .reading import read_case, read_checked_case
-from .record import Case
-from .writing import write_case
+from .read_case import read_case, read_checked_case
+from .write_case import write_case
 
 __all__ = ["Axes", "Case", "CheckOptions", "check_case", "read_case", "read_checked_case", "write_case"]

@@ -13,7 +13,7 @@ from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import check_surface
 
 if TYPE_CHECKING:
-    from .record import Case
+    from .case import Case
 
 
 def check_bones_after(case: Case, most: float, where: Callable[[str], str]) -> None:

@@ -25,7 +25,7 @@ from .vertebra_order import check_order
 from .vertebra_shape import check_shapes
 
 if TYPE_CHECKING:
-    from .record import Case
+    from .case import Case
 
 TRUNK_HEIGHT = (250.0, 900.0)
 """How tall a trunk may be, from its lowest to its highest vertex [mm]."""

@@ -14,7 +14,7 @@ from warp_trunk.geometry.surface import Surface
 from .landmarks import ASIS, Landmarks
 
 if TYPE_CHECKING:
-    from .record import Case
+    from .case import Case
 
 MOVED_REFUSED, MOVED_WARNED = 10.0, 5.0
 """How far the iliac spines may move [mm]; two reconstructions with the papers' errors of 2.1 +- 1.5 mm move one of

@@ -13,7 +13,7 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from .landmarks import ASIS, Landmarks, bone_of
 
 if TYPE_CHECKING:
-    from .record import Case
+    from .case import Case
 
 
 def check_on_bones(case: Case, most: float, file_of: Callable[[str], str]) -> None:

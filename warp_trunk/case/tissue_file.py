@@ -18,7 +18,7 @@ from .layers import NAMES, Layers
 from .rib_shares import RibShares
 
 if TYPE_CHECKING:
-    from .record import Case
+    from .case import Case
 
 RIBS = "ribs"
 _TISSUE = [field.name for field in dataclasses.fields(Tissue)]

@@ -1,7 +1,7 @@
 """Named points on bones, and the files of spreadsheets and of 3D Slicer that hold them."""
 
 from .files import landmark_file, read_landmarks
-from .record import ASIS, VERTEBRA_POINTS, VERTEBRAE, Landmarks, bone_of
+from .landmarks import ASIS, VERTEBRA_POINTS, VERTEBRAE, Landmarks, bone_of
 from .table import COLUMNS, write_landmarks
 
 __all__ = [

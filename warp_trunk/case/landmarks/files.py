@@ -7,7 +7,7 @@ from pathlib import Path
 from warp_trunk.errors import InputError
 
 from ..axes import Axes
-from .record import Landmarks
+from .landmarks import Landmarks
 from .slicer import read_fcsv, read_markups
 from .table import COLUMNS, read_table
 

@@ -14,7 +14,7 @@ from warp_trunk.geometry.surface import FARTHEST
 from warp_trunk.io.file_access import is_plain, number, read_text
 
 from ..axes import MILLIMETRES, Axes
-from .record import Landmarks
+from .landmarks import Landmarks
 
 _AXES = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
 """What files call their axes; the numbers are those of Slicer before 4.11."""

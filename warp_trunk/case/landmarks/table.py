@@ -12,7 +12,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import FARTHEST
 from warp_trunk.io.file_access import is_plain, number, read_text
 
-from .record import Landmarks
+from .landmarks import Landmarks
 
 COLUMNS = ("name", "x", "y", "z")
 """The columns of a table of landmarks, unless others are named."""

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from .grid_checks import check_grid
-from .record import Image
+from .image import Image
 from .slabs import open_packed, read_slabs, to_hounsfield, to_labels
 
 _UNITS = {"mm": 1.0, "meter": 1000.0, "micron": 1e-3, "unknown": 1.0}

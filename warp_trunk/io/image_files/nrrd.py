@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .grid_checks import check_grid
-from .record import Image
+from .image import Image
 from .slabs import open_packed, read_slabs, to_hounsfield, to_labels
 
 _SPACES = {

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from warp_trunk.errors import InputError
 
-from .reading import ENDINGS
+from .read_surface import ENDINGS
 
 
 def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:

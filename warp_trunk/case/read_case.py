@@ -11,12 +11,12 @@ from warp_trunk.io.file_access import check_within
 from warp_trunk.io.surface_files import read_surface, surface_files
 
 from .axes import MILLIMETRES
+from .case import Case
 from .checks import CaseSource, CheckOptions, check_case, check_names
 from .frame_checks import align_pelvis
 from .header import read_header
 from .landmarks import Landmarks, landmark_file, read_landmarks
 from .layer_table import read_layers
-from .record import Case
 
 
 def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:

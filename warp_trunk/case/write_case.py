@@ -10,10 +10,10 @@ from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.surface_files import surface_files, write_surface
 
 from .axes import Axes
+from .case import Case
 from .header import CaseHeader, header_text
 from .landmarks import write_landmarks
 from .layer_table import write_layers
-from .record import Case
 
 
 def write_case(folder: str | Path, case: Case) -> None:

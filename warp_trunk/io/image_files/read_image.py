@@ -8,9 +8,9 @@ from pathlib import Path
 from warp_trunk.errors import InputError
 
 from ..file_access import MOST_SURFACE, limited_memory, read_bytes, reason
+from .image import Image
 from .nifti import parse_nifti
 from .nrrd import parse_nrrd
-from .record import Image
 
 _READERS = {
     ".nii": (parse_nifti, "nibabel"),
