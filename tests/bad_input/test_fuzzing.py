@@ -30,7 +30,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume, write_volume
-from warp_trunk.io.image_files.read_image import read_labels, read_scan
+from warp_trunk.io.image_files.image_reader import read_labels, read_scan
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.meshing import cache

@@ -2,8 +2,8 @@
 
 from .axes import Axes
 from .case import Case
+from .case_reader import read_case, read_checked_case
+from .case_writer import write_case
 from .checks import CheckOptions, check_case
-from .read_case import read_case, read_checked_case
-from .write_case import write_case
 
 __all__ = ["Axes", "Case", "CheckOptions", "check_case", "read_case", "read_checked_case", "write_case"]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.errors import InputError
-from warp_trunk.io.image_files.read_image import image_stem, read_labels, read_scan
+from warp_trunk.io.image_files.image_reader import image_stem, read_labels, read_scan
 
 VALUES = np.zeros((4, 5, 6), dtype=np.uint8)
 VALUES[1, 2, 3], VALUES[3, 4, 5] = 7, 200
@@ -124,7 +124,7 @@ def test_a_missing_package_is_named_with_the_cure(tmp_path):
         "found = u.find_spec\n"
         "u.find_spec = lambda name, *a: None if name == 'nibabel' else found(name, *a)\n"
         "from pathlib import Path\n"
-        "from warp_trunk.io.image_files.read_image import read_labels\n"
+        "from warp_trunk.io.image_files.image_reader import read_labels\n"
         f"read_labels(Path({str(nifti(tmp_path / 'a.nii'))!r}))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from warp_trunk.errors import InputError
 
-from .read_surface import ENDINGS
+from .surface_reader import ENDINGS
 
 
 def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.io.image_files.read_image import read_scan
+from warp_trunk.io.image_files.image_reader import read_scan
 
 from .mask import Mask, depth, largest_piece, reduced
 
