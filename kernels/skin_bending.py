@@ -11,11 +11,8 @@ from typing import Any
 
 import warp as wp
 
-from .elements import COLUMNS, add_gradient, curvature_adder, sums_of_blocks, vec16i
-from .reduction import adder
-
-BENDING = COLUMNS - 1
-"""Column of its energy, whichever energy the tissue has."""
+from .assembly import BENDING, add_gradient, block_sums_type, hessian_adder, vec16i
+from .vectors import sum_reducer
 
 
 @wp.func
@@ -46,7 +43,7 @@ def hinge_gradient(a: Any, b: Any, c: Any):
 
 
 @wp.func
-def turned(n: Any):
+def over_square_derivative(n: Any):
     """Derivative of n / |n|^2 in n, zero where n is zero."""
     square = wp.dot(n, n)
     identity = wp.identity(n=3, dtype=type(square))
@@ -56,7 +53,7 @@ def turned(n: Any):
 
 
 @wp.func
-def hinge_curvature(a: Any, b: Any, c: Any):
+def hinge_hessian(a: Any, b: Any, c: Any):
     """Second derivatives (aa, ab, ac, bb, cc) of the angle; bc vanishes."""
     length = wp.length(a)
     n = wp.cross(a, b)
@@ -66,12 +63,12 @@ def hinge_curvature(a: Any, b: Any, c: Any):
     along = over_square(a)
     of_b = wp.dot(along, b)
     of_c = wp.dot(along, c)
-    n_turned = length * turned(n)
-    m_turned = length * turned(m)
-    bb = -n_turned * wp.skew(a)
-    cc = m_turned * wp.skew(a)
-    ba = wp.outer(gb, along) + n_turned * wp.skew(b)
-    ca = wp.outer(gc, along) - m_turned * wp.skew(c)
+    dn = length * over_square_derivative(n)
+    dm = length * over_square_derivative(m)
+    bb = -dn * wp.skew(a)
+    cc = dm * wp.skew(a)
+    ba = wp.outer(gb, along) + dn * wp.skew(b)
+    ca = wp.outer(gc, along) - dm * wp.skew(c)
     square = wp.dot(along, along)
     db = b * square - (of_b + of_b) * along
     dc = c * square - (of_c + of_c) * along
@@ -89,11 +86,12 @@ def angle_change(angle: Any, rest_angle: Any):
 
 @cache
 def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
-    """The kernels `gradient`, `curvature` (made positive) and `true_curvature` in one precision."""
-    add, add_curvature, blocks_type = adder(cuda), curvature_adder(scalar, cuda), sums_of_blocks(scalar, cuda)
+    """The kernels `gradient`, `projected_hessian` (made positive) and `hessian` in one precision."""
+    add, add_hessian, blocks_type = sum_reducer(cuda), hessian_adder(scalar, cuda), block_sums_type(scalar, cuda)
     vec3 = wp.types.vector(3, scalar)
+    module = f"skin_bending_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False)
     def gradient_kernel(
         first: int,
         end: int,
@@ -121,9 +119,9 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             add_gradient(gradient, slab, n, -moment * (ga + gb + gc), moment * ga, moment * gb, moment * gc)
         add(sums, slab, BENDING, wp.float64(energy))
 
-    def make_curvature(positive: bool) -> wp.Kernel:
-        @wp.kernel(module="unique", enable_backward=False)
-        def curvature_kernel(
+    def make_hessian(positive: bool) -> wp.Kernel:
+        @wp.kernel(module=module, enable_backward=False)
+        def hessian_kernel(
             first: int,
             end: int,
             slab: int,
@@ -153,18 +151,18 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             cc = k * wp.outer(gc, gc)
             if not wp.static(positive):
                 moment = k * angle_change(hinge_angle(a, b, c), rest_angle[h])
-                t_aa, t_ab, t_ac, t_bb, t_cc = hinge_curvature(a, b, c)
+                t_aa, t_ab, t_ac, t_bb, t_cc = hinge_hessian(a, b, c)
                 aa += moment * t_aa
                 ab += moment * t_ab
                 ac += moment * t_ac
                 bb += moment * t_bb
                 cc += moment * t_cc
-            add_curvature(blocks, slab, tets + item, tets + h, block_of, aa, ab, ac, bb, bc, cc)
+            add_hessian(blocks, slab, tets + item, tets + h, block_of, aa, ab, ac, bb, bc, cc)
 
-        return curvature_kernel
+        return hessian_kernel
 
     return SimpleNamespace(
         gradient=gradient_kernel,
-        curvature=make_curvature(positive=True),
-        true_curvature=make_curvature(positive=False),
+        projected_hessian=make_hessian(positive=True),
+        hessian=make_hessian(positive=False),
     )

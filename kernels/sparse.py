@@ -1,17 +1,79 @@
-"""The sparse matrix of 3x3 blocks over the free nodes; for products see `row_loops` and `row_product`."""
+"""The sparse matrix of 3x3 blocks over the free nodes, and its product with a vector.
+
+On the CPU the product is a loop in C++ over the rows of a range and reads half of the blocks: a Warp item reads
+all arguments of its kernel again, which costs more than a row. On CUDA few threads share a row, each whole blocks,
+and the nine numbers of the blocks lie in nine planes, so that neighbouring threads read neighbouring numbers."""
 
 from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
 
+from .conjugate_gradient import find_beta
+from .vectors import lane_reducer, sum_reducer
+
+PLANES = 9
+"""Numbers of a block."""
+LANES = 4
+"""CUDA threads that share a row; three write a component each."""
+
+FOUR_TYPES = """
+    typedef REAL real;
+    typedef real four __attribute__((vector_size(4 * sizeof(real))));
+    typedef real loose __attribute__((vector_size(4 * sizeof(real)), aligned(sizeof(real))));
+    const auto three = [](const real* x) { return four{x[0], x[1], x[2], 0}; };
+"""
+"""`three` reads a vector of three numbers as four, which become vector instructions; `loose` reads the number
+after it, too, which is not used."""
+
+MULTIPLY = """
+    const wp::int32* __restrict__ column = columns.data;
+    const real* __restrict__ block = (const real*)blocks.data;
+    const real* __restrict__ x = (const real*)p.data;
+    real* __restrict__ y = (real*)q.data;
+    four* __restrict__ below = (four*)carried.data;
+    double product = 0.0;
+    wp::int32 k = row_start.data[first];
+    for (wp::int32 i = first; i < end; ++i) {
+        const wp::int32 last = row_start.data[i + 1];
+        const four own = three(x + 3 * i);
+        const four by_x = {own[0], own[0], own[0], own[0]};
+        const four by_y = {own[1], own[1], own[1], own[1]};
+        const four by_z = {own[2], own[2], own[2], own[2]};
+        four a = {0, 0, 0, 0}, b = a, c = a;
+        for (; k < last; ++k) {
+            const wp::int32 j = column[k];
+            const four v = three(x + 3 * j);
+            const real* m = block + 9 * k;
+            const four l = *(const loose*)m, n = *(const loose*)(m + 3), o = *(const loose*)(m + 6);
+            a += l * v;
+            b += n * v;
+            c += o * v;
+            if (j > i && j < end) below[j] += l * by_x + n * by_y + o * by_z;
+        }
+        const four sum = below[i];
+        below[i] = four{0, 0, 0, 0};
+        y[3 * i] = sum[0] + (a[0] + a[1] + a[2]);
+        y[3 * i + 1] = sum[1] + (b[0] + b[1] + b[2]);
+        y[3 * i + 2] = sum[2] + (c[0] + c[1] + c[2]);
+        product += own[0] * y[3 * i] + own[1] * y[3 * i + 1] + own[2] * y[3 * i + 2];
+    }
+    return product;
+"""
+
+
+def four_types(scalar: type) -> str:
+    """The C++ types of the row loops in one precision."""
+    return FOUR_TYPES.replace("REAL", "float" if scalar is wp.float32 else "double")
+
 
 @cache
 def sparse_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels `mirror`, for the CPU, and `invert_diagonal`, in one precision."""
+    """The kernels of the matrix for both devices, in one precision: `mirror`, `copy_blocks`, `invert_diagonal`."""
     mat33 = wp.types.matrix((3, 3), scalar)
+    module = f"sparse_{scalar.__name__}"
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False)
     def invert_diagonal_kernel(
         first: int,
         end: int,
@@ -28,7 +90,7 @@ def sparse_kernels(scalar: type) -> SimpleNamespace:
             shift = scalar(1.0e-6) * wp.trace(block) + scalar(1.0e-30)
             inverse[i] = factor * wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False)
     def mirror_kernel(
         first: int,
         end: int,
@@ -42,28 +104,159 @@ def sparse_kernels(scalar: type) -> SimpleNamespace:
         if i < end:
             blocks[0, lower[i]] = wp.transpose(blocks[0, mirrored[i]])
 
-    return SimpleNamespace(
-        mirror=mirror_kernel,
-        invert_diagonal=invert_diagonal_kernel,
-    )
-
-
-@cache
-def half_kernels(scalar: type) -> wp.Kernel:
-    """The kernel that copies some blocks, in one precision."""
-    mat33 = wp.types.matrix((3, 3), scalar)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def take_kernel(
+    @wp.kernel(module=module, enable_backward=False)
+    def copy_blocks_kernel(
         first: int,
         end: int,
         slab: int,
         taken: wp.array(dtype=wp.int32),
         blocks: wp.array(dtype=mat33, ndim=2),
-        half: wp.array(dtype=mat33),
+        copies: wp.array(dtype=mat33),
     ):
+        """Copies the blocks that the product on the CPU reads."""
         i = first + wp.tid()
         if i < end:
-            half[i] = blocks[0, taken[i]]
+            copies[i] = blocks[0, taken[i]]
 
-    return take_kernel
+    return SimpleNamespace(
+        mirror=mirror_kernel, invert_diagonal=invert_diagonal_kernel, copy_blocks=copy_blocks_kernel
+    )
+
+
+@cache
+def cpu_product_kernel(scalar: type) -> wp.Kernel:
+    """The kernel of q = A p on the CPU, in one precision; a launch has one item for each range."""
+    add = sum_reducer(False)
+    vec3, vec4 = wp.types.vector(3, scalar), wp.types.vector(4, scalar)
+    mat33 = wp.types.matrix((3, 3), scalar)
+
+    @wp.func_native(four_types(scalar) + MULTIPLY)
+    def multiply_rows(
+        first: int,
+        end: int,
+        row_start: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33),
+        p: wp.array(dtype=vec3),
+        q: wp.array(dtype=vec3),
+        carried: wp.array(dtype=vec4),
+    ) -> wp.float64: ...
+
+    @wp.kernel(module=f"cpu_product_{scalar.__name__}", enable_backward=False)
+    def multiply_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        row_start: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33),
+        iteration: wp.array(dtype=wp.int32),
+        p: wp.array(dtype=vec3),
+        q: wp.array(dtype=vec3),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        carried: wp.array(dtype=vec4),
+    ):
+        """q = A p, and the part of p . q that this range holds, kept by iteration.
+
+        A block right of the diagonal, whose column is of the same range, stands for its mirror image, too.
+        `carried` is zero before and after, shape (rows,), and the blocks have one to spare.
+        """
+        value = multiply_rows(first, end, row_start, columns, blocks, p, q, carried)
+        add(p_dot_q, iteration[0], 8 * slab, value)
+
+    return multiply_kernel
+
+
+@cache
+def cuda_product_kernels(scalar: type) -> SimpleNamespace:
+    """The kernels `split_planes` and `update_search_and_multiply` in one precision."""
+    add, add_lanes = sum_reducer(True), lane_reducer(scalar)
+    vec3 = wp.types.vector(3, scalar)
+    mat33 = wp.types.matrix((3, 3), scalar)
+    module = f"cuda_product_{scalar.__name__}"
+
+    @wp.kernel(module=module, enable_backward=False)
+    def split_planes_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        blocks: wp.array(dtype=mat33, ndim=2),
+        planes: wp.array(dtype=scalar, ndim=2),
+    ):
+        """Copies the numbers of the blocks into their planes."""
+        i = first + wp.tid()
+        if i < end:
+            block = blocks[0, i]
+            for n in range(PLANES):
+                planes[n, i] = block[n // 3, n % 3]
+
+    @wp.func_native(f"""
+    decltype(vectors.data[0] + vectors.data[0]) sum;
+    for (int k = first; k < end; k += {2 * LANES}) {{
+        #pragma unroll
+        for (int n = 0; n < 2; ++n) {{  // both are asked for before the first is waited for
+            const int block = min(k + {LANES} * n, end - 1);
+            const decltype(+sum[0]) used = k + {LANES} * n < end;
+            const decltype(sum) vector = used * vectors.data[columns.data[block]];
+            const auto* number = planes.data + block;
+            const size_t next = planes.shape[1];
+            #pragma unroll
+            for (int c = 0; c < 3; ++c)
+                sum[c] += number[3 * c * next] * vector[0] + number[(3 * c + 1) * next] * vector[1]
+                        + number[(3 * c + 2) * next] * vector[2];
+        }}
+    }}
+    return sum;
+    """)
+    def part_of_row(
+        planes: wp.array(dtype=scalar, ndim=2),
+        columns: wp.array(dtype=wp.int32),
+        vectors: wp.array(dtype=vec3),
+        first: wp.int32,
+        end: wp.int32,
+    ) -> vec3:
+        """What one of LANES threads adds to the product of a row, from its first block on."""
+        ...
+
+    @wp.kernel(module=module, enable_backward=False)
+    def update_search_and_multiply_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        row_start: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        planes: wp.array(dtype=scalar, ndim=2),
+        iteration: wp.array(dtype=wp.int32),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        z: wp.array(dtype=vec3),
+        numbers_of_z: wp.array(dtype=scalar),
+        p: wp.array(dtype=scalar),
+        q: wp.array(dtype=scalar),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """p = z + beta p and q = A p, which is A z + beta q, with p . q, in one launch; see `find_beta`."""
+        item = first + wp.tid()
+        i = item // LANES
+        c = item % LANES
+        j = iteration[0]
+        along = vec3()
+        if item < end:
+            along = part_of_row(planes, columns, z, row_start[i] + c, row_start[i + 1])
+        along = vec3(add_lanes(along[0], LANES), add_lanes(along[1], LANES), add_lanes(along[2], LANES))
+        product = wp.float64(0.0)
+        if item < end and c < 3:
+            k = 3 * i + c
+            own = wp.where(c == 0, along[0], wp.where(c == 1, along[1], along[2]))
+            beta, negative_curvature = find_beta(r_dot_z, p_dot_q, j, 1)
+            if j == 0:
+                p[k] = numbers_of_z[k]
+                q[k] = own
+            elif not negative_curvature:
+                p[k] = numbers_of_z[k] + scalar(beta) * p[k]
+                q[k] = own + scalar(beta) * q[k]
+            product = wp.float64(p[k]) * wp.float64(q[k])
+        add(p_dot_q, j, 0, product)
+
+    return SimpleNamespace(
+        split_planes=split_planes_kernel, update_search_and_multiply=update_search_and_multiply_kernel
+    )

@@ -32,7 +32,7 @@ from benchmarking.record import Record, Setting, read_records, write_records
 from marked import write_into
 
 from warp_trunk import InputError, RelaxOptions, RunOptions, SimulationOptions
-from warp_trunk.engine.model import EnergyName
+from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.parallel import choose_device
 
 Add = Callable[[str, object, str], argparse.ArgumentParser]
@@ -159,7 +159,7 @@ def plans(given: argparse.Namespace) -> None:
     """Prints the table of batches of plans."""
     options = SimulationOptions(increments=given.increments, relax=RelaxOptions(tolerance=given.tolerance))
     problem, setting = read_problem(given.problem), _setting(given)
-    measured = throughput.measure_batches(problem, setting, given.batches, options, given.at_once)
+    measured = throughput.measure_batches(problem, setting, given.batches, options)
     print(throughput.batch_table(measured))
 
 
@@ -252,7 +252,6 @@ def _add_scenes(add: Add) -> None:
     one = add("plans", plans, "how many plans of one patient are simulated in a second")
     one.add_argument("problem", help="a file made by prepare")
     one.add_argument("--batches", nargs="+", type=int, default=[1, 4, 16, 64], help="plans given at once")
-    one.add_argument("--at-once", type=int, help="how many share the device; chosen when left out")
     one.add_argument("--increments", type=int, default=1, help="of each (default %(default)s)")
     one.add_argument("--tolerance", type=float, default=0.1, help="of each [mm] (default %(default)g)")
     add_place(one)

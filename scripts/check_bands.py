@@ -19,7 +19,6 @@ from choices.errors import LANDMARK_MEAN, LANDMARK_SD, moved_landmarks
 
 from warp_trunk import (
     Case,
-    InputError,
     MeshOptions,
     Patient,
     RelaxStatus,
@@ -165,9 +164,10 @@ def simulate_drawn(
         )
         for _ in range(draws)
     ]
-    for number, (moved, end) in enumerate(zip(cases, patient.simulate_all(cases), strict=True)):
-        if isinstance(end, InputError):
-            raise end
+    options = patient.options.simulation
+    for number, moved in enumerate(cases):
+        path = prepare_plan(patient, moved).bone_path
+        *_, end = simulate(patient.model, path, options, relaxer=patient.relaxer)
         before, after = moved.landmarks_before, moved.planned_landmarks
         skin = predicted_skin(case, patient.trunk, end.displacement)
         measured, spine = measure(skin, after), spine_measures(after, curves)

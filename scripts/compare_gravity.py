@@ -22,7 +22,7 @@ from warp_trunk import (
     simulate,
     spline_path,
 )
-from warp_trunk.engine.model import EnergyName
+from warp_trunk.engine.energies.by_name import EnergyName
 
 GRAVITY = 9.81
 

@@ -19,7 +19,7 @@ from warp_trunk import (
     read_case,
     simulate,
 )
-from warp_trunk.engine.model import EnergyName
+from warp_trunk.engine.energies.by_name import EnergyName
 
 SCENES = {
     "skin, fat, muscle": Layers(),

@@ -172,7 +172,7 @@ def endings(drawn: Draw, trunk: TrunkMesh, moved: np.ndarray) -> Iterator[tuple[
             yield increment.relaxation, increment.displacement
         return
     relaxer = Relaxer(model, options)
-    relaxer.state.place(moved)
+    relaxer.state.set_displacement(moved)
     yield relaxer.relax(), relaxer.state.host_displacement()
 
 

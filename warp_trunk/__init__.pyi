@@ -6,9 +6,10 @@ from .bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner, plan_sur
 from .case import Case, read_case, write_case
 from .case.landmarks import Landmarks, read_landmarks, write_landmarks
 from .case.layers import Layers
-from .engine.many_plans import simulate_all
-from .engine.model import Model, build_model
-from .engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
+from .engine.build import build_model
+from .engine.model import Model
+from .engine.newton import Relaxer
+from .engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from .engine.sag_free import RestState, sag_free
 from .engine.simulation import Increment, SimulationOptions, simulate
 from .engine.tissue import Tissue
@@ -141,7 +142,6 @@ __all__ = [
     "sag_free",
     "sensitivities",
     "simulate",
-    "simulate_all",
     "spline_path",
     "tissue_volume_change",
     "triangulate",

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from warp_trunk import RelaxOptions, RelaxStatus
-from warp_trunk.engine.relaxation.outcome import Method
+from warp_trunk.engine.relaxation import Method
 
 from .outside import OUTSIDE, outside_curve
 from .problem import Problem, read_problem
@@ -18,6 +18,8 @@ from .timing import REPEATS, Timed, make_model, run_least, warm_up
 
 TOLERANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.001, 1e-4)
 """Points of Newton's curve [mm]."""
+TOLERANCE = 0.01
+"""Of the gradient methods [mm]."""
 FIRST_STEPS = 10
 """Steps for each increment at the first point of a gradient method's curve."""
 GROWTH = math.sqrt(10.0)
@@ -103,10 +105,10 @@ def points(
             if timed.seconds > limit or timed.last.status is not RelaxStatus.CONVERGED:
                 return
         return
-    warm_up(model, path, RelaxOptions(method=method, max_steps=2))
+    warm_up(model, path, RelaxOptions(method=method, tolerance=TOLERANCE, max_steps=2))
     steps = FIRST_STEPS
     while True:
-        relax = RelaxOptions(method=method, max_steps=steps)
+        relax = RelaxOptions(method=method, tolerance=TOLERANCE, max_steps=steps)
         timed = run_least(model, path, relax, repeats=repeats)
         yield relax, model_seconds, timed
         # what a run costs follows its steps: the last one is made to take just the limit

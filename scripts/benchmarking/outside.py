@@ -65,7 +65,7 @@ class _Minimisation:
         self.problem, self.limit = problem, limit
         self.model = make_model(problem, setting)
         self.state = State(self.model)
-        self.state.place(problem.bone_path().at(1.0))
+        self.state.set_displacement(problem.bone_path().at(1.0))
         self.state.evaluate()  # loads the kernel
         self.host = self.state.displacement.numpy().copy()
         self.evaluations = self.iterations = 0

@@ -26,7 +26,7 @@ from warp_trunk import (
     spline_path,
 )
 from warp_trunk.bone_motion.bone_path import RigidBones
-from warp_trunk.engine.model import EnergyName
+from warp_trunk.engine.energies.by_name import EnergyName
 
 TRUTH_TOLERANCE = 1e-6
 """Estimated distance from equilibrium of the solution that errors are measured against [mm]."""

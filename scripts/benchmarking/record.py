@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk import InputError
-from warp_trunk.engine.model import EnergyName
+from warp_trunk.engine.energies.by_name import EnergyName
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ from warp_trunk import (
     measure,
     simulate,
 )
-from warp_trunk.engine.model import EnergyName, WeightsName
+from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.state import State
 
 from .problem import Problem
@@ -130,7 +130,7 @@ def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
 def evaluation_ms(model: Model, displacement: np.ndarray) -> float:
     """Median time of energy and gradient at a displacement (nodes, 3) [ms]."""
     state = State(model)
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     spent = []
     for _ in range(EVALUATIONS):

@@ -1,4 +1,4 @@
-"""How many plans of one patient are simulated in a second, several at once."""
+"""How many plans of one patient are simulated in a second."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from warp_trunk import (
     RelaxOptions,
     RelaxStatus,
     SimulationOptions,
-    simulate_all,
+    simulate,
     spline_path,
 )
 
@@ -56,31 +56,30 @@ class Batch:
 
 
 def measure_batches(
-    problem: Problem, setting: Setting, batches: Sequence[int], options: SimulationOptions, at_once: int | None
+    problem: Problem, setting: Setting, batches: Sequence[int], options: SimulationOptions
 ) -> list[Batch]:
     """Simulates batches of drawn plans of the problem's trunk; kernels are compiled, and relaxers made, before."""
     model = make_model(problem, setting)
     paths = drawn_paths(problem, max(batches), setting.device)
     exact = SimulationOptions(increments=options.increments, relax=RelaxOptions(tolerance=TRUTH_TOLERANCE))
-    truths = [end.displacement for end in _ends(model, paths, exact, Relaxer(model, exact.relax), 1)]
-    return [_batch(model, paths[:count], options, at_once, truths) for count in batches]
+    truths = [end.displacement for end in _ends(model, paths, exact, Relaxer(model, exact.relax))]
+    return [_batch(model, paths[:count], options, truths) for count in batches]
 
 
 def _batch(
     model: Model,
     paths: list[BonePath],
     options: SimulationOptions,
-    at_once: int | None,
     truths: Sequence[np.ndarray],
 ) -> Batch:
     relaxer = Relaxer(model, options.relax)
     before = _free_memory(model)
-    ends = _ends(model, paths, options, relaxer, at_once)  # relaxers are made
+    ends = _ends(model, paths, options, relaxer)  # relaxers are made
     taken = None if before is None else 1e-6 * (before - (_free_memory(model) or 0))
     seconds = []
     for _ in range(REPEATS):
         start = time.perf_counter()
-        ends = _ends(model, paths, options, relaxer, at_once)
+        ends = _ends(model, paths, options, relaxer)
         seconds.append(time.perf_counter() - start)
     return Batch(
         plans=len(paths),
@@ -95,11 +94,8 @@ def _batch(
     )
 
 
-def _ends(
-    model: Model, paths: list[BonePath], options: SimulationOptions, relaxer: Relaxer, at_once: int | None
-) -> list[Increment]:
-    found = simulate_all(model, paths, options, at_once=at_once, relaxer=relaxer)
-    return [end for end in found if isinstance(end, Increment)]
+def _ends(model: Model, paths: list[BonePath], options: SimulationOptions, relaxer: Relaxer) -> list[Increment]:
+    return [list(simulate(model, path, options, relaxer=relaxer))[-1] for path in paths]
 
 
 def drawn_paths(problem: Problem, count: int, device: str) -> list[BonePath]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from warp_trunk import RelaxOptions, SimulationOptions, Tissue
-from warp_trunk.engine.model import EnergyName, WeightsName
+from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ import warp as wp
 from benchmarking.process import be_quiet
 
 from warp_trunk import BonePath, RelaxOptions, SimulationOptions, Tissue, TrunkMesh, build_model, simulate
-from warp_trunk.engine.relaxation import Relaxer
+from warp_trunk.engine.newton import Relaxer
 
 from .task import Task
 from .timing import Peer, main, peer_of

@@ -19,10 +19,9 @@ from label_maps.voxelise import write_labels
 from support.biplanar import biplanar
 from support.draws import Draws, fresh_seeds
 from support.mutations import damaged
-from support.report_results import result_model, write_small_result
+from support.report_results import write_small_result
 from support.small_case import small_case
-from support.small_trunk import boned_case, made_up_increments
-from support.small_trunk import small_case as small_trunk_case
+from support.small_trunk import boned_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import read_landmarks, write_landmarks
 from warp_trunk.case.layer_table import read_numbers
@@ -40,7 +39,6 @@ from warp_trunk.preparation.reconstruction import read_film
 from warp_trunk.preparation.reconstruction.films import read_projection
 from warp_trunk.preparation.scanning import read_transform
 from warp_trunk.results import read_result
-from warp_trunk.results.checkpoint import Checkpoint
 
 VTK = Path(__file__).parents[1] / "support" / "vtk_files"
 PYRAMID = read_surface(VTK / "ascii.vtp")
@@ -104,28 +102,6 @@ def cached_file(path: Path) -> None:
     cache.store_cached("0" * 64, boned_case()[1])
 
 
-def checkpoint_file(path: Path) -> None:
-    Checkpoint(path.parents[1], {}).save(made_up_increments(small_trunk_case()[1])[0])
-
-
-def read_checkpoint(path: Path) -> object:
-    return Checkpoint(path.parents[1], {}).increments(result_model())
-
-
-def record_file(path: Path) -> None:
-    checkpoint_file(path.parent / "checkpoint" / "increment_01.npz")
-    with np.load(path.parent / "checkpoint" / "increment_01.npz") as file:
-        path.write_text(str(file["record"]))
-
-
-def read_record(path: Path) -> object:
-    """The same with the damage inside, where no checksum tells it."""
-    packed = path.parent / "checkpoint" / "increment_01.npz"
-    record = np.array(path.read_bytes().decode("latin-1"))
-    np.savez(packed, displacement=np.zeros_like(result_model().rest), record=record)
-    return read_checkpoint(packed)
-
-
 def read_volume_of_case(path: Path) -> object:
     case = boned_case()[0]
     return read_volume(path, case.skin, case.bones)
@@ -170,8 +146,6 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
     "trunk.vtu": ("a.vtu", volume_file, read_trunk),
     **{name: (f"a{name}", volume_file, read_volume_of_case) for name in (".vtu", ".vtk", ".xdmf", ".msh", ".inp")},
     "mesh cache": (f"mesh-{'0' * 64}.npz", cached_file, lambda path: cache.load_cached("0" * 64)),
-    "checkpoint": ("checkpoint/increment_01.npz", checkpoint_file, read_checkpoint),
-    "checkpoint record": ("record.json", record_file, read_record),
     **{name: (name, lambda path: write_small_result(path.parent), lambda path: read_result(path.parent))
        for name in ("summary.json", "landmarks_after.csv")},
 }  # fmt: skip

@@ -121,10 +121,10 @@ def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., i
 
 
 def test_only_convergence_ends_with_zero(commands: Callable[..., int], tmp_path: Path) -> None:
-    assert commands(tmp_path, "--max-steps=1", "--no-record") == NOT_CONVERGED
+    assert commands(tmp_path, "--max-steps=1", "--tolerance=1e-4", "--no-record") == NOT_CONVERGED
 
 
-def test_an_interrupt_is_told_with_what_to_do_next(
+def test_an_interrupt_ends_in_one_line(
     commands: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Interrupted(io.StringIO):
@@ -138,7 +138,7 @@ def test_an_interrupt_is_told_with_what_to_do_next(
     said = Interrupted()
     monkeypatch.setattr("sys.stderr", said)
     assert commands(tmp_path, "--no-record") == INTERRUPTED
-    assert "interrupted; --resume" in said.getvalue()
+    assert said.getvalue().endswith("warp-trunk: interrupted\n")
 
 
 def test_make_case_writes_a_case_of_the_curve_asked_for(

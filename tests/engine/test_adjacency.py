@@ -12,7 +12,7 @@ import warp as wp
 from support.meshes import block, block_with_bone, single_tet
 from support.threads import split_launches
 from warp_trunk.engine.adjacency import Adjacency, pieces
-from warp_trunk.engine.features import EDGES, FACES
+from warp_trunk.engine.energies.itmsm import EDGES, FACES
 from warp_trunk.engine.parallel import Parallel
 
 MESHES = {

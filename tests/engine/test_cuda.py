@@ -11,13 +11,13 @@ from support.continuum import Continuum
 from support.meshes import block_with_bone, rotation, with_skin
 from support.reference import Reference
 from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.model import EnergyName, build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus, multilevel
-from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
-from warp_trunk.engine.relaxation.conjugate_gradient import WINDOW, ConjugateGradient
-from warp_trunk.engine.relaxation.dots import Dots
-from warp_trunk.engine.relaxation.multilevel import Multilevel
-from warp_trunk.engine.relaxation.outcome import Method
+from warp_trunk.engine import grids
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.linear import WINDOW, BlockMatrix, ConjugateGradient, Dots
+from warp_trunk.engine.multigrid import Multigrid
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import Method, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
@@ -43,7 +43,7 @@ def test_energies_are_those_of_numpy(precision: str, tolerance: float, gravity: 
     model = build_model(TRUNK, gravity=gravity, device="cuda:0", precision=precision)
     displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
     state = State(model)
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     energy, inverted, _ = state.read()
     expected = Reference(TRUNK, Tissue(), gravity).energies(displacement)
@@ -64,7 +64,7 @@ def test_energies_of_a_layered_continuum_are_those_of_numpy(
     )
     displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
     state = State(model)
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     energy, reference = state.energy(), Continuum(trunk, tissues, gravity)
     for term, value in reference.energies(displacement).items():
@@ -85,11 +85,11 @@ def test_a_skin_that_resists_bending_is_that_of_the_cpu(
             with_skin(TRUNK), energy=energy, skin_rigidity=30.0, device=device, precision=precision
         )
         state = State(model)
-        state.place(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
+        state.set_displacement(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
         state.evaluate()
         matrix = BlockMatrix(state)
         given = [np.array(list(state.energy().terms.values())), state.gradient.numpy().copy()]
-        for assemble in (matrix.assemble, matrix.assemble_true):
+        for assemble in (matrix.assemble_projected, matrix.assemble_true):
             assemble()
             given.append(matrix.blocks.numpy()[0].copy())
         found.append(given)
@@ -111,10 +111,10 @@ def test_a_trunk_with_stiff_skin_relaxes_as_on_the_cpu(energy: EnergyName) -> No
 def stretched(device: str, precision: str) -> tuple[State, BlockMatrix]:
     """A block whose nodes are not at rest, and its curvature."""
     state = State(build_model(TRUNK, device=device, precision=precision))
-    state.place(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
+    state.set_displacement(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
     state.evaluate()
     matrix = BlockMatrix(state)
-    matrix.assemble()
+    matrix.assemble_projected()
     return state, matrix
 
 
@@ -125,11 +125,11 @@ ONE_GRID_OR_MORE = pytest.mark.parametrize("finest_spacing", [1.15, 0.3])
 @pytest.mark.skipif("cpu" not in map(str, wp.get_devices()), reason="Warp has no CPU device on this machine")
 def test_cpu_and_cuda_solve_alike(finest_spacing: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same solution to the last digits, and as much work for it."""
-    monkeypatch.setattr(multilevel, "FINEST_SPACING", finest_spacing)
+    monkeypatch.setattr(grids, "FINEST_SPACING", finest_spacing)
     solutions, iterations = [], []
     for device in ("cpu", "cuda:0"):
         state, matrix = stretched(device, "float64")
-        solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
+        solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
         iterations.append(solver.solve(1e-9, 0.0).iterations)
         solutions.append(solver.solution.numpy())
     assert np.abs(solutions[0] - solutions[1]).max() < 1e-8
@@ -141,12 +141,12 @@ def test_cpu_and_cuda_solve_alike(finest_spacing: float, monkeypatch: pytest.Mon
 def test_the_preconditioner_is_symmetric_and_positive(
     precision: str, tolerance: float, finest_spacing: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(multilevel, "FINEST_SPACING", finest_spacing)
+    monkeypatch.setattr(grids, "FINEST_SPACING", finest_spacing)
     state, matrix = stretched("cuda:0", precision)
     model, generator = state.model, np.random.default_rng(3)
     r, z = model.free_vectors(), model.free_vectors()
-    dots = Dots.unread(model)
-    apply = Multilevel(matrix).apply(r, z, dots)
+    dots = Dots.zero(model)
+    apply = Multigrid(matrix).apply(r, z, dots)
     given = [generator.normal(size=(model.free_nodes, 3)) for _ in range(2)]
     found, products = [], []
     for vectors in given:
@@ -203,5 +203,5 @@ def test_a_continuum_ends_at_an_equilibrium_that_numpy_confirms(precision: str) 
 
 def test_says_stalled_where_float32_cannot_reach_the_tolerance() -> None:
     relaxer = Relaxer(build_model(TRUNK, device="cuda:0"), RelaxOptions(tolerance=1e-9))
-    relaxer.state.place(turning_path().at(1.0))
+    relaxer.state.set_displacement(turning_path().at(1.0))
     assert relaxer.relax().status is RelaxStatus.STALLED

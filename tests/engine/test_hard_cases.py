@@ -30,7 +30,7 @@ from support.hard_cases import (
 )
 from support.meshes import block, trunk
 from support.reference import volumes
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh

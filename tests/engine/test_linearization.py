@@ -9,9 +9,11 @@ import pytest
 
 from support.meshes import block_with_bone, with_skin
 from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.constants import SKIN_RIGIDITY, Constant, constants_of, parts_derivative, value_of
+from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.engine.model import EnergyName, Model, WeightsName, build_model
+from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
@@ -234,7 +236,7 @@ def test_the_rest_of_the_way_leads_to_the_equilibrium(
     *_, early = simulate(model, BonePath(move), few)
     assert early.relaxation.status is RelaxStatus.STEP_LIMIT
     way = settle(model, move).displacement - early.displacement
-    found = Linearization(model, early, accuracy=1e-10, unconfirmed=True).rest_of_way()
+    found = Linearization(model, early, accuracy=1e-10, unconfirmed=True).newton_correction()
     assert np.linalg.norm(way) > 1e-6
     assert np.linalg.norm(found - way) < 0.1 * np.linalg.norm(way)
 

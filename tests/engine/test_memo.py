@@ -11,9 +11,9 @@ import pytest
 from support.meshes import block_with_bone, rotate
 from support.threads import split_launches
 from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.memo import Memo
-from warp_trunk.engine.model import build_model
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh

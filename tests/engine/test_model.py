@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, grid, single_tet, trunk
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.itmsm import Itmsm
-from warp_trunk.engine.model import build_model
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from warp_trunk.engine.ordering import bisect, stable_order
+from warp_trunk.engine.ordering import bisect
 
 POINTS = np.random.default_rng(0).uniform(size=(1000, 3)) * [10.0, 3.0, 1.0]
 
@@ -50,12 +50,3 @@ def test_no_point() -> None:
 def test_is_the_same_every_time() -> None:
     one, two = bisect(POINTS, 37), bisect(POINTS.copy(), 37)
     assert (one[0] == two[0]).all()
-
-
-@pytest.mark.parametrize("most", [1, 50, 1 << 62])
-def test_a_stable_order_is_numpys(most: int) -> None:
-    """Also where a key and a place do not fit into one number."""
-    keys = np.random.default_rng(2).integers(0, most, 500)
-    keys[::3] = keys[0]
-    np.testing.assert_array_equal(stable_order(keys), np.argsort(keys, kind="stable"))
-    assert len(stable_order(keys[:0])) == 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads, in_turn
+from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads, in_sequence
 from warp_trunk.errors import InputError
 
 
@@ -80,7 +80,7 @@ def test_a_captured_loop_does_its_launches_one_after_the_other(threads: int) -> 
 
     def work() -> None:
         parallel.once(lambda: left.fill_(turns))()
-        wp.capture_while(left, in_turn(there, back, count))
+        wp.capture_while(left, in_sequence(there, back, count))
 
     run = parallel.capture(work)
     one.assign(np.arange(size, dtype=np.int32))

@@ -9,8 +9,11 @@ from support.continuum import Continuum
 from support.meshes import block_with_bone, grid, rotate, trunk
 from support.reference import Reference
 from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.model import EnergyName, Model, build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.state import State
@@ -84,7 +87,7 @@ def test_surgery_is_measured_from_the_scan_whatever_the_increments() -> None:
     held = BARE.prescribed
     assert (one[held] == path[held]).all()
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-4))
-    relaxer.state.place(path)
+    relaxer.state.set_displacement(path)
     relaxer.relax()
     assert np.abs(relaxer.state.host_displacement() - one).max() < 1e-3
 

@@ -9,8 +9,9 @@ from support.meshes import block, block_with_bone, rotate
 from support.reference import Reference
 from support.threads import split_launches
 from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError

@@ -9,10 +9,12 @@ import pytest
 
 from support.meshes import block, block_with_bone, rotate, rotation, with_skin
 from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.linear import BlockMatrix
 from warp_trunk.engine.memo import Memo
-from warp_trunk.engine.model import EnergyName, build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.state import State
@@ -26,8 +28,7 @@ RIGIDITY = 30.0
 
 def dense(matrix: BlockMatrix) -> np.ndarray:
     """The matrix over the free nodes."""
-    start: np.ndarray = matrix.sparsity.row_start.numpy()
-    columns: np.ndarray = matrix.sparsity.columns.numpy()
+    start, columns = matrix.model.pattern.row_start, matrix.model.pattern.columns
     size = len(start) - 1
     found = np.zeros((size, size, 3, 3))
     found[np.repeat(np.arange(size), np.diff(start)), columns] = matrix.blocks.numpy()[0]
@@ -49,7 +50,7 @@ def test_the_matrix_is_that_of_differences_of_the_gradient(energy: EnergyName, t
     )
     assert model.terms[-1] == "bending"
     random, state = np.random.default_rng(1), State(model)
-    state.place(0.5 * random.normal(size=TRUNK.nodes.shape))
+    state.set_displacement(0.5 * random.normal(size=TRUNK.nodes.shape))
     matrix = BlockMatrix(state)
     matrix.assemble_true()
     state.evaluate()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.gathering import (
+from warp_trunk.kernels.assembly import (
     KEPT,
     NUMBERS,
     PAIRS,
@@ -18,8 +18,7 @@ from warp_trunk.kernels.gathering import (
 )
 
 from support.meshes import block_with_bone
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation.sparsity import find_sparsity
+from warp_trunk.engine.build import build_model
 
 TRUNK = block_with_bone((4, 3, 3), holes=((1, 1, 1),))
 
@@ -27,8 +26,7 @@ TRUNK = block_with_bone((4, 3, 3), holes=((1, 1, 1),))
 @pytest.mark.parametrize("upper", [False, True])
 def test_the_blocks_of_rows_are_those_of_the_columns(upper: bool) -> None:
     model = build_model(TRUNK, device="cpu")
-    sparsity = find_sparsity(model)
-    row_start, columns = sparsity.row_start.numpy(), sparsity.columns.numpy()
+    row_start, columns = model.pattern.row_start, model.pattern.columns
     place = np.zeros((len(model.corners), 16), dtype=np.uint16)
     both = np.all([model.is_free(model.corners[:, pair]) for pair in np.divmod(np.arange(16), 4)], axis=0)
     for tet, pair in np.argwhere(both):

@@ -65,7 +65,7 @@ class Corners:
         blocks = wp.zeros((1, 16 * count), dtype=wp.mat33d, device="cpu")
         places = self.array(np.arange(16 * count).reshape(-1, 16), wp.types.vector(16, wp.int32))
         inputs = [0, count, 0, *self.elements, places, self.array(displacement.reshape(-1, 3), wp.vec3d)]
-        wp.launch(self.kernels.curvature, 1, inputs, [blocks], device="cpu")
+        wp.launch(self.kernels.projected_hessian, 1, inputs, [blocks], device="cpu")
         return blocks.numpy().reshape(count, 4, 4, 3, 3).transpose(0, 1, 3, 2, 4).reshape(count, 12, 12)
 
     def exact_curvature(self, displacement: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.reduction import columns_adder, largest_keeper
+from warp_trunk.kernels.vectors import max_reducer, sums_reducer
 
 from warp_trunk.engine.parallel import Parallel
 
@@ -21,7 +21,7 @@ ROW, COLUMN = 1, 2
 
 def reducing_kernel(cuda: bool, count: int) -> Any:
     """A kernel that adds up the items of a table, and keeps the largest of its first column."""
-    add, keep_largest = columns_adder(cuda, count), largest_keeper(cuda)
+    add, keep_largest = sums_reducer(cuda, count), max_reducer(cuda)
     values_type: Any = wp.types.vector(count, wp.float64)
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.stable_neo_hookean import neo_hookean
+from warp_trunk.kernels.neo_hookean import neo_hookean
 
 from support.continuum import lame, parts, stress
 from support.deformations import TETS, deformations

@@ -5,15 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.elements import COLUMNS
-from warp_trunk.kernels.formulas import TetFormulas
-from warp_trunk.kernels.gathering import vec16i
+from warp_trunk.kernels.assembly import COLUMNS, vec16i
 from warp_trunk.kernels.itmsm import itmsm_formulas
 from warp_trunk.kernels.neo_hookean import neo_hookean_formulas
-from warp_trunk.kernels.tet_kernels import item_kernels, tet_kernels
+from warp_trunk.kernels.tets import TetFormulas, item_kernels, tet_kernels
 
 from support.meshes import block
-from warp_trunk.engine.model import PRECISIONS, EnergyName, Model, build_model
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.rest_mesh import PRECISIONS
 from warp_trunk.engine.tissue import Tissue
 
 ROUNDING = {"float32": 3e-6, "float64": 1e-14}
@@ -86,7 +87,7 @@ def test_are_what_warp_compiles_for_one(energy: EnergyName, gravity: float, prec
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ROUNDING[precision] * np.abs(theirs).max())
         np.testing.assert_array_equal(found[1], wanted[1])
         assert wanted[1].any() or count < tets
-        for name in ("curvature", "true_curvature"):
+        for name in ("projected_hessian", "hessian"):
             ours = blocks(model, getattr(loops, name), 1, first, end)
             theirs = blocks(model, getattr(items, name), count, first, end)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ROUNDING[precision] * np.abs(theirs).max())

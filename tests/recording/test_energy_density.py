@@ -5,7 +5,7 @@ import pytest
 
 from support.meshes import block_with_bone
 from support.small_trunk import small_trunk
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.recording.energy_density import energy_density, tet_energies
@@ -17,7 +17,7 @@ def test_tetrahedra_add_up_to_the_model(energy):
     model = build_model(trunk, Tissue(epsilon=0.7, theta=3.0), energy=energy, device="cpu", precision="float64")
     displacement = np.random.default_rng(2).normal(scale=0.5, size=trunk.nodes.shape)
     state = State(model)
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     parts = tet_energies(model, np.arange(len(model.corners)), displacement)
     assert (parts > 0.0).all()

@@ -13,8 +13,7 @@ import rerun as rr
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.bone_motion.bone_path import spline_path
-from warp_trunk.engine.energies.energy import Energy
-from warp_trunk.engine.relaxation import RelaxStep
+from warp_trunk.engine.relaxation import Energy, RelaxStep
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 

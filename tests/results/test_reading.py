@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from support.small_trunk import made_up_increments, small_case
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.build import build_model
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface

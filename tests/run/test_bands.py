@@ -11,7 +11,7 @@ import pytest
 
 from support.small_trunk import boned_case
 from warp_trunk.case.uncertainty import CERTAIN, Uncertainty
-from warp_trunk.engine.relaxation import Relaxer
+from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure

@@ -6,7 +6,7 @@ from typing import Literal
 
 import pytest
 
-from warp_trunk.engine.model import EnergyName, WeightsName
+from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import SKIN_RIGIDITY, RunOptions, parameters
 

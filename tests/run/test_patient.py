@@ -12,7 +12,7 @@ from support.small_trunk import small_case
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.layers import Layers
-from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
@@ -102,16 +102,3 @@ def test_a_copy_of_the_patient_is_the_patient(patient: Patient) -> None:
 def test_other_options_than_the_patients_are_refused(patient: Patient, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="other options"):
         run_case(planned(5.0), tmp_path, replace(OPTIONS, energy="neo-hookean"), warnings=(), patient=patient)
-
-
-def test_many_plans_of_hers_end_as_each_does_alone(patient: Patient) -> None:
-    cases = [planned(12.0), replace(CASE, landmarks_after=None), planned(-7.0), replace(planned(3.0), bones={})]
-    first, nothing, second, other = patient.simulate_all(cases)
-    for case, end in ((cases[0], first), (cases[2], second)):
-        assert isinstance(end, Increment)
-        *_, last = simulate(patient.model, prepare_plan(patient, case).bone_path, OPTIONS.simulation)
-        assert np.array_equal(end.displacement, last.displacement)
-    assert isinstance(nothing, InputError)
-    assert "landmarks_after" in str(nothing)
-    assert isinstance(other, InputError)
-    assert "bone T10" in str(other)

@@ -1,4 +1,4 @@
-"""One whole run: a mesh made elsewhere, what lies in the result folder, and runs that were interrupted."""
+"""One whole run: a mesh made elsewhere, what lies in the result folder, and runs that are interrupted."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FILES = {
 
 
 class InterruptedBefore(Progress):
-    """Has a run be interrupted before it has kept an increment."""
+    """Interrupts a run after an increment."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -130,52 +130,21 @@ def test_bands_are_told_where_they_are_asked_for(case: Case, mesh: Path, tmp_pat
     assert summary.parameters["bands"] == bands
 
 
-def test_an_interrupted_run_is_resumed_with_all_its_increments(
-    case: Case, mesh: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_an_interrupted_run_leaves_its_recording_and_the_next_one_replaces_it(
+    case: Case, mesh: Path, tmp_path: Path
 ) -> None:
     whole, out = tmp_path / "whole", tmp_path / "out"
     simulated(case, whole, mesh)
     with pytest.raises(KeyboardInterrupt):
         simulated(case, out, mesh, InterruptedBefore(3))
-    assert {path.name for path in out.iterdir()} == {"checkpoint", "recording.partial.rrd"}
+    assert {path.name for path in out.iterdir()} == {"recording.partial.rrd"}
     assert find_recording(out) == out / "recording.partial.rrd"
-    with pytest.raises(InputError, match="2 of 3 increments"):
+    with pytest.raises(InputError):
         read_result(out)
-    simulated(case, out, mesh, resume=True)
-    assert "going on after increment 2 of 3" in capsys.readouterr().err
+    simulated(case, out, mesh)
+    assert {path.name for path in out.iterdir()} == {path.name for path in whole.iterdir()}
     for name in ("predicted_skin.ply", "trunk.vtu"):
         assert (out / name).read_bytes() == (whole / name).read_bytes()
-    one, other = (
-        column(folder / "recording.rrd", "/now/skin/displacement", "vertex_positions") for folder in (whole, out)
-    )
-    assert {0, 1, 2, 3} <= one.keys() == other.keys()
-    for increment in (0, 1, 2, 3):
-        np.testing.assert_array_equal(one[increment], other[increment])
-    assert len(json.loads((out / "summary.json").read_text())["increments"]) == 3
-
-
-def test_what_cannot_be_resumed_is_said_before_any_work(case: Case, mesh: Path, tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt):
-        simulated(case, tmp_path / "out", mesh, InterruptedBefore(2), record=False)
-    progress = Progress()
-    with pytest.raises(InputError, match="'bones' was spline and is follow") as refusal:
-        simulated(case, tmp_path / "out", mesh, progress, record=False, resume=True, bones="follow")
-    assert "leave --resume out" in str(refusal.value)
-    assert set(progress.seconds) == {"mesh"}  # what was asked had to be read, and no more was done
-
-
-def test_a_run_anew_removes_what_was_interrupted_and_nothing_to_resume_is_said(
-    case: Case, mesh: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    with pytest.raises(KeyboardInterrupt):
-        simulated(case, out, mesh, InterruptedBefore(2))
-    assert (out / "recording.partial.rrd").exists()
-    simulated(case, out, mesh, record=False)
-    assert "removed, an interrupted simulation" in capsys.readouterr().err
-    assert not list(out.glob("checkpoint")) + list(out.glob("recording*"))
-    simulated(case, out, mesh, record=False, resume=True)
-    assert "nothing to resume; starting from the beginning" in capsys.readouterr().err
 
 
 def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(

@@ -15,8 +15,9 @@ from support.small_trunk import LEVELS, boned_case
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.layers import FAT_THICKNESS, SKIN_THICKNESS, Layers
-from warp_trunk.engine.model import EnergyName
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh

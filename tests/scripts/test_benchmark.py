@@ -268,7 +268,7 @@ def test_run_needs_numpy_and_warp_alone(tmp_path: Path) -> None:
 def test_batches_of_plans_are_as_near_as_they_claim() -> None:
     setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
     options = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=0.1))
-    one, three = measure_batches(problem(), setting, [1, 3], options, at_once=2)
+    one, three = measure_batches(problem(), setting, [1, 3], options)
     for batch, plans in ((one, 1), (three, 3)):
         assert (batch.plans, batch.converged, batch.device_mb) == (plans, plans, None)
         assert 0.0 < batch.error_mm <= batch.claimed_mm <= 0.1

@@ -10,8 +10,9 @@ from finite_elements.neo_hookean import NeoHookean
 from finite_elements.newton import equilibrium
 from finite_elements.solid import Solid, weight
 
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
@@ -43,7 +44,7 @@ def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float
         trunk, tissue, energy="neo-hookean", gravity=gravity, precision="float64", device="cpu", threads=1
     )
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-7))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     relaxation = relaxer.relax()
     assert relaxation.status is RelaxStatus.CONVERGED, relaxation
     state = relaxer.state

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.model import EnergyName, build_model
-from warp_trunk.engine.relaxation import Relaxation, Relaxer, RelaxOptions
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import Relaxation, RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -72,7 +74,7 @@ def end(case: Case) -> Ending:
             assert step.relaxation.steps <= case.most_steps
         return Ending(steps[-1].relaxation, steps[-1].displacement, 0)
     relaxer = Relaxer(model, options)
-    relaxer.state.place(case.displacement)
+    relaxer.state.set_displacement(case.displacement)
     relaxation = relaxer.relax()
     displacement = relaxer.state.host_displacement()
     rest = volumes(case.trunk.nodes, case.trunk.tets)

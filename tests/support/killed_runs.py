@@ -1,4 +1,4 @@
-"""Runs that are killed and resumed, as a program: its kernels are loaded once, then each run is a fork.
+"""Runs that are killed and run again, as a program: its kernels are loaded once, then each run is a fork.
 
     cd tests; python -m support.killed_runs FOLDER SEED MOMENTS
 
@@ -142,7 +142,7 @@ def main(folder: Path, seed: int, moments: int) -> None:
     assert status(child) == 0
     taken = time.perf_counter() - began
     whole = contents(folder / "whole")
-    moves = INCREMENTS - 1 + len(whole) + 1  # checkpoints, files and the recording
+    moves = len(whole) + 1  # files and the recording
     plan: list[tuple[str, float]] = [("move", n) for n in range(moves)]
     plan += [("second", s) for s in np.random.default_rng(seed).uniform(0.0, taken, moments).tolist()]
     for number, (kind, when) in enumerate(plan):
@@ -153,15 +153,13 @@ def main(folder: Path, seed: int, moments: int) -> None:
             os.kill(child, signal.SIGKILL)
         ended = status(child)
         left = contents(folder / name)
-        checkpoint = folder / name / "checkpoint"
         row = {
             "kind": kind,
             "when": when,
             "ended": ended,
-            "checkpoints": len(list(checkpoint.glob("increment_0?.npz"))),
             "files": sorted(left),
             "half written": [file for file in left if left[file] != whole[file]],
-            "resumed": status(forked(partial(simulate, name, resume=True))),
+            "next": status(forked(partial(simulate, name))),
         }
         now = contents(folder / name)
         row["different"] = [file for file in whole if now.get(file) != whole[file]]

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.results import write_result

@@ -11,8 +11,7 @@ import numpy as np
 from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
-from warp_trunk.engine.energies.energy import Energy
-from warp_trunk.engine.relaxation import Relaxation, RelaxStatus
+from warp_trunk.engine.relaxation import Energy, Relaxation, RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure

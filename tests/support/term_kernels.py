@@ -8,10 +8,15 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from warp_trunk.kernels.area import area_curvature, area_term
-from warp_trunk.kernels.distance import distance_curvature, distance_term
-from warp_trunk.kernels.gravity import gravity_term
-from warp_trunk.kernels.volume import volume_gradients, volume_term
+from warp_trunk.kernels.itmsm import (
+    area_hessian,
+    area_term,
+    distance_hessian,
+    distance_term,
+    volume_gradients,
+    volume_term,
+)
+from warp_trunk.kernels.tets import gravity_term
 
 WEIGHT = 1.7
 
@@ -30,7 +35,7 @@ def distance_kernel(
     e, g = distance_term(rest[t, 0], change[t, 0], measure[t], weight)
     energy[t] = e
     gradient[t, 0] = g
-    curvature[t, 0, 0] = distance_curvature(rest[t, 0], change[t, 0], measure[t], weight, True)
+    curvature[t, 0, 0] = distance_hessian(rest[t, 0], change[t, 0], measure[t], weight, True)
 
 
 @wp.kernel(enable_backward=False)
@@ -48,7 +53,7 @@ def area_kernel(
     energy[t] = e
     gradient[t, 0] = ga
     gradient[t, 1] = gb
-    aa, ab, bb = area_curvature(rest[t, 0], rest[t, 1], change[t, 0], change[t, 1], measure[t], weight, True)
+    aa, ab, bb = area_hessian(rest[t, 0], rest[t, 1], change[t, 0], change[t, 1], measure[t], weight, True)
     curvature[t, 0, 0] = aa
     curvature[t, 0, 1] = ab
     curvature[t, 1, 0] = wp.transpose(ab)

@@ -8,7 +8,7 @@ import pytest
 
 from support.small_trunk import small_case
 from warp_trunk.bone_motion.bone_path import BonePath, spline_path
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue

@@ -10,9 +10,11 @@ from scipy.optimize import brentq
 from support.continuum import Continuum, parts
 from support.meshes import block, block_with_bone, rotate, rotation, trunk
 from support.threads import split_launches
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.neo_hookean import stable_moduli
-from warp_trunk.engine.model import Model, build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -41,7 +43,7 @@ def continuum(mesh: TrunkMesh, tissue: Tissue | tuple[Tissue, ...], **options: A
 
 def evaluated(model: Model, displacement: np.ndarray) -> State:
     state = State(model)
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     return state
 
@@ -152,7 +154,7 @@ def test_a_bar_pulled_with_free_sides(pull: float, ratio: float) -> None:
     b = float(brentq(across, 0.3, 2.0, xtol=1e-14))  # pyright: ignore[reportArgumentType]
     wanted = nodes * [b, b, pull] - nodes
     relaxer = Relaxer(continuum(bar, tissue, precision="float64"), RelaxOptions(tolerance=1e-7))
-    relaxer.state.place(np.where(inside[:, None], 0.0, wanted))
+    relaxer.state.set_displacement(np.where(inside[:, None], 0.0, wanted))
     assert relaxer.relax().status is RelaxStatus.CONVERGED
     np.testing.assert_allclose(relaxer.state.host_displacement(), wanted, atol=1e-7)
     top = nodes[:, 2] == 30.0
@@ -173,7 +175,7 @@ def test_same_equilibrium_as_scipy(tissue: Tissue | tuple[Tissue, ...], gravity:
     start = np.zeros_like(mesh.nodes)
     start[held] = rotate(mesh.nodes[held], 20.0) + np.array([4.0, -2.0, 3.0]) - mesh.nodes[held]
     relaxer = Relaxer(continuum(mesh, tissue, gravity=gravity, precision="float64"), RelaxOptions(tolerance=1e-7))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     relaxation = relaxer.relax()
     assert relaxation.status is RelaxStatus.CONVERGED
     reference = Continuum(mesh, tissue, gravity)

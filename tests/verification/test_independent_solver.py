@@ -7,8 +7,9 @@ import pytest
 
 from support.meshes import block, block_with_bone, rotate
 from support.reference import Reference
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation import Relaxer, RelaxOptions, RelaxStatus
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
@@ -39,7 +40,7 @@ def test_same_equilibrium(scene: Callable[[], tuple[TrunkMesh, np.ndarray]], gra
     reference = Reference(trunk, TISSUE, gravity)
     model = build_model(trunk, TISSUE, gravity=gravity, precision="float64", device="cpu")
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-6))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     relaxation = relaxer.relax()
     assert relaxation.status is RelaxStatus.CONVERGED
     found = relaxer.state.host_displacement()

@@ -8,8 +8,8 @@ import pytest
 from support.meshes import block, block_with_bone, rotation, single_tet
 from support.reference import Reference
 from support.threads import split_launches
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.itmsm import Itmsm
-from warp_trunk.engine.model import build_model
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -32,7 +32,7 @@ def random_displacement(trunk: TrunkMesh) -> np.ndarray:
 
 def evaluated(trunk: TrunkMesh, displacement: np.ndarray, threads: int = 2, **options: Any) -> State:
     state = State(build_model(trunk, device=split_launches(threads), **options))
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     return state
 

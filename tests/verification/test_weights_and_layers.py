@@ -9,8 +9,8 @@ import pytest
 
 from support.meshes import block, grid, rotation, trunk
 from support.reference import Reference, volumes
-from warp_trunk.engine.energies.energy import Energy
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.relaxation import Energy
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -22,7 +22,7 @@ STIFF = Tissue(epsilon=2.0, theta=20.0, youngs_modulus=35.0, density=1300.0)
 
 def energy_of(mesh: TrunkMesh, displacement: np.ndarray, tissue: Any, **options: Any) -> Energy:
     state = State(build_model(mesh, tissue, device="cpu", precision="float64", **options))
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     return state.energy()
 

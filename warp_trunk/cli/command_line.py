@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return NOT_CONVERGED
     except KeyboardInterrupt:
-        print("warp-trunk: interrupted; --resume goes on from a simulation's last increment", file=sys.stderr)
+        print("warp-trunk: interrupted", file=sys.stderr)
         return INTERRUPTED
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,6 @@ from tyro.conf import Positional
 from warp_trunk.case.places import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.report import write_comparison, write_report
-from warp_trunk.results import unfinished
 from warp_trunk.run.progress import Progress
 
 from .exit_status import OK
@@ -40,8 +38,5 @@ class Report:
                 page = write_report(self.results[0], self.out)
             else:
                 page = write_comparison(self.results, self.out)
-        for result in self.results:
-            if left := unfinished(result):
-                print(f"warp-trunk: {result}: also holds {left}", file=sys.stderr)
         print(f"Open {page} in a browser; its pictures are in {page.with_suffix('')}")
         return OK

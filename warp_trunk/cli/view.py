@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from tyro.conf import Positional
 
 from warp_trunk.errors import InputError
 from warp_trunk.recording import view, view_in_browser
-from warp_trunk.results import RECORDING, partial, unfinished
+from warp_trunk.results import RECORDING, partial
 
 _BEGINS = b"RRF"
 """How a recording of Rerun begins; its viewer would open much else."""
@@ -29,8 +28,6 @@ class View:
     def run(self, arguments: Sequence[str]) -> int:
         """Starts the viewer, which other machines cannot reach, and waits for its end."""
         recording = find_recording(self.result)
-        if left := unfinished(self.result):
-            print(f"warp-trunk: {self.result}: holds {left}", file=sys.stderr)
         show = view_in_browser if self.web else view
         return show(recording)
 
@@ -45,6 +42,4 @@ def find_recording(result: Path) -> Path:
     for path in (result / RECORDING, partial(result / RECORDING)):
         if path.is_file():
             return path
-    if left := unfinished(result):
-        raise InputError(f"{result}: holds no {RECORDING} but {left}")
     raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")

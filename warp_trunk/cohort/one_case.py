@@ -14,7 +14,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
-from warp_trunk.results import Checkpoint, fingerprint_of, read_result
+from warp_trunk.results import fingerprint_of, read_result
 from warp_trunk.results.fingerprint import Fingerprint, surface_digest
 from warp_trunk.results.fingerprint import difference as first_difference
 from warp_trunk.results.folder import MEASURES, PREDICTED_SKIN
@@ -98,8 +98,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
     out.mkdir(parents=True, exist_ok=True)
     (out / JUDGED).unlink(missing_ok=True)
     with (out / LOG).open("a", encoding="utf-8") as log, Progress(log) as progress:
-        run = dataclasses.replace(options.run, resume=_goes_on(out, fingerprint))
-        result = run_case(case, out, run, progress, warnings=warnings)
+        result = run_case(case, out, options.run, progress, warnings=warnings)
         with progress.stage("judge", "judging by the actual skin"):
             row = _row(case, folder, out, result.summary)
         write_judged(out, Judged(made_from=made_from, row=row))
@@ -114,14 +113,6 @@ def _made_from(case: Case, options: RunOptions, simulation: Fingerprint) -> Fing
     found |= {"case": case.name, "study": dataclasses.asdict(case.study)}
     found["uncertainty"] = dataclasses.asdict(case.uncertainty)
     return json.loads(json.dumps(found))
-
-
-def _goes_on(out: Path, fingerprint: Fingerprint) -> bool:
-    """Whether an interrupted simulation of the same case and options lies there."""
-    try:
-        return Checkpoint(out, fingerprint).count() > 0
-    except InputError:  # of another case or options: it starts anew
-        return False
 
 
 def _row(case: Case, folder: Path, out: Path, summary: Summary) -> CaseRow:

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh

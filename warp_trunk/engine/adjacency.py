@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.adjacency import (
+from warp_trunk.kernels.mesh import (
     count_around,
     count_shared,
     list_around,

@@ -1,4 +1,4 @@
-"""Curvatures of tetrahedra, added up into 3x3 blocks for the pairs of their corners."""
+"""Hessians of tetrahedra and hinges, added up into 3x3 blocks for the pairs of their corners."""
 
 from __future__ import annotations
 
@@ -8,37 +8,36 @@ from typing import Protocol
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.gathering import (
+from warp_trunk.kernels.assembly import (
     KEPT,
     NUMBERS,
     PARTS,
     blocks_of_rows,
     find_starts,
-    gathering_kernels,
+    gather_kernels,
     list_parts,
     threads_over,
     vec16i,
 )
-from warp_trunk.kernels.slabs import slab_kernels
 from warp_trunk.kernels.sparse import sparse_kernels
+from warp_trunk.kernels.vectors import slab_kernels
 
-from .model import Model
-from .ordering import stable_order
-from .parallel import Launch, in_turn, view
+from .model import Model, Pattern
+from .parallel import Launch, in_sequence, view
 
 BLOCK = 64
-"""Threads of a CUDA block of a curvature; of larger ones, which need so many registers, fewer run at once."""
+"""Threads of a CUDA block of a Hessian; of larger ones, which need so many registers, fewer run at once."""
 
 
 class Assembly(Protocol):
-    """Where the curvature of each tetrahedron goes; made once for a pattern of blocks."""
+    """Where the Hessian of each tetrahedron is added; made once for a pattern of blocks."""
 
     def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
-        """Records, for a kernel of `TetEnergy.kernels` by its name, that blocks become the sums of its curvatures.
+        """Records, for a kernel of `TetEnergy.kernels` by its name, that blocks become the sums of its Hessians.
 
         Args:
             blocks: in the first slab, shape (ranges, blocks), mat33; the others are what threads add into.
-            displacement: where the curvature is taken, shape (nodes,), vec3.
+            displacement: where the Hessian is taken, shape (nodes,), vec3.
         """
         ...
 
@@ -58,15 +57,10 @@ def assembly_of_blocks(model: Model, block_of: np.ndarray, size: int) -> Assembl
     return _Gathered(model, on_device, np.arange(size, dtype=np.int32))
 
 
-def assembly_of_rows(model: Model, row_start: np.ndarray, columns: np.ndarray, place: np.ndarray) -> Assembly:
-    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others their images.
-
-    Args:
-        model: the trunk.
-        row_start: first block of each row and the end of the last, shape (rows + 1,), int32.
-        columns: column of each block, ascending within a row, shape (blocks,), int32.
-        place: the place of each corner pair in its row, from 1; 0 for none, shape (tets, 16), uint16.
-    """
+def assembly_of_rows(model: Model, pattern: Pattern) -> Assembly:
+    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others their
+    images."""
+    row_start, columns, place = pattern.row_start, pattern.columns, pattern.place
     rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int32), np.diff(row_start))
     upper = np.flatnonzero(columns > rows)
     block_of, cuda = model.zeros(vec16i, len(place)), model.parallel.is_cuda
@@ -77,7 +71,7 @@ def assembly_of_rows(model: Model, row_start: np.ndarray, columns: np.ndarray, p
         number[columns == rows] = np.arange(len(row_start) - 1)  # with most parts, and so first
         number[upper] = np.arange(len(upper)) + len(row_start) - 1
         return _Gathered(model, block_of, number, symmetric=len(row_start) - 1)
-    mirrored = upper[stable_order(columns[upper])]  # in the order of the lower ones
+    mirrored = upper[np.argsort(columns[upper], kind="stable")]  # in the order of the lower ones
     mirrors = [
         model.array(blocks.astype(np.int32), wp.int32) for blocks in (np.flatnonzero(columns < rows), mirrored)
     ]
@@ -101,7 +95,7 @@ class _Added:
         after.append(record(mirror, len(self._mirrors[0]), self._mirrors, [blocks]))
 
         def recorded(name: str) -> Launch:
-            return in_turn(*before, *_over_all(model, name, self._block_of, displacement, blocks), *after)
+            return in_sequence(*before, *_over_all(model, name, self._block_of, displacement, blocks), *after)
 
         return recorded
 
@@ -135,7 +129,7 @@ class _Gathered:
         model = self._model
         parts = model.zeros(model.scalar, KEPT * (self._stencils + BLOCK))  # the last block of threads is whole
         gather = model.parallel.record(
-            gathering_kernels(model.scalar).gather,
+            gather_kernels(model.scalar).gather,
             threads_over(self._blocks),
             [self._blocks, self._symmetric, *self._lists, parts],
             [view(blocks, model.scalar, NUMBERS * blocks.shape[1])],
@@ -143,7 +137,7 @@ class _Gathered:
         unused = model.zeros(vec16i, 0)
 
         def recorded(name: str) -> Launch:
-            return in_turn(*_over_all(model, name, unused, displacement, parts), gather)
+            return in_sequence(*_over_all(model, name, unused, displacement, parts), gather)
 
         return recorded
 

@@ -9,7 +9,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .model import Model
-from .numbering import order_tets, places
+from .ordering import order_tets, places
 from .rest_mesh import RestMesh
 from .tissue import Tissue
 

@@ -1,4 +1,4 @@
-"""The block of the true curvature that couples free nodes with prescribed ones: what a bone that moves pulls."""
+"""The block of the true Hessian that couples free nodes with prescribed ones: what a bone that moves pulls."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Coupling:
     """d(gradient of the free nodes) / d(position of the prescribed ones) at a state, on the host in float64."""
 
     def __init__(self, state: State) -> None:
-        """Takes it from the state's curvature as it is now; nothing of it is projected."""
+        """Takes it from the Hessian at the state as it is now; nothing of it is projected."""
         model = state.model
         self._free, self._prescribed = model.free_nodes, model.nodes - model.free_nodes
         self._row, self._column, block_of = _pattern(model)
@@ -22,7 +22,7 @@ class Coupling:
         blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), model.parallel.ranges, max(size, 1))
         if size:
             record = assembly_of_blocks(model, block_of, size).into(blocks, state.displacement)
-            record("true_curvature")()
+            record("hessian")()
         self._blocks = blocks.numpy()[0, :size].astype(np.float64)
         self._by_column = np.argsort(self._column, kind="stable")
         self._transposed = self._blocks[self._by_column].transpose(0, 2, 1)

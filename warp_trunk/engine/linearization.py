@@ -1,7 +1,7 @@
 """A trunk linearised at an equilibrium: what its numbers depend on, and how its tissue follows small changes.
 
 At an equilibrium the gradient of the free nodes vanishes, F(u; b, c) = 0 for the displacement u of free nodes, b
-of prescribed ones and constants c. Small changes keep it so: H du = -(dF/db db + dF/dc dc) with the true curvature
+of prescribed ones and constants c. Small changes keep it so: H du = -(dF/db db + dF/dc dc) with the true Hessian
 H = dF/du. A number N(u) therefore changes by dN = -l . (dF/db db + dF/dc dc), where H l = dN/du: one linear solve
 for the number (its adjoint l) gives its derivative in everything, since H is symmetric.
 
@@ -21,9 +21,10 @@ from warp_trunk.errors import InputError
 
 from .constants import STIFFNESS, Constant, weight_derivative
 from .coupling import Coupling
+from .linear import ConjugateGradient, Dots
 from .model import Model
-from .relaxation import Relaxer, RelaxStatus
-from .relaxation.column_gradient import ColumnGradient
+from .newton import Relaxer
+from .relaxation import RelaxStatus
 from .rest_derivative import pull_of_rest, rest_motions
 from .simulation import Increment
 from .state import State
@@ -33,8 +34,6 @@ ACCURACY = 1e-3
 its landmarks are then right to 0.2 %."""
 MOST_ITERATIONS = 2000
 """Of one linear solve; many times what a stable equilibrium takes."""
-MOST_COLUMNS = 32
-"""Solved at once; more would only take more memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,7 @@ class Linearization:
     """The linear problem at the end of a relaxation; fields are in mesh order, shape (fields, nodes, 3)."""
 
     iterations: int
-    """Products with the curvature so far, all columns of a pass counted as one."""
+    """Products with the Hessian so far."""
 
     def __init__(
         self,
@@ -62,7 +61,7 @@ class Linearization:
         *,
         unconfirmed: bool = False,
     ) -> None:
-        """Assembles the true curvature at the increment.
+        """Assembles the true Hessian at the increment.
 
         Args:
             model: the trunk.
@@ -70,7 +69,7 @@ class Linearization:
             accuracy: part of the longest vector of a solution by which a vector may be wrong.
             relaxer: one of this model, whose matrix and preconditioner are used; it must not relax until this is
                 done with. Made when left out.
-            unconfirmed: also where no equilibrium was found; `rest_of_way` says how far it is.
+            unconfirmed: also where no equilibrium was found; `newton_correction` says how far it is.
 
         Raises:
             InputError: otherwise, a relaxation that did not converge: what is no equilibrium has no derivative.
@@ -86,12 +85,14 @@ class Linearization:
         self._state = relaxer.state
         if not model.free_nodes:
             return
-        self._matrix, self._preconditioner = relaxer.true_curvature(model.array(increment.from_rest, model.vec3))
+        matrix, preconditioner = relaxer.assemble_true(model.array(increment.from_rest, model.vec3))
         self._coupling = Coupling(self._state)
-        self._solvers: dict[int, ColumnGradient] = {}
+        self._right_side, self._guess, self._product = (model.free_vectors() for _ in range(3))
+        self._multiply = matrix.multiply(self._guess, self._product, Dots.zero(model))
+        self._solver = ConjugateGradient(matrix, preconditioner, self._right_side, MOST_ITERATIONS)
 
-    def rest_of_way(self) -> np.ndarray:
-        """From where the increment ended to the equilibrium, as the curvature there has it [mm], shape (nodes, 3).
+    def newton_correction(self) -> np.ndarray:
+        """From where the increment ended to the equilibrium, by the Hessian there [mm], shape (nodes, 3).
 
         A Newton step: where the tissue is caught at one place, it says what that leaves open everywhere else.
         """
@@ -107,7 +108,7 @@ class Linearization:
     def adjoints_and_follow(
         self, weights: np.ndarray, bones: np.ndarray, pulls: np.ndarray
     ) -> tuple[Adjoints, np.ndarray]:
-        """`adjoints` and `follow` in one: as many fields as fit share each pass over the matrix."""
+        """`adjoints` and `follow` in one."""
         force, moved = self._pulled(bones, pulls)
         right = np.empty((len(weights) + len(force), self.model.free_nodes, 3), dtype=self.model.precision)
         right[: len(weights)], right[len(weights) :] = self._of_free(weights), force
@@ -150,10 +151,10 @@ class Linearization:
         end = self._state.displacement.numpy().copy()
         found = np.array([self._pull(each, end) for each in derivatives])
         if scan is not None:
-            self._relaxer.true_curvature(model.array(scan, model.vec3))
+            self._relaxer.assemble_true(model.array(scan, model.vec3))
             there = np.array([self._pull(each, scan) for each in derivatives])
             moved = rest_motions(model, there, self._solve_to, self._accuracy)
-            self._relaxer.true_curvature(model.array(end, model.vec3))
+            self._relaxer.assemble_true(model.array(end, model.vec3))
             found += [pull_of_rest(model, end.astype(np.float64), each) for each in moved]
         return self._in_mesh_order(found)
 
@@ -189,39 +190,50 @@ class Linearization:
             force -= self._coupling.times(moved[:, self.model.prescribed])
         return force, moved
 
-    def _solve(self, force: np.ndarray, guess: np.ndarray | None, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    def _solve(
+        self, force: np.ndarray, guess: np.ndarray | None, relative: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """x with H x = force, each to a part of its longest vector, and what is left of force.
 
-        All are of shape (fields, free, 3); as many are solved for at once as fit.
-        """
+        All are of shape (fields, free, 3). One after the other: conjugate gradients that share the passes over the
+        matrix between 16 right-hand sides took the whole command as long (`simulate --bands`, 45 right-hand
+        sides)."""
         found, left = np.zeros_like(force), np.zeros_like(force)
         if not self.model.free_nodes:
             return found, left
-        for start in range(0, len(force), MOST_COLUMNS):
-            part = slice(start, start + MOST_COLUMNS)
-            begin = None if guess is None else guess[part]
-            solution = self._solver(len(force[part])).solve(force[part], limit, begin)
-            self.iterations += int(solution.iterations.max())
-            unfinished = solution.bent | (solution.iterations >= MOST_ITERATIONS) | ~np.isfinite(solution.longest)
-            if unfinished.any():
-                raise InputError(
-                    "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
-                    "simulate with a smaller tolerance"
-                )
-            found[part], left[part] = solution.columns, solution.residuals
+        for number, right in enumerate(force):
+            start = None if guess is None or not guess[number].any() else guess[number]
+            found[number], left[number] = self._solve_one(right, start, relative)
         return found, left
+
+    def _solve_one(
+        self, force: np.ndarray, guess: np.ndarray | None, relative: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The solution for one force (free, 3) and what is left of it; from a guess, the correction is solved
+        for."""
+        solver, absolute = self._solver, 0.0
+        if guess is not None:
+            self._guess.assign(guess.astype(self.model.precision))
+            self._multiply()
+            force = force - self._product.numpy()
+            absolute = relative * float(np.linalg.norm(guess, axis=1).max())
+        size = float(np.abs(force).max(initial=0.0))
+        if not (size > 0.0 and np.isfinite(size)):
+            size = 1.0  # float32 has a least and a greatest number
+        self._right_side.assign((force * (-1.0 / size)).astype(self.model.precision))
+        solution = solver.solve(absolute / size, relative)
+        self.iterations += solution.iterations
+        if solution.negative_curvature or solution.exhausted or not np.isfinite(solution.length):
+            raise InputError(
+                "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
+                "simulate with a smaller tolerance"
+            )
+        found, left = solver.solution.numpy() * size, solver.residual.numpy() * size
+        return (found if guess is None else found + guess), left
 
     def _solve_to(self, force: np.ndarray, part: float) -> np.ndarray:
         """x alone, each field to a part of its longest vector."""
         return self._solve(force, None, part)[0]
-
-    def _solver(self, count: int) -> ColumnGradient:
-        """One with room for so many columns, made when first needed."""
-        fitting = [room for room in self._solvers if count <= room]
-        if fitting:
-            return self._solvers[min(fitting)]
-        solver = ColumnGradient(self._matrix, self._preconditioner, count, MOST_ITERATIONS)
-        return self._solvers.setdefault(count, solver)
 
     def _in_model_order(self, fields: np.ndarray) -> np.ndarray:
         return fields[:, self.model.order]

@@ -4,21 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
-from .energies.by_name import ENERGIES, EnergyName, WeightsName
-from .energies.energy import TetEnergy
-from .memo import Memo
-from .model_checks import check_arguments, check_mesh, check_tissues
-from .numbering import order_nodes, order_tets, places
 from .parallel import CUDA_BLOCK, Launch, Parallel
-from .rest_mesh import PRECISIONS, RestMesh
-from .skin import Skin, make_skin
-from .tissue import Tissue
-from .trunk_mesh import TrunkMesh
+
+if TYPE_CHECKING:
+    from .energies.energy import TetEnergy
+    from .memo import Memo
+    from .skin import Skin
+    from .tissue import Tissue
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Compressed rows of the 3x3 blocks of the Hessian: pairs of free nodes that share a tetrahedron or a
+    hinge."""
+
+    row_start: np.ndarray
+    """First block of each row and the end of the last, shape (free + 1,), int32."""
+    columns: np.ndarray
+    """Column of each block, ascending within a row, shape (blocks,), int32."""
+    place: np.ndarray
+    """The place of each corner pair in its row, from 1; 0 with a prescribed corner, shape (stencils, 16),
+    uint16."""
+
+    def row_bounds(self, ranges: int) -> np.ndarray:
+        """Ranges of rows with equally many blocks, for the threads, shape (ranges + 1,)."""
+        size = len(self.row_start) - 1
+        bounds = np.searchsorted(self.row_start, np.linspace(0, len(self.columns), ranges + 1)).clip(0, size)
+        bounds[0], bounds[-1] = 0, size
+        return bounds
 
 
 @dataclass(frozen=True)
@@ -50,6 +68,8 @@ class Model:
     """The same on the device, shape (tets,), vec4i."""
     elements: TetEnergy
     """What the energy reads of every tetrahedron, on the device, and its kernels."""
+    pattern: Pattern
+    """Which blocks the Hessian has."""
     label: np.ndarray | None = None
     """The tissue of each tetrahedron in model order, or the parts of all, as in `RestMesh`."""
     scan: np.ndarray | None = None
@@ -165,80 +185,3 @@ class Model:
     def scanned(self) -> wp.array:
         """Displacement from rest of the trunk before surgery [mm], shape (nodes,), vec3."""
         return self.zeros(self.vec3, self.nodes) if self.scan is None else self.array(self.scan, self.vec3)
-
-
-def build_model(
-    trunk: TrunkMesh,
-    tissue: Tissue | Sequence[Tissue] | None = None,
-    *,
-    energy: EnergyName = "itmsm",
-    weights: WeightsName = "count",
-    skin_rigidity: float = 0.0,
-    gravity: float = 0.0,
-    device: str | Parallel = "auto",
-    precision: str = "float32",
-    threads: int = 0,
-    memo: Memo | None = None,
-) -> Model:
-    """Measures the trunk at rest and uploads it.
-
-    Args:
-        trunk: the mesh before surgery.
-        tissue: constants of the energy; the default tissue if left out. Of several, `trunk.tissue` says which
-            a tetrahedron is made of, or which part of it.
-        energy: 'itmsm', the energy itmsm (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
-        weights: how itmsm weights its features: by their 'count' (the papers) or by rest 'volume'.
-        skin_rigidity: flexural rigidity of the skin [N mm]; 0 leaves its bending out, and costs nothing.
-        gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.
-        device: 'auto', 'cpu' or 'cuda:N'; or where several models run, with its threads.
-        precision: 'float32' or 'float64', of the device arrays; the host measures in float64.
-        threads: CPU threads; 0 is all cores.
-        memo: what is remembered of this mesh with these arguments; what had to be found is added.
-
-    Raises:
-        InputError: an argument out of its range, no tetrahedron, a tetrahedron without volume at rest or of a
-            tissue that is not given, or a piece of free tissue that no bone holds.
-    """
-    tissues = (tissue or Tissue(),) if isinstance(tissue, Tissue | None) else tuple(tissue)
-    check_arguments(energy, weights, precision, skin_rigidity, gravity)
-    parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
-    check_mesh(trunk, parallel.device, memo)
-    check_tissues(trunk, tissues)
-    order = order_nodes(trunk, memo)
-    rest = _in_order(trunk, order, tissues, PRECISIONS[precision], parallel=parallel, memo=memo)
-    elements = ENERGIES[energy](rest, gravity, weights)
-    skin = None
-    if skin_rigidity:
-        faces = places(order)[trunk.skin_nodes[trunk.skin_faces]]
-        skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
-    return Model(
-        parallel=parallel,
-        scalar=rest.scalar,
-        tissues=tissues,
-        gravity=gravity,
-        order=order,
-        free_nodes=int(np.count_nonzero(~trunk.prescribed)),
-        rest=rest.nodes,
-        corners=rest.corners,
-        tets=rest.tets,
-        elements=elements,
-        label=rest.label,
-        skin=skin,
-        memo=memo,
-    )
-
-
-def _in_order(
-    trunk: TrunkMesh,
-    order: np.ndarray,
-    tissues: tuple[Tissue, ...],
-    scalar: Any,
-    *,
-    parallel: Parallel,
-    memo: Memo | None,
-) -> RestMesh:
-    """The trunk at rest with its nodes in an order, and its tetrahedra in that which follows."""
-    corners = places(order)[trunk.tets]
-    tets = order_tets(corners)
-    label = trunk.tissue[tets] if trunk.tissue is not None and len(tissues) > 1 else None
-    return RestMesh(trunk.nodes[order], corners[tets], tissues, label, scalar, parallel, memo)

@@ -1,8 +1,42 @@
-"""One order of the nodes that serves locality, aggregates and ranges: recursive bisection in space."""
+"""The order of nodes and tetrahedra in a model: free nodes first, and near ones near each other in memory."""
 
 from __future__ import annotations
 
 import numpy as np
+
+from .memo import Arrays, Memo, arrays_of
+from .trunk_mesh import TrunkMesh
+
+
+def order_nodes(trunk: TrunkMesh, memo: Memo | None = None) -> np.ndarray:
+    """The mesh node of each model node, shape (nodes,), found or remembered."""
+
+    def find() -> Arrays:
+        free, prescribed = np.flatnonzero(~trunk.prescribed), np.flatnonzero(trunk.prescribed)
+        near = bisect(trunk.nodes[free], max(1, len(free) // 8))[0]
+        return {"order": np.concatenate([free[near], prescribed]).astype(np.int32)}
+
+    def fits(known: Arrays) -> bool:
+        order, prescribed = known["order"], trunk.prescribed
+        return (
+            np.array_equal(np.sort(order), np.arange(len(prescribed)))
+            and order.dtype == np.int32
+            and np.array_equal(prescribed[order], np.sort(prescribed))
+        )
+
+    return arrays_of(memo, "numbering", find, fits)["order"].astype(np.int64)
+
+
+def order_tets(corners: np.ndarray) -> np.ndarray:
+    """The mesh tetrahedron of each model tetrahedron, (tets,), by their corners (tets, 4) in model numbers."""
+    return np.argsort(np.minimum.reduce(corners.T), kind="stable")
+
+
+def places(order: np.ndarray) -> np.ndarray:
+    """Where each one stands in an order of all, the same shape, int32."""
+    found = np.empty(len(order), dtype=np.int32)
+    found[order] = np.arange(len(order), dtype=np.int32)
+    return found
 
 
 def bisect(points: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
@@ -27,7 +61,7 @@ def bisect(points: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
         high = np.maximum.reduceat(here, bounds[:-1])
         axis = np.argmax(high - low, axis=1)
         along = np.where(pieces[group] > 1, ranks[axis[group], order], 0)
-        order = order[stable_order(group * len(points) + along)]
+        order = order[np.argsort(group * len(points) + along, kind="stable")]
         left = pieces // 2
         sizes = np.diff(bounds)
         middle = bounds[:-1] + sizes * left // np.maximum(pieces, 1)
@@ -36,11 +70,3 @@ def bisect(points: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
         pieces = np.column_stack([np.where(keep, left, pieces), np.where(keep, pieces - left, 0)]).ravel()
         pieces = pieces[pieces > 0]
     return order, bounds
-
-
-def stable_order(keys: np.ndarray) -> np.ndarray:
-    """`np.argsort(keys, kind="stable")` of whole numbers from 0, faster where key and place fit into one."""
-    count = len(keys)
-    if count and int(keys.max()) < np.iinfo(np.int64).max // count:
-        return np.sort(keys.astype(np.int64) * count + np.arange(count)) % count
-    return np.argsort(keys, kind="stable")

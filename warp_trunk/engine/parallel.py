@@ -10,11 +10,12 @@ launch over several CPU threads: two of them took 9.9 ms where its launch took 1
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import threading
 import weakref
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -22,9 +23,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.barrier import MEETING, meet_kernel
-
-from .turns import Turns
+from warp_trunk.kernels.synchronization import BARRIER_SIZE, barrier_kernel, copy_to_host_kernel
 
 Launch = Callable[[], None]
 """A recorded launch, to call many times."""
@@ -67,12 +66,11 @@ class Parallel:
         self.least_split = least_split
         self.is_cuda = self.device.startswith("cuda")
         self.ranges = 1 if self.is_cuda else choose_threads(threads)
-        self.turns: Turns | None = None
-        """Those in which several threads work here at the moment, if they do."""
         self._captured: int | None = None
         """The range whose launches are captured at the moment, if any are."""
         self._splits = self._seen_split = False
         """Whether the ranges that are captured wait for each other, and whether a launch is seen that splits."""
+        self._barrier: Launch | None = None
         self._workers = [_Worker() for _ in range(self.ranges - 1)]
 
     def split(self, size: int) -> np.ndarray:
@@ -148,7 +146,8 @@ class Parallel:
         if self._captured < len(parts):
             parts[self._captured]()
         if self._splits:
-            self._meet()
+            assert self._barrier is not None
+            self._barrier()
         self._seen_split = self._seen_split or len(parts) > 1
 
     def once(self, action: Launch) -> Launch:
@@ -162,7 +161,8 @@ class Parallel:
         where that ends, which takes less than to start and end them each time. `work` launches what was recorded
         here, nothing else: what does not split is done by each thread.
         """
-        _ = self._meet  # made before, as what is made meanwhile would be captured
+        if self._barrier is None:  # recorded first: a launch that is recorded while capturing would be captured
+            self._barrier = self._record_barrier()
         with _CAPTURING:
             self._splits, self._seen_split = self.ranges > 1, False
             graphs = [self._capture_range(work, None if self.is_cuda else 0)]
@@ -175,7 +175,7 @@ class Parallel:
 
     def graph(self, *launches: Launch) -> Launch:
         """Several launches as one: on CUDA a graph, which the host launches in the time of one kernel."""
-        work = in_turn(*launches)
+        work = in_sequence(*launches)
         return self.capture(work) if self.is_cuda else work
 
     def _capture_range(self, work: Launch, slab: int | None) -> Any:
@@ -189,19 +189,16 @@ class Parallel:
             graph = wp.capture_end(self.device)
         return graph
 
-    @cached_property
-    def _meet(self) -> Launch:
-        """Waits, in a captured range, for the other ranges."""
+    def _record_barrier(self) -> Launch:
+        """A launch that waits, in a captured range, for the other ranges."""
         if self.ranges == 1:
             return lambda: None
-        meeting = wp.zeros(MEETING, dtype=wp.int32, device=self.device)
-        return self._one_command(meet_kernel, 1, [meeting, self.ranges, _give_way()], [])
+        barrier = wp.zeros(BARRIER_SIZE, dtype=wp.int32, device=self.device)
+        return self._one_command(barrier_kernel, 1, [barrier, self.ranges, _yield_address()], [])
 
     def wait(self) -> None:
         """Waits until all that this thread has launched is done."""
-        if self.turns is not None:
-            self.turns.wait()
-        elif self.is_cuda:
+        if self.is_cuda:
             wp.synchronize_stream(self.device)
 
     def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
@@ -224,7 +221,7 @@ _CAPTURING = threading.Lock()
 """Warp captures for one thread of the process at a time."""
 
 
-def _give_way() -> int:
+def _yield_address() -> int:
     """The address of the function by which a thread lets others run first; 0 where there is none."""
     try:
         return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
@@ -232,7 +229,7 @@ def _give_way() -> int:
         return 0
 
 
-def in_turn(*launches: Launch) -> Launch:
+def in_sequence(*launches: Launch) -> Launch:
     """Several launches as one, in their order."""
 
     def launch() -> None:
@@ -249,6 +246,34 @@ def view(array: wp.array, dtype: Any, size: int, device: Any = None) -> wp.array
         """Holds the array as long as the view."""
 
     return wp.array(ptr=array.ptr, shape=(size,), dtype=dtype, device=device or array.device, deleter=let_go)
+
+
+class Readback:
+    """A small array that the host reads often, copied to pinned memory as part of the work that computes it.
+
+    On CUDA a copy between two kernels makes each wait for an engine of its own, about 10 us in all; a kernel that
+    writes to the host's memory takes 2, and the host waits for the stream alone.
+    """
+
+    def __init__(self, parallel: Parallel, array: wp.array) -> None:
+        """For an array, shape (...), whose numbers of float64 are few."""
+        self._parallel = parallel
+        self.send: Launch = lambda: None
+        """Begins to copy the array as it is after all earlier launches; can be part of a graph."""
+        host = array
+        if parallel.is_cuda:
+            host = wp.empty_like(array, device="cpu", pinned=True)
+            self.send = partial(wp.copy, host, array)
+            if array.dtype is wp.float64:
+                size = math.prod(array.shape)
+                target = view(host, wp.float64, size, device=array.device)
+                self.send = parallel.record(copy_to_host_kernel, size, [view(array, wp.float64, size)], [target])
+        self._values = host.numpy()
+
+    def read(self) -> np.ndarray:
+        """The values sent last, shape of the array; waits for all that this thread has launched."""
+        self._parallel.wait()
+        return self._values
 
 
 class _Worker:

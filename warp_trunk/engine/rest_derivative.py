@@ -63,7 +63,7 @@ def rest_motions(
     Args:
         model: a model at such a rest state.
         pulls: dG/dc of each constant on the free nodes, shape (constants, free, 3).
-        solve: x with H x = b of the true curvature at the scan, both (constants, free, 3), to a part of x.
+        solve: x with H x = b of the true Hessian at the scan, both (constants, free, 3), to a part of x.
         accuracy: part of the longest vector of dX by which a vector may be wrong.
 
     Returns:

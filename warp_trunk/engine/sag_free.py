@@ -20,10 +20,9 @@ from warp_trunk.errors import InputError
 
 from .energies.energy import TetEnergy
 from .model import Model
-from .relaxation.newton import Newton
-from .relaxation.products import ProductReader
+from .newton import Newton
 from .rest_mesh import RestMesh
-from .state import State
+from .state import ProductReader, State
 
 MOST_ROUNDS = 50
 """A sag of 6 mm takes 4 rounds, one of 40 mm 14; what has not ended by then will not."""
@@ -58,7 +57,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
 
     Raises:
         InputError: tissue so soft for this gravity that no rest state was found, or only one for which the scan
-            is a saddle, by the true curvature there: the tissue would buckle.
+            is a saddle, by the true Hessian there: the tissue would buckle.
     """
     if model.gravity == 0.0 or model.free_nodes == 0:
         return RestState(model, 0.0, 0.0, 0, 0)
@@ -74,7 +73,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     state.evaluate()
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):
-        spent += newton.propose(None, 1.0)[1]
+        spent += newton.propose(None, 1.0).iterations
         rest[model.free] -= newton.direction.numpy()
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
@@ -85,15 +84,15 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         if newton.distance > tolerance:
             continue
         newton.begin(tolerance, 0.0, confirm=True, near=True)
-        spent += newton.propose(None, 1.0)[1]
-        products.take()
-        arrived, more = newton.arrives(0.0, products.read())
+        spent += newton.propose(None, 1.0).iterations
+        products.launch()
+        arrived, more = newton.judge(0.0, products.read())
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if arrived:
             found = replace(resting(model, mesh), rest=rest, scan=scan - rest, memo=None)
             return RestState(found, sag, newton.distance, rounds, spent)
-        if math.isinf(newton.distance):
+        if newton.negative_curvature or math.isinf(newton.distance):
             raise InputError(
                 f"gravity: from the only rest state that was found, {sag:.0f} mm away, tissue of "
                 f"{softest(model):g} kPa does not come to rest in the scan but buckles under its weight; "

@@ -19,7 +19,7 @@ class Skin:
     """A plate without moment where the trunk is at rest; its energy has the unit of the tissue's."""
 
     kernels: SimpleNamespace
-    """`gradient`, `curvature` and `true_curvature`, as those of the tetrahedra."""
+    """`gradient`, `projected_hessian` and `hessian`, as those of the tetrahedra."""
     rigidity: float
     """Flexural rigidity E h^3 / (12 (1 - nu^2)) [N mm]: moment for each width and curvature."""
     corners: np.ndarray

@@ -1,18 +1,18 @@
-"""Energy and gradient of a configuration."""
+"""Energy and gradient of a configuration, and the scalar products that a line search reads."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.elements import COLUMNS, INVERTED, NEWLY_INVERTED
-from warp_trunk.kernels.skin_bending import BENDING
-from warp_trunk.kernels.slabs import slab_kernels
+from warp_trunk.kernels.assembly import BENDING, COLUMNS, INVERTED, NEWLY_INVERTED
+from warp_trunk.kernels.vectors import slab_kernels, vector_kernels
 
-from .energies.energy import Energy
-from .host_report import Report
 from .model import Model
-from .parallel import in_turn
+from .parallel import Readback, in_sequence
+from .relaxation import Energy
 
 
 class State:
@@ -25,7 +25,7 @@ class State:
     inverted: wp.array
     """1 where a tetrahedron has no positive volume, shape (tets,), int8."""
     sums: wp.array
-    """Energies by term and counts, shape (ranges, 8), columns as in kernels/elements.py."""
+    """Energies by term and counts, shape (ranges, 8), columns as in kernels/assembly.py."""
 
     def __init__(self, model: Model, start: State | None = None) -> None:
         """At rest, or where the trunk was scanned; `newly_inverted` counts against `start`.
@@ -41,8 +41,8 @@ class State:
         self.gradient = self._slabs[0]
         self.inverted = model.zeros(wp.int8, len(model.corners))
         self.sums = model.zeros(wp.float64, ranges, COLUMNS)
-        self._told = Report(model.parallel, self.sums)
-        self._evaluate = in_turn(
+        self._host_sums = Readback(model.parallel, self.sums)
+        self._evaluate = in_sequence(
             model.over_tets(
                 model.elements.kernels.gradient,
                 [(start or self).inverted, self.displacement],
@@ -50,7 +50,7 @@ class State:
             ),
             *model.over_hinges("gradient", [self.displacement], [self._slabs, self.sums]),
         )
-        self._sent = [
+        self._staged = [
             wp.empty(model.nodes, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda) for _ in range(2)
         ]
         self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
@@ -62,13 +62,13 @@ class State:
         self._evaluate()
         if self.model.parallel.ranges > 1:
             self._gather()
-        self._told.send()
+        self._host_sums.send()
 
     def copy_from(self, other: State) -> None:
         """Becomes another state of the same model, with what was evaluated there."""
         for name in ("displacement", "gradient", "inverted", "sums"):
             wp.copy(getattr(self, name), getattr(other, name))
-        self._told.send()
+        self._host_sums.send()
 
     def energy(self) -> Energy:
         """The energies of the last evaluation; reads the device."""
@@ -76,7 +76,7 @@ class State:
 
     def read(self) -> tuple[Energy, int, int]:
         """Energies, inverted and newly inverted tetrahedra of the last evaluation; reads the device once."""
-        sums = self._told.read().sum(axis=0)
+        sums = self._host_sums.read().sum(axis=0)
         elements = self.model.elements
         columns = {**elements.columns, "bending": BENDING}
         terms = {name: float(sums[columns[name]]) for name in self.model.terms}
@@ -89,30 +89,31 @@ class State:
         """Displacement from before surgery in the mesh's own order [mm], shape (nodes, 3), float64."""
         return to_mesh_order(self.model, self.displacement.numpy())
 
-    def prepare(self, displacement: np.ndarray) -> None:
-        """Takes note of where the prescribed nodes are to be held next.
+    def stage_prescribed(self, displacement: np.ndarray) -> None:
+        """Writes where the prescribed nodes will be held next, for `apply_prescribed`, while the device is at
+        work.
 
-        While the device is at work: what it may still have to read, the last such, stands elsewhere.
+        There are two such buffers, because the device may still have to read the last one.
 
         Args:
             displacement: of the prescribed nodes in model order [mm], shape (prescribed nodes, 3).
         """
-        self._sent.reverse()
-        self._sent[0].numpy()[self.model.prescribed] = displacement
+        self._staged.reverse()
+        self._staged[0].numpy()[self.model.prescribed] = displacement
 
-    def hold(self) -> None:
-        """Sets the displacement of the prescribed nodes to what was prepared last."""
+    def apply_prescribed(self) -> None:
+        """Sets the displacement of the prescribed nodes to the one staged last."""
         first, count = self.model.free_nodes, self.model.nodes - self.model.free_nodes
-        wp.copy(self.displacement, self._sent[0], dest_offset=first, src_offset=first, count=count)
+        wp.copy(self.displacement, self._staged[0], dest_offset=first, src_offset=first, count=count)
 
-    def place(self, displacement: np.ndarray) -> None:
+    def set_displacement(self, displacement: np.ndarray) -> None:
         """Sets the displacement from before surgery, in the mesh's own order [mm], shape (nodes, 3)."""
         moved = np.take(displacement, self.model.order, axis=0)  # faster than by an index
         if self.model.scan is not None:
             moved = moved + self.model.scan
-        self._sent.reverse()
-        self._sent[0].numpy()[:] = moved
-        wp.copy(self.displacement, self._sent[0])
+        self._staged.reverse()
+        self._staged[0].numpy()[:] = moved
+        wp.copy(self.displacement, self._staged[0])
 
 
 def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:
@@ -120,3 +121,44 @@ def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:
     result = np.empty((len(model.order), 3))
     result[model.order] = values if model.scan is None else values - model.scan
     return result
+
+
+@dataclass(frozen=True)
+class Products:
+    """Scalar products over the free nodes, in double precision; in the order of the kernel's columns."""
+
+    slope: float
+    """g . d, the derivative of the energy along the direction."""
+    gradient_squared: float
+    """g . g."""
+    direction_squared: float
+    """d . d."""
+    gradient_change: float
+    """g . (g - the earlier g)."""
+    previous_slope: float
+    """(the earlier g) . d."""
+    previous_squared: float
+    """(the earlier g) squared."""
+
+
+class ProductReader:
+    """Computes the products of one state's gradient with a direction and an earlier gradient."""
+
+    def __init__(self, state: State, direction: wp.array, previous: wp.array) -> None:
+        model = state.model
+        self._products = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
+        self._host = Readback(model.parallel, self._products)
+        self._launch = model.over_free(
+            vector_kernels(*model.variant).products, [state.gradient, direction, previous], [self._products]
+        )
+
+    def launch(self) -> None:
+        """Computes the products of the vectors as they are now, on the device."""
+        self._products.zero_()
+        self._launch()
+        self._host.send()
+
+    def read(self) -> Products:
+        """The products last launched; waits for the device."""
+        sums = self._host.read().sum(axis=0)
+        return Products(*(float(value) for value in sums[: len(Products.__dataclass_fields__)]))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.coarsening import allowed_collapses, edge_lengths, least_around, sort_corners
+from warp_trunk.kernels.surface import allowed_collapses, edge_lengths, least_around, sort_corners
 
 from .normals import area_vectors, unit
 from .surface import Surface

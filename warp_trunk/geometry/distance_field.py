@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.distance_field import plain_distance, signed_distance
+from warp_trunk.kernels.surface import plain_distance, signed_distance
 
 from .cores import each_over_cores, launch_over_cores
 from .search_tree import search_tree

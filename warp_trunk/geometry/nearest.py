@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.nearest import nearest_on_mesh
+from warp_trunk.kernels.surface import nearest_on_mesh
 
 from .search_tree import search_tree
 from .surface import Surface

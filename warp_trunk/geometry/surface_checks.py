@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.crossing import crossed_by_any, crossing_faces
+from warp_trunk.kernels.surface import crossed_by_any, crossing_faces
 
 from .cores import launch_over_cores
 from .linked_parts import linked_parts

@@ -71,7 +71,7 @@ class LiveRelaxation:
         self._added = Forecast(before.points, still)
         self._motions: Mapping[str, RigidTransform] | None = None
         self._case, self._carried, self._bones, self._lost = patient.case, still, still, False
-        self._state.place(still)
+        self._state.set_displacement(still)
 
     def go(self, case: Case) -> None:
         """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
@@ -86,7 +86,7 @@ class LiveRelaxation:
                 start = self._path().at(1.0)
             held = self._patient.trunk.prescribed
             start[held] = self._bones[held]
-        self._state.place(start)
+        self._state.set_displacement(start)
 
     def relax(self, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
         """Relaxes the tissue to a tolerance [mm], with `confirm` to one that is known.

@@ -11,7 +11,7 @@ from warp_trunk.results.summary_text import RESEARCH
 from . import drawing
 
 if TYPE_CHECKING:
-    from warp_trunk.engine.energies.energy import Energy
+    from warp_trunk.engine.relaxation import Energy
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.results.bands import Band
 

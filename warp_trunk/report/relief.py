@@ -151,7 +151,7 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     import warp as wp
 
     from warp_trunk.geometry.search_tree import search_tree
-    from warp_trunk.kernels.depth import first_hit
+    from warp_trunk.kernels.surface import first_hit
 
     near, far = vertices[:, 1].max() + 1.0, vertices[:, 1].min() - 1.0
     mesh, middle = search_tree(Surface(vertices, faces))

@@ -3,7 +3,6 @@
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.lock import locked
 
-from .checkpoint import Checkpoint, unfinished
 from .fingerprint import fingerprint_of
 from .folder import RECORDING, predicted_skin, prepare_folder, write_result
 from .reading import Result, read_result, read_summary
@@ -11,7 +10,6 @@ from .summary import Summary
 
 __all__ = [
     "RECORDING",
-    "Checkpoint",
     "Result",
     "Summary",
     "fingerprint_of",
@@ -21,6 +19,5 @@ __all__ = [
     "prepare_folder",
     "read_result",
     "read_summary",
-    "unfinished",
     "write_result",
 ]

@@ -14,7 +14,6 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.io.surface_files import read_surface
 
 from .bands import SKIN_SD, read_skin_sd
-from .checkpoint import unfinished
 from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PLAN, PREDICTED_SKIN, SKIN_BEFORE
 from .summary import SUMMARY, Summary, parse_summary
 
@@ -85,10 +84,7 @@ def read_summary(folder: str | Path) -> Summary:
     Raises:
         InputError: there is none, or none yet, or it is damaged or of another version of the program.
     """
-    path = Path(folder) / SUMMARY
-    if not path.is_file() and (left := unfinished(Path(folder))):
-        raise InputError(f"{folder}: holds no result yet but {left}")
-    return parse_summary(path)
+    return parse_summary(Path(folder) / SUMMARY)
 
 
 def _surface(path: Path) -> Surface:

@@ -16,9 +16,8 @@ from .versions import versions
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.energies.energy import Energy
     from warp_trunk.engine.model import Model
-    from warp_trunk.engine.relaxation import RelaxStep
+    from warp_trunk.engine.relaxation import Energy, RelaxStep
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.trunk_mesh import TrunkMesh
 

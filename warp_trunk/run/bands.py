@@ -33,7 +33,7 @@ from .spine_bands import spine_bands
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.relaxation import Relaxer
+    from warp_trunk.engine.newton import Relaxer
     from warp_trunk.engine.simulation import Increment
 
 DRAWS = 16

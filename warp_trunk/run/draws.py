@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.engine.linearization import MOST_COLUMNS
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import back_surface_rotation
 from warp_trunk.measures.hump import hump_height
@@ -32,6 +31,9 @@ if TYPE_CHECKING:
 
 PROPORTION = 0.3
 """A number changes in proportion where draws stray from it by less than this part of their size."""
+
+MOST_SOLVES = 32
+"""Linear solves for the spline's bands in all: more patterns of errors would need more of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,7 @@ def draw_errors(
     others = [source for source in sources if source.landmarks_after is None]
     drawn = draw_landmarks(case, moves, size[:, of_landmarks], random)
     if options.bones == "spline":
-        room = max(LEAST_PATTERNS, MOST_COLUMNS - numbers - len(others))
+        room = max(LEAST_PATTERNS, MOST_SOLVES - numbers - len(others))
         response, normals = seen
         fields = spline_fields(case, prepared.trunk, moves, drawn, response=response, normals=normals, most=room)
     else:

@@ -13,7 +13,6 @@ from warp_trunk.results import predicted_skin
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.recording import Recording
-    from warp_trunk.results import Checkpoint
 
     from .patient import Patient
     from .prepare import Prepared
@@ -25,22 +24,16 @@ class Watchers:
     """Who is told of the increments."""
 
     recording: Recording | None
-    checkpoint: Checkpoint
     progress: Progress
 
 
 def simulate_watched(
     case: Case, prepared: Prepared, patient: Patient, watchers: Watchers
 ) -> tuple[list[Increment], TrunkMeasures]:
-    """Simulates a plan for a patient, from where the checkpoint ends if so asked.
-
-    Returns:
-        Every increment, and the measures of the predicted skin.
-    """
+    """Simulates a plan for a patient; returns every increment, and the measures of the predicted skin."""
     options = patient.options
-    recording, checkpoint, progress = watchers.recording, watchers.checkpoint, watchers.progress
+    recording, progress = watchers.recording, watchers.progress
     model, bone_path = prepared.model, prepared.bone_path
-    done = checkpoint.increments(model) if options.resume else []
     increments: list[Increment] = []
     measures: list[TrunkMeasures] = []
 
@@ -53,18 +46,12 @@ def simulate_watched(
             recording.increment(increment, measures[-1])
         progress.add("record", time.perf_counter() - start)
 
-    for increment in done:
-        observe(increment)
     began = time.perf_counter()
     watch = None if recording is None else recording.watch
-    for increment in simulate(model, bone_path, options.simulation, watch, done, relaxer=patient.relaxer):
-        if len(increments) == len(done):  # what came before its own time compiled and loaded the kernels
+    for increment in simulate(model, bone_path, options.simulation, watch, relaxer=patient.relaxer):
+        if not increments:  # what came before its own time compiled and loaded the kernels
             progress.add("compile", time.perf_counter() - began - increment.seconds)
         progress.add("relax", increment.seconds)
         progress.increment(increment, options.simulation.increments)
-        if increment.number < options.simulation.increments:
-            start = time.perf_counter()
-            checkpoint.save(increment)
-            progress.add("record", time.perf_counter() - start)
         observe(increment)
     return increments, measures[-1]

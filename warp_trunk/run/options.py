@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from warp_trunk.engine.model import EnergyName, WeightsName
+from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
@@ -76,9 +76,6 @@ class RunOptions:
     from_mesh: Path | None = None
     """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
     boundary takes the place of the skin, and `--layers mesh` takes the labels of its cell data `tissue`."""
-    resume: bool = False
-    """Go on from the last increment of an interrupted simulation in the result folder; the recording then has all
-    increments, but single steps only of the new ones."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
@@ -109,7 +106,7 @@ class RunOptions:
 
 
 def parameters(options: RunOptions) -> dict[str, Any]:
-    """Every option by its own name, as on the command line; a resumed run is no other than a whole one."""
+    """Every option by its own name, as on the command line."""
     flat: dict[str, Any] = {}
 
     def add(values: dict[str, Any]) -> None:
@@ -120,7 +117,7 @@ def parameters(options: RunOptions) -> dict[str, Any]:
                 flat[name] = value
 
     add(dataclasses.asdict(options))
-    for name in ("resume", "energy", "skin_rigidity"):
+    for name in ("energy", "skin_rigidity"):
         del flat[name]
     flat["energy"] = options.energy_of_tissue  # after what it goes by
     flat["skin_rigidity"] = options.rigidity_of_skin

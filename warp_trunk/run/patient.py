@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.case.layers import Layers
-from warp_trunk.engine.many_plans import simulate_all
-from warp_trunk.engine.model import Model, build_model
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.parallel import Parallel
-from warp_trunk.engine.relaxation import Relaxer
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
@@ -27,15 +26,11 @@ from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
 from warp_trunk.meshing.set_up_cache import SetUpCache
 
 from .options import RunOptions
-from .paths import find_path
 from .progress import stage_of
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable
-
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.tissue import Tissue
 
     from .progress import Progress
@@ -86,31 +81,6 @@ class Patient:
         response = spline_response(self.case.landmarks_before.points, self.trunk.nodes)
         return response.astype(self.model.precision)  # memory is what a product with it waits for
 
-    def simulate_all(
-        self, cases: Iterable[Case], at_once: int | None = None
-    ) -> Generator[Increment | InputError, None, None]:
-        """Where many plans for her end, in their order; on CUDA several are relaxed at once.
-
-        Each is what `simulate` gives for it, on the CPU to the last bit, and says itself whether it converged.
-        Nothing is recorded or written: that takes many times longer than a relaxation (`run_plans`).
-
-        Args:
-            cases: she with what each plans, as `PlannedSurgery.planned_case` gives, or with landmarks moved.
-            at_once: how many are relaxed at once at most; when left out 8 on CUDA, 1 on the CPU. Each takes
-                device memory, 110 MB for 220,000 tetrahedra in float32, as long as she is kept.
-
-        Returns:
-            For each case the last increment: `displacement` [mm], shape (nodes, 3), is from before surgery in the
-            order of the nodes of `trunk`, `relaxation.status` says why it ended. In its place an InputError where
-            the case is of another patient or tissue, plans nothing, or no spline can be fitted on its landmarks.
-
-        Raises:
-            InputError: `at_once` is less than 1, or the device has too little memory for so many.
-        """
-        paths = (_PathOf(self, case) for case in cases)
-        options = self.options.simulation
-        return simulate_all(self.model, paths, options, at_once=at_once, relaxer=self.relaxer)
-
     def check(self, case: Case) -> None:
         """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""
         if differs := self._differs(case):
@@ -132,31 +102,6 @@ class Patient:
         if mine.tissue != case.tissue:
             return "tissue"
         return "" if _same_layers(mine.layers, case.layers) else "layers of tissue"
-
-
-class _PathOf:
-    """The path of the bones of a patient's case, found when it is first asked for."""
-
-    def __init__(self, patient: Patient, case: Case) -> None:
-        self._patient, self._case = patient, case
-
-    def at(self, load_factor: float) -> np.ndarray:
-        return self._path.at(load_factor)
-
-    def of(self, nodes: np.ndarray) -> BonePath:
-        return self._path.of(nodes)
-
-    @cached_property
-    def _path(self) -> BonePath:
-        patient, case = self._patient, self._case
-        patient.check(case)
-        before, after = case.landmarks_before, case.planned_landmarks
-        if patient.model.parallel.is_cuda and patient.options.bones == "spline" and after.names == before.names:
-            mine = patient.case.landmarks_before
-            if before.names == mine.names and np.array_equal(before.points, mine.points):
-                # not by the device: to read from it would wait for all that others have launched there
-                return BonePath(patient.carried(after).astype(float))
-        return find_path(case, patient.trunk, patient.options)
 
 
 def patient_of(

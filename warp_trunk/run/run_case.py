@@ -14,6 +14,7 @@ from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import plan_text
 from warp_trunk.bone_motion.steadying import steadying_warnings
 from warp_trunk.case import check_case
+from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import removed_if_empty
@@ -21,8 +22,6 @@ from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
 from warp_trunk.results import (
     RECORDING,
-    Checkpoint,
-    fingerprint_of,
     locked,
     partial,
     predicted_skin,
@@ -101,6 +100,8 @@ def run_case(
             raise InputError(
                 "run_case: 'patient' was made ready with other options; give the same, or leave it out"
             )
+        choose_device(options.device)
+        choose_threads(options.threads)
         if options.live and not options.record:
             raise InputError("--live: shows what is recorded; leave --no-record out")
         warnings = [
@@ -138,7 +139,6 @@ def _run(
     else:
         patient.check(case)
         given = patient.given
-    checkpoint = _begin(case, folder, options, given, progress)
     live = start_viewer() if options.live else None
     if options.record:
         load_rerun()
@@ -152,7 +152,7 @@ def _run(
     before = measure(case.skin, case.landmarks_before)
     path = partial(folder / RECORDING)
     with _opened(path, case, prepared, before, options=options, live=live, progress=progress) as recording:
-        increments, after = simulate_watched(case, prepared, patient, Watchers(recording, checkpoint, progress))
+        increments, after = simulate_watched(case, prepared, patient, Watchers(recording, progress))
         last = increments[-1]
         skin = predicted_skin(case, prepared.trunk, last.displacement)
         measured = measure_result(case, skin, before, after)
@@ -179,7 +179,6 @@ def _run(
         recording=None if recording is None or recording.failed else recording.path,
         plan=None if plan is None else plan_text(plan),
     )
-    checkpoint.remove()
     return RunResult(last.relaxation.status, before, after, summary, folder)
 
 
@@ -249,23 +248,3 @@ def _bands(
     except InputError as error:  # the prediction stands without them
         progress.message(f"no bands: {error}")
         return None
-
-
-def _begin(
-    case: Case, folder: Path, options: RunOptions, given: TrunkMesh | None, progress: Progress
-) -> Checkpoint:
-    """Says from where the simulation goes on, and removes what it does not go on from."""
-    asked = {name: value for name, value in parameters(options).items() if name != "bands"}  # of no increment
-    checkpoint = Checkpoint(folder, fingerprint_of(case, asked, given))
-    done = checkpoint.count() if options.resume else 0
-    if done:
-        progress.message(f"going on after increment {done} of {options.simulation.increments}")
-    elif checkpoint.remove():
-        progress.message(
-            f"{checkpoint.folder}: no increment of it can be read; starting from the beginning"
-            if options.resume
-            else f"{checkpoint.folder}: removed, an interrupted simulation; --resume would have gone on from it"
-        )
-    elif options.resume:
-        progress.message("nothing to resume; starting from the beginning")
-    return checkpoint

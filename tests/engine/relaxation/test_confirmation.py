@@ -6,9 +6,9 @@ import pytest
 from support.meshes import block, rotate, single_tet
 from support.reference import Reference
 from support.threads import split_launches
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus
-from warp_trunk.engine.relaxation.outcome import Method
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import Method, Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
@@ -23,7 +23,7 @@ def relaxed(
 ) -> tuple[Relaxation, np.ndarray]:
     model = build_model(trunk, tissue, precision=precision, device=split_launches())
     relaxer = Relaxer(model, RelaxOptions(method=method, tolerance=tolerance, max_steps=300))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     return relaxer.relax(), relaxer.state.host_displacement()
 
 
@@ -63,7 +63,7 @@ def test_what_is_on_the_way_is_not_claimed() -> None:
     trunk = block((2, 2, 2))
     start = np.where(trunk.prescribed[:, None], rotate(trunk.nodes, 20.0) - trunk.nodes, 0.0)
     relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-3))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     assert relaxer.relax(confirm=False).status is RelaxStatus.NEAR
     assert relaxer.relax(near=True).status is RelaxStatus.CONVERGED
     assert Reference(trunk).error(relaxer.state.host_displacement(), 1e-6) <= 2e-3

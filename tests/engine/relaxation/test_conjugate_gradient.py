@@ -12,14 +12,11 @@ from scipy.sparse import bsr_array
 from support.continuum import Continuum
 from support.meshes import block_with_bone
 from support.reference import Reference
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
-from warp_trunk.engine.model import build_model
+from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots, Preconditioner
+from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.parallel import Launch, Parallel
-from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
-from warp_trunk.engine.relaxation.conjugate_gradient import ConjugateGradient
-from warp_trunk.engine.relaxation.dots import Dots
-from warp_trunk.engine.relaxation.multilevel import Multilevel
-from warp_trunk.engine.relaxation.preconditioner import Preconditioner
 from warp_trunk.engine.state import State
 
 TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
@@ -55,27 +52,26 @@ def stretched(threads: int = 2) -> State:
     """A block whose nodes are not at rest, evaluated, in float64."""
     parallel = Parallel("cpu", threads, least_split=1)
     state = State(build_model(TRUNK, device=parallel, precision="float64"))
-    state.place(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
+    state.set_displacement(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
     state.evaluate()
     return state
 
 
 def on_host(matrix: BlockMatrix) -> bsr_array:
     """The matrix for SciPy."""
-    s = matrix.sparsity
-    first_slab = matrix.blocks.numpy()[0].reshape(-1, 3, 3)
-    return bsr_array((first_slab, s.columns.numpy(), s.row_start.numpy()))
+    pattern, first_slab = matrix.model.pattern, matrix.blocks.numpy()[0].reshape(-1, 3, 3)
+    return bsr_array((first_slab, pattern.columns, pattern.row_start))
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_the_matrix_multiplies(threads: int) -> None:
     state = stretched(threads)
     matrix = BlockMatrix(state)
-    matrix.assemble()
+    matrix.assemble_projected()
     rows = len(matrix.inverse_diagonal)
     vector = np.random.default_rng(2).normal(size=(rows, 3))
     p, q = (wp.array(vector, dtype=wp.vec3d, device="cpu") for _ in range(2))
-    dots = Dots.unread(state.model)
+    dots = Dots.zero(state.model)
     matrix.multiply(p, q, dots)()
     wanted = (on_host(matrix) @ vector.ravel()).reshape(rows, 3)
     np.testing.assert_allclose(q.numpy(), wanted, atol=1e-12 * np.abs(wanted).max())
@@ -83,31 +79,31 @@ def test_the_matrix_multiplies(threads: int) -> None:
 
 
 def test_the_matrix_follows_its_state() -> None:
-    """What is assembled is the curvature where the state is now, whatever was assembled before."""
+    """The assembled matrix is the Hessian where the state is now, whatever was assembled before."""
     state = stretched()
     fresh, moved = BlockMatrix(state), BlockMatrix(state)
-    moved.assemble()
-    state.place(np.zeros_like(TRUNK.nodes))
+    moved.assemble_projected()
+    state.set_displacement(np.zeros_like(TRUNK.nodes))
     assert (fresh.blocks.numpy()[0] == 0.0).all()
-    moved.assemble()
-    fresh.assemble()
+    moved.assemble_projected()
+    fresh.assemble_projected()
     np.testing.assert_array_equal(moved.blocks.numpy()[0], fresh.blocks.numpy()[0])
 
 
-@pytest.mark.parametrize("make", [Multilevel, BlockJacobi])
+@pytest.mark.parametrize("make", [Multigrid, BlockJacobi])
 def test_solves_with_any_preconditioner(make: Any) -> None:
     state = stretched()
     matrix = BlockMatrix(state)
-    matrix.assemble()
+    matrix.assemble_projected()
     preconditioner: Preconditioner = make(matrix)
     solver = ConjugateGradient(matrix, preconditioner, state.gradient)
-    solution = solver.solve(absolute=1e-9, relative=0.0, least=0)
+    solution = solver.solve(absolute=1e-9, relative=0.0)
     right_side = -np.asarray(state.gradient.numpy(), dtype=np.float64)[: len(matrix.inverse_diagonal)]
     dense = np.asarray(on_host(matrix).todense())
     wanted = np.linalg.solve(dense, right_side.ravel()).reshape(-1, 3)
     assert np.linalg.norm(solver.solution.numpy() - wanted, axis=1).max() < 1e-8
-    assert solution.longest == pytest.approx(np.linalg.norm(wanted, axis=1).max(), rel=1e-6)
-    assert solution.left <= 1e-9
+    assert solution.length == pytest.approx(np.linalg.norm(wanted, axis=1).max(), rel=1e-6)
+    assert solution.error <= 1e-9
 
 
 def test_reading_changes_nothing() -> None:
@@ -115,8 +111,8 @@ def test_reading_changes_nothing() -> None:
     state = stretched()
     gradient = state.gradient.numpy().copy()
     matrix = BlockMatrix(state)
-    matrix.assemble()
-    solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
+    matrix.assemble_projected()
+    solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
     first = solver.solve(1e-6, 0.0, 0), solver.solution.numpy().copy()
     second = solver.solve(1e-6, 0.0, 0), solver.solution.numpy().copy()
     assert first[0] == second[0]
@@ -129,9 +125,9 @@ def test_the_true_curvature_is_that_of_numpy(energy: Any) -> None:
     name: EnergyName = "itmsm" if energy is Reference else "neo-hookean"
     state = State(build_model(TRUNK, energy=name, device="cpu", precision="float64", threads=2))
     displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
-    state.place(displacement)
+    state.set_displacement(displacement)
     matrix = BlockMatrix(state)
-    matrix.assemble()
+    matrix.assemble_projected()
     positive = matrix.inverse_diagonal.numpy()
     matrix.assemble_true()
     model, reference = state.model, energy(TRUNK)
@@ -144,18 +140,29 @@ def test_the_true_curvature_is_that_of_numpy(energy: Any) -> None:
 
 def test_a_direction_of_negative_curvature_ends_a_solve() -> None:
     state = stretched()
-    state.place(-0.8 * TRUNK.nodes * ~TRUNK.prescribed[:, None])  # pressed together
+    state.set_displacement(-0.8 * TRUNK.nodes * ~TRUNK.prescribed[:, None])  # pressed together
     state.evaluate()
     matrix = BlockMatrix(state)
-    matrix.assemble()
-    solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
-    assert not solver.solve(1e-6, 0.0).bent
+    matrix.assemble_projected()
+    solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
+    assert not solver.solve(1e-6, 0.0).negative_curvature
     matrix.assemble_true()
     dense = np.asarray(on_host(matrix).todense())
     assert np.linalg.eigvalsh(dense)[0] < 0.0
     solution = solver.solve(1e-6, 0.0)
-    assert solution.bent
+    assert solution.negative_curvature
     down = np.asarray(solver.search.numpy()).ravel()
     assert down @ dense @ down < 0.0
     gradient = np.asarray(state.gradient.numpy())[: len(matrix.inverse_diagonal)].ravel()
     assert gradient @ down < 0.0
+
+
+def test_a_solution_that_grows_too_long_ends_a_solve() -> None:
+    state = stretched()
+    matrix = BlockMatrix(state)
+    matrix.assemble_projected()
+    solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
+    whole = solver.solve(1e-9, 0.0)
+    part = solver.solve(1e-9, 0.0, most_length=0.5 * whole.length)
+    assert part.iterations < whole.iterations
+    assert 0.5 * whole.length < part.length <= whole.length * (1.0 + 1e-9)

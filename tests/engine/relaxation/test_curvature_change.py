@@ -5,30 +5,29 @@ import pytest
 
 from support.meshes import block_with_bone
 from support.reference import Reference
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
-from warp_trunk.engine.relaxation.conjugate_gradient import ConjugateGradient
-from warp_trunk.engine.relaxation.curvature_change import CurvatureChange
-from warp_trunk.engine.relaxation.multilevel import Multilevel
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.certify import HessianChange
+from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient
+from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.state import State
 
 TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1),))
 
 
 @pytest.fixture
-def moved() -> tuple[State, ConjugateGradient, CurvatureChange, np.ndarray]:
+def moved() -> tuple[State, ConjugateGradient, HessianChange, np.ndarray]:
     """A state that is not at rest, a solve for its gradient, and where it is in mesh order."""
     state = State(build_model(TRUNK, device="cpu", precision="float64", threads=2))
     displacement = 0.02 * np.random.default_rng(3).normal(size=TRUNK.nodes.shape)
-    state.place(displacement)
+    state.set_displacement(displacement)
     state.evaluate()
     matrix = BlockMatrix(state)
-    matrix.assemble()
-    preconditioner = Multilevel(matrix)
+    matrix.assemble_projected()
+    preconditioner = Multigrid(matrix)
     matrix.assemble_true()
     solver = ConjugateGradient(matrix, preconditioner, state.gradient)
-    assert not solver.solve(0.0, 1e-6).bent
-    return state, solver, CurvatureChange(state, preconditioner, solver, state.gradient), displacement
+    assert not solver.solve(0.0, 1e-6).negative_curvature
+    return state, solver, HessianChange(state, preconditioner, solver, state.gradient), displacement
 
 
 def test_is_the_part_that_a_newton_step_leaves_of_the_gradient(moved) -> None:
@@ -38,21 +37,21 @@ def test_is_the_part_that_a_newton_step_leaves_of_the_gradient(moved) -> None:
     step = np.zeros_like(displacement)
     step[order] = solver.solution.numpy()
     before, left = (reference.gradient(displacement + s * step)[order] for s in (0.0, 1.0))
-    found = change.left(1.0)  # before the solver is used for something else
+    found = change.part_left(1.0)  # before the solver is used for something else
     norms = [norm(vector, state, solver) for vector in (left, before)]
     assert found == pytest.approx(norms[0] / norms[1], rel=1e-3)
 
 
 def test_falls_with_the_length_of_the_step(moved) -> None:
     _, _, change, _ = moved
-    assert change.left(1e-3) == pytest.approx(0.1 * change.left(1e-2), rel=0.02)
+    assert change.part_left(1e-3) == pytest.approx(0.1 * change.part_left(1e-2), rel=0.02)
 
 
 def test_changes_neither_the_state_nor_the_solution(moved) -> None:
     state, solver, change, _ = moved
     arrays = (state.displacement, state.gradient, solver.solution)
     before = [array.numpy().copy() for array in arrays]
-    change.left(0.5)
+    change.part_left(0.5)
     for array, values in zip(arrays, before, strict=True):
         assert (array.numpy() == values).all()
 

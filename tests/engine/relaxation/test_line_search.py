@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import pytest
 
-from warp_trunk.engine.energies.energy import Energy
-from warp_trunk.engine.relaxation.line_search import Trial, search
-from warp_trunk.engine.relaxation.products import Products
+from warp_trunk.engine.line_search import Trial, search
+from warp_trunk.engine.relaxation import Energy
+from warp_trunk.engine.state import Products
 
 
 def trial(length: float, energy: float, slope: float, forbidden: int = 0) -> Trial:

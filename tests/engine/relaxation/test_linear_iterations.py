@@ -9,12 +9,11 @@ import pytest
 from support.phantoms import whole_phantom
 from support.small_trunk import small_case
 from warp_trunk.bone_motion.bone_path import BonePath, spline_path
+from warp_trunk.engine import multigrid
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation import multilevel
-from warp_trunk.engine.relaxation.block_matrix import BlockMatrix
-from warp_trunk.engine.relaxation.conjugate_gradient import ConjugateGradient
-from warp_trunk.engine.relaxation.multilevel import Multilevel
+from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient
+from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.state import State
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.meshing import MeshOptions, build_trunk
@@ -52,11 +51,11 @@ def iterations(name: str, energy: EnergyName) -> int:
     trunk, path = scene(name)
     state = State(build_model(trunk, energy=energy, device="cpu", precision="float64", threads=2))
     matrix = BlockMatrix(state)
-    matrix.assemble()
-    solver = ConjugateGradient(matrix, Multilevel(matrix), state.gradient)
+    matrix.assemble_projected()
+    solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
     spent = 0
     for load_factor in LOAD_FACTORS:
-        state.place(path.at(load_factor))
+        state.set_displacement(path.at(load_factor))
         state.evaluate()
         spent += sum(solver.solve(0.0, accuracy).iterations for accuracy in ACCURACIES)
     return spent
@@ -71,6 +70,6 @@ def test_linear_solves_take_the_iterations_that_they_took(trunk: str, energy: En
 def test_a_spoiled_coarse_correction_is_noticed(
     trunk: str, energy: EnergyName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    invert = multilevel.invert
-    monkeypatch.setattr(multilevel, "invert", lambda *given: SPOILT * invert(*given))
+    invert = multigrid.invert
+    monkeypatch.setattr(multigrid, "invert", lambda *given: SPOILT * invert(*given))
     assert iterations(trunk, energy) > (1.0 + WITHIN) * HELD[trunk, energy]

@@ -10,8 +10,9 @@ import pytest
 from support.meshes import block, block_with_bone, rotate
 from support.reference import Reference, volumes
 from support.threads import split_launches
-from warp_trunk.engine.model import build_model
-from warp_trunk.engine.relaxation import Relaxation, Relaxer, RelaxOptions, RelaxStatus, RelaxStep
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -33,7 +34,7 @@ def relaxed(trunk: TrunkMesh, start: np.ndarray, gravity: float = 0.0, threads: 
     mine = {name: options.pop(name) for name in ("method", "tolerance", "max_steps") if name in options}
     model = build_model(trunk, gravity=gravity, device=split_launches(threads), **options)
     relaxer = Relaxer(model, RelaxOptions(**mine))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     relaxation = relaxer.relax()
     return Ending(relaxation, relaxer.state.host_displacement())
 
@@ -212,7 +213,7 @@ def test_a_start_that_is_not_finite_is_called_so() -> None:
 def test_relaxing_again_changes_little() -> None:
     trunk, start = SCENES["moved bone"]
     relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-3))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     relaxer.relax()
     first = relaxer.state.host_displacement()
     again = relaxer.relax()
@@ -223,7 +224,7 @@ def test_relaxing_again_changes_little() -> None:
 def test_the_tolerance_of_a_call_goes_before_that_of_the_options() -> None:
     trunk, start = SCENES["turned face"]
     relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-4))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     loose = relaxer.relax(1.0)
     assert 1e-4 < loose.estimated_error <= 1.0
     assert relaxer.relax().estimated_error <= 1e-4
@@ -250,7 +251,7 @@ def test_state_keeps_the_order_of_the_mesh() -> None:
     trunk, start = SCENES["moved bone"]
     start = start + np.random.default_rng(11).normal(size=start.shape)
     state = State(build_model(trunk, Tissue(), device=split_launches(), precision="float64"))
-    state.place(start)
+    state.set_displacement(start)
     assert (state.host_displacement() == start).all()
 
 
@@ -259,7 +260,7 @@ def test_every_step_is_seen_as_it_was() -> None:
     trunk, start = SCENES["moved bone"]
     model = build_model(trunk, gravity=9.81, device=split_launches(), precision="float64")
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-6))
-    relaxer.state.place(start)
+    relaxer.state.set_displacement(start)
     seen: list[tuple[RelaxStep, np.ndarray]] = []
     relaxation = relaxer.relax(watch=lambda step, state: seen.append((step, state.host_displacement())))
     assert tuple(step for step, _ in seen) == relaxation.history

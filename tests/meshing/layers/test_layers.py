@@ -13,7 +13,8 @@ from scipy.interpolate import BSpline
 from support.meshes import block, grid, trunk
 from support.there import there
 from warp_trunk.case.layers import Layers
-from warp_trunk.engine.model import EnergyName, build_model
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, tet_volumes
@@ -212,7 +213,7 @@ def test_a_mixture_costs_the_mean_of_its_tissues(energy: EnergyName) -> None:
         mixed = replace(bare, tissue=np.stack([1.0 - second, second], axis=1))
         model = build_model(mixed, tissues, energy=energy, precision="float64", device="cpu")
         state = State(model)
-        state.place(displacement)
+        state.set_displacement(displacement)
         state.evaluate()
         return np.array(list(state.energy().terms.values()))
 

@@ -17,7 +17,8 @@ from warp_trunk.case.rib_shares import LIMITS
 from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
 from warp_trunk.engine.constants import Constant
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.engine.relaxation import Relaxer, RelaxStatus
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -177,7 +178,7 @@ def _simulated(kept: _Kept, job: FitJob, counted: np.ndarray) -> _Simulated:
     status = last.relaxation.status
     linear = Linearization(prepared.model, last, relaxer=relaxer, unconfirmed=status is not RelaxStatus.NOT_FINITE)
     if status is not RelaxStatus.CONVERGED:
-        way = linear.rest_of_way()[prepared.trunk.skin_nodes]
+        way = linear.newton_correction()[prepared.trunk.skin_nodes]
         far = float(np.linalg.norm(way, axis=1).max())
         if not far <= SETTLED:
             ended = f"ended {status.name}, the skin {far:.1f} mm from equilibrium"

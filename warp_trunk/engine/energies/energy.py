@@ -1,30 +1,15 @@
-"""What the engine asks of an energy, and what it tells of one."""
+"""What the engine needs of an energy."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 import warp as wp
 
-from ..rest_mesh import RestMesh
-
-
-@dataclass(frozen=True)
-class Energy:
-    """The terms of an energy, each with its factor, in the energy's unit."""
-
-    terms: dict[str, float]
-    """By name, those that the scene uses. itmsm, eq. 4.6 of [2], has `distance` (edges), `area` (faces, with
-    epsilon) and `volume` (with theta), the neo-Hookean energy `volume` (lambda / 2 (J - 1)^2) and `shape` (the
-    terms in mu); both have `gravity`, with the sign of physics, and `bending` of the skin."""
-
-    @property
-    def total(self) -> float:
-        """Their sum, which the relaxation makes least."""
-        return sum(self.terms.values())
+if TYPE_CHECKING:
+    from ..rest_mesh import RestMesh
 
 
 class TetEnergy(Protocol):
@@ -44,7 +29,7 @@ class TetEnergy(Protocol):
 
     @property
     def kernels(self) -> SimpleNamespace:
-        """`gradient` (with the energy), `curvature` (made positive semidefinite) and `true_curvature`."""
+        """`gradient` (with the energy), `projected_hessian` (made positive semidefinite) and `hessian`."""
         ...
 
     @property
@@ -80,7 +65,7 @@ class TetEnergy(Protocol):
         """What its arrays of these names hold for the tissues of a mesh and a gravity [m/s^2], float64.
 
         The energy is linear in them: put in their place, their derivative in a constant gives the derivative of
-        energy, gradient and curvature in it.
+        energy, gradient and Hessian in it.
         """
         ...
 

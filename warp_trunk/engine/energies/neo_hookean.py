@@ -10,9 +10,16 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.neo_hookean import GRAVITY, SHAPE, VOLUME, neo_hookean_kernels
-from warp_trunk.kernels.rest_measures import rest_kernels
-from warp_trunk.kernels.stable_neo_hookean import CRUSH, CRUSHED, STIFFENS
+from warp_trunk.kernels.mesh import rest_kernels
+from warp_trunk.kernels.neo_hookean import (
+    CRUSH,
+    CRUSHED,
+    GRAVITY,
+    SHAPE,
+    STIFFENS,
+    VOLUME,
+    neo_hookean_kernels,
+)
 
 from ..rest_mesh import RestMesh
 from ..tissue import Tissue
@@ -32,7 +39,7 @@ class NeoHookean:
     shape: ClassVar[str] = "shape_gradient"
     """The array that rounding at rest shows in."""
     kernels: SimpleNamespace
-    """`gradient` and `curvature`, with gravity if the scene has it."""
+    """`gradient` and the Hessians, with gravity if the scene has it."""
     terms: tuple[str, ...]
     """Names of the terms that the scene uses, as in Energy."""
     shape_gradient: wp.array

@@ -1,0 +1,318 @@
+"""Adding up what elements give to nodes: gradients, and Hessians to 3x3 blocks of the sparse matrix.
+
+On the CPU each range of elements adds to a slab of its own. On CUDA, where half of an assembly went into atomic
+additions, every element stores its blocks and every block of the matrix gathers its own; so each block is also
+added up in the same order every time."""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+INVERTED, NEWLY_INVERTED, FIRST_TERM = range(3)
+"""Columns of the sums: counts of tetrahedra, then the terms of an energy in an order of its own."""
+COLUMNS = 8
+"""Eight doubles fill a cache line, so that two threads never write to the same one."""
+BENDING = COLUMNS - 1
+"""Column of the bending of the skin, whichever energy the tissue has."""
+WARP = 32
+"""Threads of a CUDA warp."""
+NUMBERS = 9
+"""Numbers of a block."""
+SHARED = 3
+"""Blocks that a warp shares among its first 27 threads, each one number of a block."""
+vec16i = wp.types.vector(16, wp.int32)
+PAIRS = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
+"""The pairs of corners whose blocks a tetrahedron keeps; those of the others are transposed ones."""
+
+PARTS = len(PAIRS)
+"""Their number."""
+SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""The numbers that are kept of the symmetric block of a corner with itself."""
+KEPT = 80
+"""Numbers that a tetrahedron keeps: those blocks, then the others, then none up to whole sectors of 32 bytes."""
+
+
+def _places() -> list[int]:
+    """Where the numbers of each part begin."""
+    places, symmetric, others = [], 0, 4 * len(SYMMETRIC)
+    for a, b in PAIRS:
+        places.append(symmetric if a == b else others)
+        symmetric, others = (symmetric + len(SYMMETRIC), others) if a == b else (symmetric, others + NUMBERS)
+    return places
+
+
+PLACES = wp.constant(wp.types.vector(PARTS, wp.int32)(*_places()))
+"""Where the numbers of each part begin among those that are kept."""
+
+
+@wp.func
+def add_gradient(gradient: wp.array2d(dtype=Any), slab: int, n: wp.vec4i, g0: Any, g1: Any, g2: Any, g3: Any):
+    """Adds the gradients of the four corners to their nodes."""
+    wp.atomic_add(gradient, slab, n[0], g0)
+    wp.atomic_add(gradient, slab, n[1], g1)
+    wp.atomic_add(gradient, slab, n[2], g2)
+    wp.atomic_add(gradient, slab, n[3], g3)
+
+
+@wp.func
+def with_corner_0(aa: Any, ab: Any, ac: Any, bb: Any, bc: Any, cc: Any):
+    """The blocks of corner 0 with itself and the others: it moves a, b and c at once, so minus the row sums."""
+    oa = -(aa + wp.transpose(ab) + wp.transpose(ac))
+    ob = -(ab + bb + wp.transpose(bc))
+    oc = -(ac + bc + cc)
+    return -(oa + ob + oc), oa, ob, oc
+
+
+@wp.func
+def add_block(blocks: wp.array2d(dtype=Any), slab: int, block: int, value: Any):
+    """Adds a 3x3 block of the matrix of free nodes; a block of a prescribed node (-1) is left out."""
+    if block >= 0:
+        wp.atomic_add(blocks, slab, block, value)
+
+
+@cache
+def hessian_adder(scalar: type, cuda: bool) -> Any:
+    """The function that adds the second derivatives of a tetrahedron in the edge vectors from corner 0.
+
+    On the CPU it adds them to the blocks of the four nodes; on CUDA it keeps them for who gathers them, and an
+    item past the last tetrahedron keeps those of that one, for nobody.
+    """
+    store_blocks = block_storer(scalar)
+
+    @wp.func
+    def add_hessian(
+        blocks: Any,
+        slab: int,
+        item: int,
+        t: int,
+        block_of: wp.array(dtype=vec16i),
+        aa: Any,
+        ab: Any,
+        ac: Any,
+        bb: Any,
+        bc: Any,
+        cc: Any,
+    ):
+        oo, oa, ob, oc = with_corner_0(aa, ab, ac, bb, bc, cc)
+        if wp.static(cuda):
+            store_blocks(blocks, item, oo, oa, ob, oc, aa, ab, ac, bb, bc, cc)
+        else:
+            at = block_of[t]
+            add_block(blocks, slab, at[0], oo)
+            add_block(blocks, slab, at[1], oa)
+            add_block(blocks, slab, at[2], ob)
+            add_block(blocks, slab, at[3], oc)
+            add_block(blocks, slab, at[4], wp.transpose(oa))
+            add_block(blocks, slab, at[5], aa)
+            add_block(blocks, slab, at[6], ab)
+            add_block(blocks, slab, at[7], ac)
+            add_block(blocks, slab, at[8], wp.transpose(ob))
+            add_block(blocks, slab, at[9], wp.transpose(ab))
+            add_block(blocks, slab, at[10], bb)
+            add_block(blocks, slab, at[11], bc)
+            add_block(blocks, slab, at[12], wp.transpose(oc))
+            add_block(blocks, slab, at[13], wp.transpose(ac))
+            add_block(blocks, slab, at[14], wp.transpose(bc))
+            add_block(blocks, slab, at[15], cc)
+
+    return add_hessian
+
+
+def block_sums_type(scalar: type, cuda: bool) -> Any:
+    """The type of what `hessian_adder` adds to: blocks in slabs, or on CUDA what each tetrahedron keeps."""
+    return wp.array(dtype=scalar) if cuda else wp.array(dtype=wp.types.matrix((3, 3), scalar), ndim=2)
+
+
+def threads_over(blocks: int) -> int:
+    """Threads that gather so many blocks."""
+    return -(-blocks // SHARED) * WARP
+
+
+def _pack(scalar: type) -> tuple[str, int]:
+    """CUDA's type of 16 bytes and how many numbers it holds."""
+    return ("float4", 4) if scalar is wp.float32 else ("double2", 2)
+
+
+@cache
+def block_storer(scalar: type):
+    """The function that keeps the second derivatives of a tetrahedron in the edge vectors from corner 0.
+
+    All threads of a warp must call it. Neighbouring threads swap half of what they keep, so that each pair writes
+    whole sectors: in halves, they took the memory twice as long.
+    """
+    mat33 = wp.types.matrix((3, 3), scalar)
+    pack, whole = _pack(scalar)
+    numbers = [f"{block}.data[{a}][{b}]" for block in ("oo", "aa", "bb", "cc") for a, b in SYMMETRIC]
+    numbers += [
+        f"{block}.data[{n // 3}][{n % 3}]"
+        for block in ("oa", "ob", "oc", "ab", "ac", "bc")
+        for n in range(NUMBERS)
+    ]
+    own, others = (", ".join(f"{name}[{k}]" for k in range(whole)) for name in ("even", "odd"))
+
+    @wp.func_native(f"""
+    typedef decltype(+*parts.data) number;
+    const number kept[{KEPT}] = {{{", ".join(numbers)}}};
+    const bool is_odd = threadIdx.x % 2;
+    {pack}* to = reinterpret_cast<{pack}*>(parts.data + (size_t){KEPT} * (item - is_odd)) + is_odd;
+    #pragma unroll
+    for (int n = 0; n < {KEPT}; n += {2 * whole}) {{
+        number even[{whole}], odd[{whole}];
+        #pragma unroll
+        for (int k = 0; k < {whole}; ++k) {{
+            const number first = kept[n + k], second = kept[n + {whole} + k];
+            const number swapped = __shfl_xor_sync(0xffffffffu, is_odd ? first : second, 1);
+            even[k] = is_odd ? swapped : first;
+            odd[k] = is_odd ? second : swapped;
+        }}
+        to[n / {whole}] = make_{pack}({own});
+        to[({KEPT} + n) / {whole}] = make_{pack}({others});
+    }}
+    """)
+    def store_blocks(
+        parts: wp.array(dtype=scalar),
+        item: wp.int32,
+        oo: mat33,
+        oa: mat33,
+        ob: mat33,
+        oc: mat33,
+        aa: mat33,
+        ab: mat33,
+        ac: mat33,
+        bb: mat33,
+        bc: mat33,
+        cc: mat33,
+    ): ...
+
+    return store_blocks
+
+
+@cache
+def gather_kernels(scalar: type) -> SimpleNamespace:
+    """The kernel `gather` in one precision."""
+
+    @wp.func_native("""
+    decltype(+*parts.data) sum = 0;
+    #pragma unroll 4
+    for (int k = first; k < end; ++k) {
+        const int at = place.data[k];
+        sum += parts.data[at < 0 ? ~at + across : at + along];
+    }
+    return sum;
+    """)
+    def sum_of_parts(
+        parts: wp.array(dtype=scalar),
+        place: wp.array(dtype=wp.int32),
+        first: wp.int32,
+        end: wp.int32,
+        along: wp.int32,
+        across: wp.int32,
+    ) -> scalar:
+        """The sum of one number of several blocks; a place below 0 is that of a transposed one."""
+        ...
+
+    @wp.kernel(module=f"gather_{scalar.__name__}", enable_backward=False)
+    def gather_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        blocks: int,
+        symmetric: int,
+        start: wp.array(dtype=wp.int32),
+        place: wp.array(dtype=wp.int32),
+        block: wp.array(dtype=wp.int32),
+        mirrored: wp.array(dtype=wp.int32),
+        parts: wp.array(dtype=scalar),
+        numbers: wp.array(dtype=scalar),
+    ):
+        """Sets blocks to the sums of their parts, and those below the diagonal to the transposed ones.
+
+        The `symmetric` first blocks gather such parts alone.
+        """
+        item = first + wp.tid()
+        lane = item % WARP
+        i = SHARED * (item // WARP) + lane // NUMBERS
+        if lane < SHARED * NUMBERS and i < blocks:
+            along = lane % NUMBERS
+            across = 3 * (along % 3) + along // 3
+            low = wp.min(along, across) // 3
+            kept = wp.where(i < symmetric, low * (5 - low) // 2 + wp.max(along, across) // 3, along)
+            total = sum_of_parts(parts, place, start[i], start[i + 1], kept, across)
+            numbers[NUMBERS * block[i] + along] = total
+            if mirrored[i] != block[i]:
+                numbers[NUMBERS * mirrored[i] + across] = total
+
+    return SimpleNamespace(gather=gather_kernel)
+
+
+@wp.kernel(enable_backward=False)
+def blocks_of_rows(
+    first: int,
+    end: int,
+    slab: int,
+    upper: bool,
+    row_start: wp.array(dtype=wp.int32),
+    tets: wp.array(dtype=wp.vec4i),
+    place: wp.array(dtype=wp.uint16, ndim=2),
+    block_of: wp.array(dtype=vec16i),
+):
+    """The block of each corner pair by its place in its row, from 1; -1 where that is 0.
+
+    With `upper` it is also -1 for blocks below the diagonal.
+    """
+    t = first + wp.tid()
+    if t < end:
+        blocks = vec16i()
+        for a in range(4):
+            for b in range(4):
+                k = 4 * a + b
+                blocks[k] = -1
+                if wp.int32(place[t, k]) > 0 and not (upper and tets[t][a] > tets[t][b]):
+                    blocks[k] = row_start[tets[t][a]] + wp.int32(place[t, k]) - 1
+        block_of[t] = blocks
+
+
+@wp.kernel(enable_backward=False)
+def list_parts(
+    count: int,
+    block_of: wp.array(dtype=vec16i),
+    number: wp.array(dtype=wp.int32),
+    keys: wp.array(dtype=wp.int32),
+    places: wp.array(dtype=wp.int32),
+    block: wp.array(dtype=wp.int32),
+    mirrored: wp.array(dtype=wp.int32),
+):
+    """For every part of a tetrahedron the number of the block that gathers it, `count` where none does."""
+    t = wp.tid()
+    part = wp.int32(0)
+    for a in range(4):
+        for b in range(a, 4):
+            at = block_of[t][4 * a + b]
+            image = block_of[t][4 * b + a]
+            place = KEPT * t + PLACES[part]
+            key = wp.int32(-1)
+            if at >= 0:
+                key = number[at]
+            if key < 0:
+                at, image = image, at
+                place = -place - 1
+                if at >= 0:
+                    key = number[at]
+            if key < 0:
+                key = count
+            else:
+                block[key] = at
+                mirrored[key] = wp.where(image < 0, at, image)
+            keys[PARTS * t + part] = key
+            places[PARTS * t + part] = place
+            part += 1
+
+
+@wp.kernel(enable_backward=False)
+def find_starts(keys: wp.array(dtype=wp.int32), start: wp.array(dtype=wp.int32)):
+    """Where each number begins among sorted ones, none of which is left out."""
+    i = wp.tid()
+    if i == 0 or keys[i] != keys[wp.max(i - 1, 0)]:
+        start[keys[i]] = i

@@ -1,0 +1,570 @@
+"""The grids of the preconditioner: their matrices, restriction, the dense solve on the coarsest, prolongation.
+
+On the CPU each grid has a launch down and a launch up, loops in C++ as in `sparse`. On CUDA, where a launch costs
+more than most of its work, every grid interpolates directly to the nodes, so that three launches apply all of
+them, and the step of conjugate gradients goes with them. Weights and the dense inverse have 16 bits there: they
+shape a preconditioner, and nothing of the solution."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from .conjugate_gradient import find_alpha
+from .sparse import four_types
+from .vectors import lane_reducer, sum_reducer
+
+vec8i = wp.types.vector(8, wp.int32)
+KEPT = 0.999
+"""What a symmetric positive matrix with ones on its diagonal keeps beside them in 16 bits. Rounding there
+changes its eigenvalues, by 8e-4 where it has 1700 rows: so it stays positive also where a few nodes leave grid
+vertices idle."""
+
+
+@cache
+def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
+    """The kernels that add up their matrices, in one precision."""
+    vec8 = wp.types.vector(8, scalar)
+    mat33 = wp.types.matrix((3, 3), scalar)
+    by_corner = wp.types.matrix((24, 3), scalar)
+    module = f"grid_matrices_{scalar.__name__}"
+
+    @wp.kernel(module=module, enable_backward=False)
+    def grid_diagonal_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        row_start: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33, ndim=2),
+        vertex: wp.array(dtype=vec8i),
+        weight: wp.array(dtype=vec8),
+        diagonal: wp.array(dtype=mat33, ndim=2),
+    ):
+        """Adds what the matrix row of one node, from its diagonal on, gives to the diagonal blocks of P^T H P."""
+        i = first + wp.tid()
+        if i < end:
+            own = vertex[i]
+            w = weight[i]
+            for n in range(row_start[i], row_start[i + 1]):
+                c = columns[n]
+                if c >= i:
+                    other = vertex[c]
+                    v = weight[c]
+                    block = blocks[0, n]
+                    if c > i:
+                        block += wp.transpose(block)
+                    for k in range(8):
+                        for m in range(8):
+                            if own[k] == other[m]:
+                                wp.atomic_add(diagonal, slab, own[k], (w[k] * v[m]) * block)
+
+    @wp.func
+    def add_pair(matrix: wp.array3d(dtype=wp.float64), slab: int, u: int, v: int, block: mat33):
+        """Adds a block and its image to those of two vertices, where they are not below the diagonal."""
+        row = 3 * wp.min(u, v)
+        column = 3 * wp.max(u, v)
+        if u > v:
+            block = wp.transpose(block)
+        elif u == v:
+            block += wp.transpose(block)
+        for a in range(3):
+            for b in range(3):
+                wp.atomic_add(matrix, slab, row + a, column + b, wp.float64(block[a, b]))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def grid_matrix_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        row_start: wp.array(dtype=wp.int32),
+        columns: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33, ndim=2),
+        vertex: wp.array(dtype=vec8i),
+        weight: wp.array(dtype=vec8),
+        matrix: wp.array(dtype=wp.float64, ndim=3),
+    ):
+        """Adds what the matrix row of one node gives to P^T H P, dense: its blocks on and above the diagonal.
+
+        Most neighbours are in the same cell: what they give is added up before it is spread over the cell.
+        """
+        i = first + wp.tid()
+        if i < end:
+            own = vertex[i]
+            w = weight[i]
+            same = by_corner()
+            corners = wp.int32(8)  # a loop to it is not unrolled, which would take seconds to compile
+            for n in range(row_start[i], row_start[i + 1]):
+                c = columns[n]
+                if c >= i:
+                    other = vertex[c]
+                    v = weight[c]
+                    block = blocks[0, n]
+                    if c == i:
+                        block *= scalar(0.5)  # its image is added, too
+                    if other == own:
+                        for m in range(8):
+                            for a in range(3):
+                                for b in range(3):
+                                    same[3 * m + a, b] += v[m] * block[a, b]
+                    else:
+                        for k in range(corners):
+                            for m in range(8):
+                                add_pair(matrix, slab, own[k], other[m], (w[k] * v[m]) * block)
+            for m in range(8):
+                block = mat33()
+                for a in range(3):
+                    for b in range(3):
+                        block[a, b] = same[3 * m + a, b]
+                for k in range(corners):
+                    add_pair(matrix, slab, own[k], own[m], w[k] * block)
+
+    return SimpleNamespace(
+        grid_diagonal=grid_diagonal_kernel,
+        grid_matrix=grid_matrix_kernel,
+    )
+
+
+RESTRICT = """
+    const real* __restrict__ x = (const real*)residual.data;
+    const wp::int32* __restrict__ at = point.data;
+    const real* __restrict__ w = weight.data;
+    real* __restrict__ y = (real*)coarse_residual.data;
+    wp::int32 k = row_start.data[first];
+    for (wp::int32 v = first; v < end; ++v) {
+        const wp::int32 last = row_start.data[v + 1];
+        four even = {0, 0, 0, 0}, odd = even;
+        for (; k + 1 < last; k += 2) {
+            even += w[k] * three(x + 3 * at[k]);
+            odd += w[k + 1] * three(x + 3 * at[k + 1]);
+        }
+        if (k < last) even += w[k] * three(x + 3 * at[k]);
+        k = last;
+        even += odd;
+        y[3 * v] = even[0];
+        y[3 * v + 1] = even[1];
+        y[3 * v + 2] = even[2];
+    }
+"""
+
+PROLONG = """
+    const real* __restrict__ diagonal = (const real*)inverse_diagonal.data;
+    const wp::int32* __restrict__ at = (const wp::int32*)vertex.data;
+    const real* __restrict__ w = (const real*)weight.data;
+    const real* __restrict__ from = (const real*)coarse.data;
+    const real* __restrict__ x = (const real*)residual.data;
+    real* __restrict__ y = (real*)correction.data;
+    double product = 0.0;
+    for (wp::int32 i = first; i < end; ++i) {
+        const real* m = diagonal + 9 * i;
+        const real* r = x + 3 * i;
+        four z = r[0] * three(m) + r[1] * three(m + 3) + r[2] * three(m + 6);
+        for (wp::int32 k = 8 * i; k < 8 * i + 8; ++k) z += w[k] * *(const loose*)(from + 3 * at[k]);
+        y[3 * i] = z[0];
+        y[3 * i + 1] = z[1];
+        y[3 * i + 2] = z[2];
+        product += r[0] * z[0] + r[1] * z[1] + r[2] * z[2];
+    }
+    return product;
+"""
+
+STRIP = 16
+"""Rows of the dense product that are added up together."""
+WHOLE = 32000
+"""What stands for 1 in 16 bits, with room for rounding."""
+
+DENSE = """
+    typedef wp::int16 shorts __attribute__((ext_vector_type(8), aligned(2)));
+    typedef real eight __attribute__((ext_vector_type(8)));
+    const shorts* number = (const shorts*)inverse.data + 2 * (long)size * first;
+    const real* s = scale.data;
+    const real* x = residual.data;
+    const auto at = [&](long k) { return __builtin_convertvector(number[k], eight); };
+    for (wp::int32 b = first; b < end; ++b, number += 2 * (long)size) {
+        eight low[2] = {0, 0}, high[2] = {0, 0};
+        for (wp::int32 k = 0; k < size; k += 2) {
+            for (int odd = 0; odd < 2; ++odd) {
+                const real v = s[k + odd] * x[k + odd];
+                low[odd] += at(2 * (k + odd)) * v;
+                high[odd] += at(2 * (k + odd) + 1) * v;
+            }
+        }
+        low[0] += low[1];
+        high[0] += high[1];
+        for (int l = 0; l < 8; ++l) {
+            solution.data[16 * b + l] = s[16 * b + l] * low[0][l];
+            solution.data[16 * b + 8 + l] = s[16 * b + 8 + l] * high[0][l];
+        }
+    }
+"""
+
+
+@cache
+def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
+    """The kernels `restrict`, `prolong` and `dense` of one grid on the CPU, with one item for each range."""
+    add = sum_reducer(False)
+    vec3, vec8 = wp.types.vector(3, scalar), wp.types.vector(8, scalar)
+    mat33 = wp.types.matrix((3, 3), scalar)
+    types, module = four_types(scalar), f"cpu_grids_{scalar.__name__}"
+
+    @wp.func_native(types + RESTRICT)
+    def restrict_rows(
+        first: int,
+        end: int,
+        row_start: wp.array(dtype=wp.int32),
+        point: wp.array(dtype=wp.int32),
+        weight: wp.array(dtype=scalar),
+        residual: wp.array(dtype=vec3),
+        coarse_residual: wp.array(dtype=vec3),
+    ): ...
+
+    @wp.func_native(types + PROLONG)
+    def prolong_rows(
+        first: int,
+        end: int,
+        inverse_diagonal: wp.array(dtype=mat33),
+        vertex: wp.array(dtype=vec8i),
+        weight: wp.array(dtype=vec8),
+        coarse: wp.array(dtype=vec3),
+        residual: wp.array(dtype=vec3),
+        correction: wp.array(dtype=vec3),
+    ) -> wp.float64: ...
+
+    @wp.func_native(types + DENSE)
+    def dense_rows(
+        first: int,
+        end: int,
+        size: int,
+        inverse: wp.array(dtype=wp.int16),
+        scale: wp.array(dtype=scalar),
+        residual: wp.array(dtype=scalar),
+        solution: wp.array(dtype=scalar),
+    ): ...
+
+    @wp.kernel(module=module, enable_backward=False)
+    def restrict_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        row_start: wp.array(dtype=wp.int32),
+        point: wp.array(dtype=wp.int32),
+        weight: wp.array(dtype=scalar),
+        residual: wp.array(dtype=vec3),
+        coarse_residual: wp.array(dtype=vec3),
+    ):
+        """P^T r: every grid vertex gathers the residual of the points it reaches."""
+        restrict_rows(first, end, row_start, point, weight, residual, coarse_residual)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def prolong_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        inverse_diagonal: wp.array(dtype=mat33),
+        vertex: wp.array(dtype=vec8i),
+        weight: wp.array(dtype=vec8),
+        coarse: wp.array(dtype=vec3),
+        residual: wp.array(dtype=vec3),
+        correction: wp.array(dtype=vec3),
+        iteration: wp.array(dtype=wp.int32),
+        products: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """z = D^-1 r + P z_coarse, and this range's part of r . z, kept by iteration; `coarse` has one more."""
+        value = prolong_rows(first, end, inverse_diagonal, vertex, weight, coarse, residual, correction)
+        add(products, iteration[0], 8 * slab, value)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def dense_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        size: int,
+        inverse: wp.array(dtype=wp.int16),
+        scale: wp.array(dtype=scalar),
+        residual: wp.array(dtype=scalar),
+        solution: wp.array(dtype=scalar),
+    ):
+        """S A S r of strips, A in parts of `WHOLE`: of each strip column after column; `size` is even."""
+        dense_rows(first, end, size, inverse, scale, residual, solution)
+
+    return SimpleNamespace(restrict=restrict_kernel, prolong=prolong_kernel, dense=dense_kernel)
+
+
+VERTEX_LANES = 32
+"""Threads that share a grid vertex that reaches at least so many nodes."""
+FEW_LANES = 8
+"""Threads that share one of the other vertices."""
+NODE_LANES = 4
+"""Threads that share a node, each for whole cells that it lies in; three write a component."""
+CORNERS = 8
+"""Corners of a cell."""
+ROW_LANES = 32
+"""Threads that share a row of the dense product."""
+OCTET = 8
+"""Numbers that a thread of the dense product reads at once; rows are padded to whole ones."""
+
+
+LENGTHEN = """
+    const unsigned pairs[4] = {octet.x, octet.y, octet.z, octet.w};
+    float number[8];
+    #pragma unroll
+    for (int n = 0; n < 4; ++n)
+        asm("{.reg .b16 low, high; mov.b32 {low, high}, %2; cvt.f32.f16 %0, low; cvt.f32.f16 %1, high;}"
+            : "=f"(number[2 * n]), "=f"(number[2 * n + 1]) : "r"(pairs[n]));
+"""
+"""Eight numbers of 16 bits, read at once."""
+
+
+@wp.func_native(f"""
+const uint4* entries = reinterpret_cast<const uint4*>(matrix.data + (size_t)row * matrix.shape[1]);
+const float4* factors = reinterpret_cast<const float4*>(vector.data);
+float sum = 0.0f;
+#pragma unroll 4
+for (int k = lane; k < matrix.shape[1] / 8; k += 32) {{
+    const uint4 octet = __ldcs(entries + k);
+    const float4 x = factors[2 * k], y = factors[2 * k + 1];
+    {LENGTHEN}
+    sum += number[0] * x.x + number[1] * x.y + number[2] * x.z + number[3] * x.w
+         + number[4] * y.x + number[5] * y.y + number[6] * y.z + number[7] * y.w;
+}}
+return sum;
+""")
+def part_of_product(
+    matrix: wp.array2d(dtype=wp.float16), vector: wp.array(dtype=wp.float32), row: wp.int32, lane: wp.int32
+) -> wp.float32:
+    """What one of ROW_LANES threads adds to a row of a product; it reads OCTET numbers at once, past the cache."""
+    ...
+
+
+@wp.kernel(enable_backward=False)
+def scale_and_shorten(
+    matrix: wp.array(dtype=wp.float32, ndim=2),
+    scale: wp.array(dtype=wp.float32),
+    scaled: wp.array(dtype=wp.float16, ndim=2),
+):
+    """A symmetric matrix by the scales of its rows and columns, in 16 bits; see `KEPT`."""
+    i, k = wp.tid()
+    share = matrix[i, k] / (scale[i] * scale[k])
+    scaled[i, k] = wp.float16(wp.where(i == k, share, KEPT * share))
+
+
+@wp.kernel(enable_backward=False)
+def shorten(values: wp.array(dtype=wp.float32), shortened: wp.array(dtype=wp.float16)):
+    """The values in 16 bits."""
+    i = wp.tid()
+    shortened[i] = wp.float16(values[i])
+
+
+@cache
+def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
+    """The kernels `restrict`, `dense` and `prolong` in one precision; the coarsest grid always has float32.
+
+    `number` is the type of the numbers of nodes and vertices.
+    """
+    add, add_lanes, add_row = sum_reducer(True), lane_reducer(scalar), lane_reducer(wp.float32)
+    vec3, vec4 = (wp.types.vector(size, scalar) for size in (3, 4))
+    mat33 = wp.types.matrix((3, 3), scalar)
+    module = f"cuda_grids_{scalar.__name__}_{number.__name__}"
+    corner, reads = ("unsigned short", 1) if number is wp.uint16 else ("int", 2)
+    real = "float" if scalar is wp.float32 else "double"
+
+    @wp.func_native(f"""
+    struct alignas(16) Four {{ {real} x, y, z, unused; }};
+    wp::vec_t<3, {real}> sum;
+    #pragma unroll 1
+    for (int grid = lane; grid < grids; grid += {NODE_LANES}) {{
+        const size_t cell = (size_t)grid * nodes + node;
+        alignas(16) {corner} at[{CORNERS}];
+        #pragma unroll
+        for (int n = 0; n < {reads}; ++n)
+            reinterpret_cast<uint4*>(at)[n] = reinterpret_cast<const uint4*>(vertex.data)[{reads} * cell + n];
+        const uint4 octet = reinterpret_cast<const uint4*>(weight.data)[cell];
+        {LENGTHEN}
+        #pragma unroll
+        for (int n = 0; n < {CORNERS}; ++n) {{
+            const Four vector = reinterpret_cast<const Four*>(coarse.data)[at[n]];
+            sum[0] += number[n] * vector.x;
+            sum[1] += number[n] * vector.y;
+            sum[2] += number[n] * vector.z;
+        }}
+    }}
+    return sum;
+    """)
+    def part_of_correction(
+        vertex: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
+        coarse: wp.array(dtype=vec4),
+        grids: wp.int32,
+        nodes: wp.int32,
+        node: wp.int32,
+        lane: wp.int32,
+    ) -> vec3:
+        """What one of NODE_LANES threads adds to the correction of a node; it reads a whole cell at once."""
+        ...
+
+    @wp.func_native("""
+    decltype(r.data[0] + r.data[0]) sum;
+    const auto* taken = step != 0 ? q.data : r.data;  // nobody has set q before the first step
+    for (int k = first; k < end; k += 4 * apart) {
+        int node[4];
+        decltype(+sum[0]) w[4];
+        #pragma unroll
+        for (int n = 0; n < 4; ++n) {  // all are asked for before the first is waited for
+            const int at = min(k + n * apart, end - 1);
+            node[n] = point.data[at];
+            w[n] = k + n * apart < end ? float(weight.data[at]) : 0.0f;
+        }
+        #pragma unroll
+        for (int n = 0; n < 4; ++n) {
+            const decltype(sum) vector = r.data[node[n]] - step * taken[node[n]];
+            sum[0] += w[n] * vector[0];
+            sum[1] += w[n] * vector[1];
+            sum[2] += w[n] * vector[2];
+        }
+    }
+    return sum;
+    """)
+    def part_of_residual(
+        point: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
+        r: wp.array(dtype=vec3),
+        q: wp.array(dtype=vec3),
+        step: scalar,
+        first: wp.int32,
+        end: wp.int32,
+        apart: wp.int32,
+    ) -> vec3:
+        """What one of `apart` threads adds to a weighted sum of r - step q."""
+        ...
+
+    @wp.func_native(f"return __shfl_sync(0xffffffffu, value, lane, {NODE_LANES});")
+    def of_lane(value: scalar, lane: wp.int32) -> scalar:
+        """The value of one of the threads of a node."""
+        ...
+
+    @wp.kernel(module=module, enable_backward=False)
+    def restrict_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        steps: int,
+        coarsest: int,
+        far: int,
+        row_start: wp.array(dtype=wp.int32),
+        point: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
+        inverse_diagonal: wp.array(dtype=mat33),
+        scale: wp.array(dtype=wp.vec3f),
+        iteration: wp.array(dtype=wp.int32),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        r: wp.array(dtype=vec3),
+        q: wp.array(dtype=vec3),
+        coarsest_residual: wp.array(dtype=wp.vec3f),
+        correction: wp.array(dtype=vec4),
+    ):
+        """P^T r, scaled for the `coarsest` first vertices, times D^-1 for the others; r after a step, if any.
+
+        The `far` first vertices have VERTEX_LANES threads each, the others FEW_LANES.
+        """
+        item = first + wp.tid()
+        lanes = wp.where(item < far * VERTEX_LANES, VERTEX_LANES, FEW_LANES)
+        v = wp.where(
+            item < far * VERTEX_LANES, item // VERTEX_LANES, far + (item - far * VERTEX_LANES) // FEW_LANES
+        )
+        begin = wp.int32(0)
+        stop = wp.int32(0)
+        if item < end:
+            begin = row_start[v] + item % lanes
+            stop = row_start[v + 1]
+        step = scalar(0.0)
+        if steps == 1:
+            step = scalar(find_alpha(r_dot_z, p_dot_q, iteration[0], 1))
+        total = part_of_residual(point, weight, r, q, step, begin, stop, lanes)
+        total = vec3(add_lanes(total[0], lanes), add_lanes(total[1], lanes), add_lanes(total[2], lanes))
+        if item < end and item % lanes == 0:
+            if v < coarsest:
+                single = wp.vec3f(wp.float32(total[0]), wp.float32(total[1]), wp.float32(total[2]))
+                coarsest_residual[v] = wp.cw_mul(scale[v], single)
+            else:
+                corrected = inverse_diagonal[v - coarsest] * total
+                correction[v] = vec4(corrected[0], corrected[1], corrected[2], scalar(0.0))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def dense_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        steps: int,
+        inverse: wp.array(dtype=wp.float16, ndim=2),
+        scale: wp.array(dtype=wp.float32),
+        residual: wp.array(dtype=wp.float32),
+        correction: wp.array(dtype=scalar),
+        iteration: wp.array(dtype=wp.int32),
+    ):
+        """The product with a dense inverse. It counts the iteration, too: here nobody reads its number."""
+        item = first + wp.tid()
+        row = item // ROW_LANES
+        value = wp.float32(0.0)
+        if item < end:
+            value = part_of_product(inverse, residual, row, item % ROW_LANES)
+        value = add_row(value, ROW_LANES)
+        if item < end and item % ROW_LANES == 0:
+            correction[4 * (row // 3) + row % 3] = scalar(scale[row] * value)
+        if item == 0:
+            iteration[0] = iteration[0] + steps
+
+    @wp.kernel(module=module, enable_backward=False)
+    def prolong_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        steps: int,
+        inverse_diagonal: wp.array(dtype=scalar),
+        vertex: wp.array(dtype=number),
+        weight: wp.array(dtype=wp.float16),
+        coarse: wp.array(dtype=vec4),
+        iteration: wp.array(dtype=wp.int32),
+        p_dot_q: wp.array(dtype=wp.float64, ndim=2),
+        p: wp.array(dtype=scalar),
+        q: wp.array(dtype=scalar),
+        x: wp.array(dtype=scalar),
+        r: wp.array(dtype=scalar),
+        z: wp.array(dtype=scalar),
+        r_dot_z: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """z = D^-1 r + the sum of P z_coarse over all grids, and r . z, kept by iteration.
+
+        Where the iteration `steps`, x and r do so first.
+        """
+        item = first + wp.tid()
+        i = item // NODE_LANES
+        c = item % NODE_LANES
+        k = 3 * i + c
+        j = iteration[0]
+        own = scalar(0.0)
+        row = vec3()
+        total = vec3()
+        if item < end:
+            if c < 3:
+                row = vec3(inverse_diagonal[3 * k], inverse_diagonal[3 * k + 1], inverse_diagonal[3 * k + 2])
+                own = r[k]
+                if steps == 1:
+                    step = scalar(find_alpha(r_dot_z, p_dot_q, j - 1, 1))
+                    own -= step * q[k]
+                    r[k] = own
+                    x[k] = x[k] + step * p[k]
+            nodes = end // NODE_LANES
+            total = part_of_correction(vertex, weight, coarse, vertex.shape[0] // (CORNERS * nodes), nodes, i, c)
+        total = vec3(
+            add_lanes(total[0], NODE_LANES), add_lanes(total[1], NODE_LANES), add_lanes(total[2], NODE_LANES)
+        )
+        residual = vec3(of_lane(own, 0), of_lane(own, 1), of_lane(own, 2))
+        value = wp.float64(0.0)
+        if item < end and c < 3:
+            corrected = wp.where(c == 0, total[0], wp.where(c == 1, total[1], total[2])) + wp.dot(row, residual)
+            z[k] = corrected
+            value = wp.float64(own) * wp.float64(corrected)
+        add(r_dot_z, j, 0, value)
+
+    return SimpleNamespace(restrict=restrict_kernel, dense=dense_kernel, prolong=prolong_kernel)

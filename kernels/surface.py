@@ -1,0 +1,344 @@
+"""Queries on triangle surfaces: distance, nearest point, depth along rays, crossings and edge collapses."""
+
+from __future__ import annotations
+
+import warp as wp
+
+
+@wp.kernel(enable_backward=False)
+def signed_distance(
+    first: wp.int32,
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    reach: wp.float32,
+    distance: wp.array(dtype=wp.float32),
+    face: wp.array(dtype=wp.int32),
+    nearest: wp.array(dtype=wp.vec3),
+):
+    """Distance [mm], negative inside, the nearest triangle and point; NaN and -1 farther away than `reach`.
+
+    The winding number gives the right sign inside overlapping and self-intersecting parts too.
+    """
+    i = first + wp.tid()
+    query = wp.mesh_query_point_sign_winding_number(mesh, points[i], reach)
+    if query.result:
+        nearest[i] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+        distance[i] = query.sign * wp.length(points[i] - nearest[i])
+        face[i] = query.face
+    else:
+        distance[i] = wp.nan
+        face[i] = -1
+        nearest[i] = wp.vec3(wp.nan)
+
+
+@wp.kernel(enable_backward=False)
+def plain_distance(
+    first: wp.int32,
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    reach: wp.float32,
+    distance: wp.array(dtype=wp.float32),
+):
+    """Distance [mm] without a sign, which takes most of the time; NaN farther away than `reach`."""
+    i = first + wp.tid()
+    query = wp.mesh_query_point_no_sign(mesh, points[i], reach)
+    distance[i] = wp.nan
+    if query.result:
+        distance[i] = wp.length(points[i] - wp.mesh_eval_position(mesh, query.face, query.u, query.v))
+
+
+@wp.kernel(enable_backward=False)
+def nearest_on_mesh(
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    reach: wp.float32,
+    face: wp.array(dtype=wp.int32),
+    weights: wp.array(dtype=wp.vec3),
+):
+    """The nearest triangle and the weights of its three corners; face -1 where none is within `reach`."""
+    i = wp.tid()
+    query = wp.mesh_query_point_no_sign(mesh, points[i], reach)
+    if query.result:
+        face[i] = query.face
+        weights[i] = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
+    else:
+        face[i] = -1
+        weights[i] = wp.vec3(0.0)
+
+
+@wp.kernel(enable_backward=False)
+def first_hit(
+    mesh: wp.uint64,
+    corner: wp.vec3,
+    right: wp.vec3,
+    down: wp.vec3,
+    forward: wp.vec3,
+    reach: wp.float32,
+    face: wp.array2d(dtype=wp.int32),
+    weights: wp.array2d(dtype=wp.vec3),
+):
+    """For each pixel the face that its ray meets first, -1 for none, and the weights of the face's corners there.
+
+    The ray of the pixel in row i and column j starts at corner + i down + j right and goes `reach` along the
+    unit vector `forward`.
+    """
+    i, j = wp.tid()
+    start = corner + wp.float32(i) * down + wp.float32(j) * right
+    hit = wp.mesh_query_ray(mesh, start, forward, reach)
+    face[i, j] = -1
+    if hit.result:
+        face[i, j] = hit.face
+        weights[i, j] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+
+
+@wp.func
+def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, slack: wp.float64) -> wp.bool:
+    """Whether the segment p q meets the triangle a b c; slack is relative, and lets near misses count.
+
+    A segment in the plane of the triangle meets none: then one of its neighbours does.
+    """
+    one = wp.float64(1.0)
+    ab = b - a
+    ac = c - a
+    pq = q - p
+    normal = wp.cross(ab, ac)
+    slope = wp.dot(normal, pq)
+    if wp.abs(slope) <= wp.float64(1.0e-12) * wp.length(normal) * wp.length(pq):
+        return False
+    t = wp.dot(normal, a - p) / slope
+    if t < -slack or t > one + slack:
+        return False
+    hit = p + t * pq - a
+    square = wp.dot(normal, normal)
+    u = wp.dot(wp.cross(hit, ac), normal) / square
+    v = wp.dot(wp.cross(ab, hit), normal) / square
+    return u >= -slack and v >= -slack and u + v <= one + slack
+
+
+@wp.func
+def one_of(i: wp.int32, p: wp.int32, q: wp.int32, r: wp.int32) -> wp.bool:
+    first = i == p
+    second = i == q
+    third = i == r
+    return first or second or third
+
+
+@wp.func
+def meets(
+    vertices: wp.array(dtype=wp.vec3d),
+    faces: wp.array(dtype=wp.int32),
+    f: wp.int32,
+    g: wp.int32,
+    slack: wp.float64,
+) -> wp.bool:
+    """Whether an edge of face f that shares no corner with face g passes through g."""
+    i = faces[3 * f]
+    j = faces[3 * f + 1]
+    k = faces[3 * f + 2]
+    p = faces[3 * g]
+    q = faces[3 * g + 1]
+    r = faces[3 * g + 2]
+    has_i = one_of(i, p, q, r)
+    has_j = one_of(j, p, q, r)
+    has_k = one_of(k, p, q, r)
+    a = vertices[i]
+    b = vertices[j]
+    c = vertices[k]
+    d = vertices[p]
+    e = vertices[q]
+    h = vertices[r]
+    hit = False
+    if not has_i and not has_j:
+        hit = hit or pierces(a, b, d, e, h, slack)
+    if not has_j and not has_k:
+        hit = hit or pierces(b, c, d, e, h, slack)
+    if not has_k and not has_i:
+        hit = hit or pierces(c, a, d, e, h, slack)
+    return hit
+
+
+@wp.func
+def box_of(vertices: wp.array(dtype=wp.vec3d), faces: wp.array(dtype=wp.int32), f: wp.int32):
+    """Lower and upper corner of the box of a face, a little larger than it."""
+    a = vertices[faces[3 * f]]
+    b = vertices[faces[3 * f + 1]]
+    c = vertices[faces[3 * f + 2]]
+    lower = wp.vec3(wp.min(wp.min(a, b), c)) - wp.vec3(1.0e-3)
+    upper = wp.vec3(wp.max(wp.max(a, b), c)) + wp.vec3(1.0e-3)
+    return lower, upper
+
+
+@wp.kernel(enable_backward=False)
+def crossing_faces(
+    first: wp.int32,
+    mesh: wp.uint64,
+    vertices: wp.array(dtype=wp.vec3d),
+    faces: wp.array(dtype=wp.int32),
+    slack: wp.float64,
+    crossed: wp.array(dtype=wp.int32),
+):
+    """For each face, a face that one of its edges passes through and has no corner of, or -1.
+
+    Two triangles that cross without a common corner have an edge of one in the other; two with one common
+    corner have the opposite edge of one in the other. So testing edges against faces apart finds both.
+    """
+    f = first + wp.tid()
+    crossed[f] = -1
+    lower, upper = box_of(vertices, faces, f)
+    query = wp.mesh_query_aabb(mesh, lower, upper)
+    g = wp.int32(0)
+    while wp.mesh_query_aabb_next(query, g):
+        if meets(vertices, faces, f, g, slack):
+            crossed[f] = g
+
+
+@wp.kernel(enable_backward=False)
+def crossed_by_any(
+    first: wp.int32,
+    mesh: wp.uint64,
+    vertices: wp.array(dtype=wp.vec3d),
+    faces: wp.array(dtype=wp.int32),
+    asked: wp.array(dtype=wp.int32),
+    slack: wp.float64,
+    crossed: wp.array(dtype=wp.bool),
+):
+    """For each face asked for, whether it and another pass through each other."""
+    n = first + wp.tid()
+    f = asked[n]
+    hit = wp.bool(False)
+    lower, upper = box_of(vertices, faces, f)
+    query = wp.mesh_query_aabb(mesh, lower, upper)
+    g = wp.int32(0)
+    while wp.mesh_query_aabb_next(query, g):
+        hit = hit or meets(vertices, faces, f, g, slack) or meets(vertices, faces, g, f, slack)
+    crossed[n] = hit
+
+
+LEAST_TURN = wp.constant(wp.float64(0.4))
+"""No collapse turns a triangle further than the angle with this cosine, 66 degrees."""
+LEAST_SHAPE = wp.constant(wp.float64(0.3))
+"""No collapse makes a triangle with a lower shape than this; 1 is equilateral, 0 is flat."""
+
+
+@wp.kernel(enable_backward=False)
+def sort_corners(
+    faces: wp.array(dtype=wp.int32, ndim=2),
+    place: wp.array(dtype=wp.int32),
+    second: wp.array(dtype=wp.int32),
+    face: wp.array(dtype=wp.int32),
+):
+    """Puts the directed edges of faces in order of their first vertices; one item, `place` begins as `start`."""
+    for f in range(faces.shape[0]):
+        for c in range(3):
+            v = faces[f, c]
+            at = place[v]
+            place[v] = at + 1
+            second[at] = faces[f, (c + 1) % 3]
+            face[at] = f
+
+
+@wp.kernel(enable_backward=False)
+def edge_lengths(
+    start: wp.array(dtype=wp.int32),
+    second: wp.array(dtype=wp.int32),
+    vertices: wp.array(dtype=wp.vec3d),
+    length: wp.array(dtype=wp.float64),
+):
+    """Length of every edge, at that of its directions which leads to the higher number; infinite at the other."""
+    v = wp.tid()
+    for k in range(start[v], start[v + 1]):
+        length[k] = wp.float64(wp.inf)
+        if v < second[k]:
+            length[k] = wp.length(vertices[v] - vertices[second[k]])
+
+
+@wp.kernel(enable_backward=False)
+def least_around(
+    start: wp.array(dtype=wp.int32),
+    second: wp.array(dtype=wp.int32),
+    value: wp.array(dtype=wp.float64),
+    asked: wp.array(dtype=wp.bool),
+    least: wp.array(dtype=wp.float64),
+):
+    """The least value at a vertex and its neighbours, where it is asked for."""
+    v = wp.tid()
+    if not asked[v]:
+        return
+    found = value[v]
+    for k in range(start[v], start[v + 1]):
+        found = wp.min(found, value[second[k]])
+    least[v] = found
+
+
+@wp.func
+def shape(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
+    """1 for an equilateral triangle, 0 for a flat one."""
+    squares = wp.length_sq(b - a) + wp.length_sq(c - b) + wp.length_sq(a - c)
+    return wp.float64(2.0) * wp.sqrt(wp.float64(3.0)) * wp.length(wp.cross(b - a, c - b)) / squares
+
+
+@wp.func
+def fits(
+    a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, i: wp.vec3d, j: wp.vec3d, k: wp.vec3d, longest: wp.float64
+) -> wp.bool:
+    """Whether the triangle a b c may become i j k: it does not turn over, and no edge is too long."""
+    before = wp.cross(b - a, c - a)
+    after = wp.cross(j - i, k - j)
+    side = wp.max(wp.max(wp.length_sq(j - i), wp.length_sq(k - j)), wp.length_sq(i - k))
+    flat = LEAST_TURN * wp.length(after) * wp.length(before)
+    return wp.dot(before, after) > flat and side < longest * longest
+
+
+@wp.kernel(enable_backward=False)
+def allowed_collapses(
+    edges: wp.array(dtype=wp.vec2i),
+    targets: wp.array(dtype=wp.vec3d),
+    start: wp.array(dtype=wp.int32),
+    second: wp.array(dtype=wp.int32),
+    face: wp.array(dtype=wp.int32),
+    faces: wp.array(dtype=wp.int32, ndim=2),
+    vertices: wp.array(dtype=wp.vec3d),
+    longest: wp.float64,
+    allowed: wp.array(dtype=wp.bool),
+):
+    """Whether an edge may become its target: the surface stays a 2-manifold and its triangles stay in shape.
+
+    The link condition: the ends have exactly the two vertices opposite the edge as common neighbours.
+    """
+    e = wp.tid()
+    p = edges[e][0]
+    q = edges[e][1]
+    target = targets[e]
+    common = wp.int32(0)
+    for m in range(start[p], start[p + 1]):
+        for n in range(start[q], start[q + 1]):
+            if second[m] == second[n]:
+                common += 1
+    good = common == 2 and start[p + 1] - start[p] > 3 and start[q + 1] - start[q] > 3
+    worst = wp.float64(LEAST_SHAPE)
+    least = wp.float64(wp.inf)
+    for end in range(2):
+        v = edges[e][end]
+        for s in range(start[v], start[v + 1]):
+            f = face[s]
+            a = vertices[faces[f, 0]]
+            b = vertices[faces[f, 1]]
+            c = vertices[faces[f, 2]]
+            worst = wp.min(worst, shape(a, b, c))
+            i = a
+            j = b
+            k = c
+            moved = wp.int32(0)
+            if faces[f, 0] == p or faces[f, 0] == q:
+                i = target
+                moved += 1
+            if faces[f, 1] == p or faces[f, 1] == q:
+                j = target
+                moved += 1
+            if faces[f, 2] == p or faces[f, 2] == q:
+                k = target
+                moved += 1
+            if moved == 1:  # the two triangles on both ends vanish
+                least = wp.min(least, shape(i, j, k))
+                good = good and fits(a, b, c, i, j, k, longest)
+    allowed[e] = good and least > worst

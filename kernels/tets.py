@@ -1,0 +1,437 @@
+"""Kernels over the tetrahedra of an energy: from its formulas to energies with gradients, and Hessians.
+
+An energy states two functions of one tetrahedron (`TetFormulas`). On CUDA a thread evaluates one tetrahedron. On
+the CPU the same functions are translated to vector instructions (`simd_codegen`): with one tetrahedron at a time a
+relaxation takes 1.4 (neo-Hookean) to 1.7 (itmsm) times as long. Energies are summed in double precision, in one
+slab for each range of tetrahedra."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from .assembly import (
+    FIRST_TERM,
+    INVERTED,
+    NEWLY_INVERTED,
+    add_gradient,
+    block_sums_type,
+    hessian_adder,
+    vec16i,
+    with_corner_0,
+)
+from .simd_codegen import LANES, TYPES, Number, Numbers, emit, vectorized
+from .vectors import sums_reducer
+
+
+@dataclass(frozen=True)
+class Field:
+    """An array of an energy, with as many items as there are tetrahedra, or one for all."""
+
+    item: Any
+    """Type of its items."""
+    each: int = 1
+    """How many a tetrahedron has, as the array's second dimension where they are more than one."""
+
+    @property
+    def array(self) -> Any:
+        """Type of the array."""
+        return wp.array(dtype=self.item, ndim=2 if self.each > 1 else 1)
+
+    @property
+    def numbers(self) -> int:
+        """Numbers of an item."""
+        return getattr(self.item, "_length_", 1)
+
+
+@dataclass(frozen=True, eq=False)
+class TetFormulas:
+    """The formulas of an energy in one precision."""
+
+    name: str
+    """Name of the module of its kernels, which are compiled together."""
+    scalar: Any
+    """wp.float32 or wp.float64."""
+    fields: Mapping[str, Field]
+    """Its arrays."""
+    elements: Any
+    """A struct of them, by `struct_of`."""
+    evaluate: wp.Function
+    """Of `elements`, a tetrahedron and the displacements of its corners: energies by term, as a vector; the
+    relative change of volume, -1 or less where inverted; and the gradients of the four corners."""
+    hessian: wp.Function
+    """Of the same, and whether it is made positive semidefinite: the second derivatives aa, ab, ac, bb, bc, cc in
+    the edge vectors a, b, c from corner 0."""
+    columns: Sequence[int]
+    """Columns of the sums of those terms that are on."""
+
+    def bundle(self, energy: Any) -> Any:
+        """The struct of the arrays that an energy has by the fields' names."""
+        elements = self.elements()
+        for name in self.fields:
+            setattr(elements, name, getattr(energy, name))
+        return elements
+
+
+def struct_of(fields: Mapping[str, Field]) -> Any:
+    """The arrays of an energy as one argument of a kernel."""
+    annotations = {name: field.array for name, field in fields.items()}
+    return wp.struct(type("Elements", (), {"__annotations__": annotations, "__module__": __name__}))
+
+
+@wp.func
+def gravity_term(u0: Any, u1: Any, u2: Any, u3: Any, weight: Any):
+    """Potential of a tetrahedron's four quarter masses, weight * (sum of heights), from the rest position.
+
+    The weight is alpha m_i / (M_0 H_0), the force on each corner along +z.
+    """
+    return weight * (u0[2] + u1[2] + u2[2] + u3[2])
+
+
+def tet_kernels(formulas: TetFormulas, cuda: bool) -> SimpleNamespace:
+    """The kernels `gradient` (with the energy), `projected_hessian` (made positive) and `hessian`; and `bundle`.
+
+    On the CPU they are loops over a range.
+    """
+    if cuda:
+        return item_kernels(formulas, cuda)
+    return SimpleNamespace(
+        gradient=gradient_loop(formulas),
+        projected_hessian=hessian_loop(formulas, positive=True),
+        hessian=hessian_loop(formulas, positive=False),
+        bundle=formulas.bundle,
+    )
+
+
+def item_kernels(formulas: TetFormulas, cuda: bool) -> SimpleNamespace:
+    """The same with an item for each tetrahedron."""
+    return SimpleNamespace(
+        gradient=_gradient(formulas, cuda),
+        projected_hessian=_hessian(formulas, cuda, positive=True),
+        hessian=_hessian(formulas, cuda, positive=False),
+        bundle=formulas.bundle,
+    )
+
+
+def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
+    scalar, evaluate, elements_type = formulas.scalar, formulas.evaluate, formulas.elements
+    module = f"{formulas.name}_items_{'cuda' if cuda else 'cpu'}"
+    used = max(formulas.columns) + 1
+    add, sums_type = sums_reducer(cuda, used), wp.types.vector(used, wp.float64)
+    vec3 = wp.types.vector(3, scalar)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def gradient_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        tets: wp.array(dtype=wp.vec4i),
+        elements: elements_type,
+        inverted_before: wp.array(dtype=wp.int8),
+        displacement: wp.array(dtype=vec3),
+        gradient: wp.array(dtype=vec3, ndim=2),
+        inverted: wp.array(dtype=wp.int8),
+        sums: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        t = first + wp.tid()
+        found = sums_type()
+        if t < end:
+            n = tets[t]
+            e, growth, g0, g1, g2, g3 = evaluate(
+                elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]]
+            )
+            add_gradient(gradient, slab, n, g0, g1, g2, g3)
+            for k in range(FIRST_TERM, wp.static(used)):
+                found[k] = wp.float64(e[k - FIRST_TERM])
+            is_inverted = wp.int8(0)
+            if not (growth > scalar(-1.0)):
+                is_inverted = wp.int8(1)
+                found[INVERTED] = wp.float64(1.0)
+                if inverted_before[t] == wp.int8(0):
+                    found[NEWLY_INVERTED] = wp.float64(1.0)
+            inverted[t] = is_inverted
+        add(sums, slab, 0, found)
+
+    return gradient_kernel
+
+
+def _hessian(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
+    find_hessian, elements_type = formulas.hessian, formulas.elements
+    module = f"{formulas.name}_items_{'cuda' if cuda else 'cpu'}"
+    add_hessian, blocks_type = hessian_adder(formulas.scalar, cuda), block_sums_type(formulas.scalar, cuda)
+    vec3 = wp.types.vector(3, formulas.scalar)
+    clip = wp.constant(positive)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def hessian_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        tets: wp.array(dtype=wp.vec4i),
+        elements: elements_type,
+        block_of: wp.array(dtype=vec16i),
+        displacement: wp.array(dtype=vec3),
+        blocks: blocks_type,
+    ):
+        item = first + wp.tid()
+        t = wp.min(item, end - 1)
+        n = tets[t]
+        aa, ab, ac, bb, bc, cc = find_hessian(
+            elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]], clip
+        )
+        add_hessian(blocks, slab, item, t, block_of, aa, ab, ac, bb, bc, cc)
+
+    return hessian_kernel
+
+
+TET = "t"
+"""Stands for the tetrahedra in the lanes."""
+BLOCKS = 9 * 16
+"""Numbers of the blocks of a tetrahedron."""
+
+BEGIN = f"""
+    const wp::int32* corners = (const wp::int32*)tets.data;
+    const real* at = (const real*)displacement.data;
+    for (wp::int32 t = first; t < end; t += {LANES}) {{
+        const int count = end - t < {LANES} ? end - t : {LANES};
+        const auto window = [&](const auto* from, int of, auto* spare) {{
+            if (count == {LANES}) return from + (long)of * t;
+            for (int l = 0; l < {LANES}; ++l)
+                for (int k = 0; k < of; ++k) spare[of * l + k] = from[(long)of * (t + (l < count ? l : 0)) + k];
+            return (decltype(from))spare;
+        }};
+        wp::int32 spare_corners[{4 * LANES}];
+        const wp::int32* n = window(corners, 4, spare_corners);
+        const auto moved = [&](int a, int k) {{
+            return lanes{{{", ".join(f"at[3 * n[{4 * lane} + a] + k]" for lane in range(LANES))}}};
+        }};
+"""
+"""Begins a loop over the tetrahedra, so many at a time. The last ones may be fewer than there are lanes: what is
+read of them is then a copy, filled up with the first. `moved` is number k of the displacements of corner a."""
+
+SCATTER_GRADIENT = """
+        for (int l = 0; l < count; ++l) {
+            for (int a = 0; a < 4; ++a) {
+                real* to = out + 3 * n[4 * l + a];
+                to[0] += forces[3 * a][l];
+                to[1] += forces[3 * a + 1][l];
+                to[2] += forces[3 * a + 2][l];
+            }
+            const bool is_inverted = !(growth[l] > -1);
+            all_inverted += is_inverted;
+            newly_inverted += is_inverted && inverted_before.data[t + l] == 0;
+            inverted.data[t + l] = is_inverted;
+        }
+    }
+"""
+
+TRANSPOSE = f"""
+    typedef real run __attribute__((ext_vector_type(8), aligned(sizeof(real))));
+    lanes kept[{LANES}][{BLOCKS // LANES}];
+    const auto keep = [&](int k, lanes a, lanes b, lanes c, lanes d, lanes e, lanes f, lanes g, lanes h) {{
+        const auto by_one = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
+        }};
+        const auto of_two = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15);
+        }};
+        const auto first_two = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 0, 1, 8, 9, 4, 5, 12, 13);
+        }};
+        const auto last_two = [](lanes x, lanes y) {{
+            return __builtin_shufflevector(x, y, 2, 3, 10, 11, 6, 7, 14, 15);
+        }};
+        const lanes ab = by_one(a, b), cd = by_one(c, d), ef = by_one(e, f), gh = by_one(g, h);
+        const lanes ab2 = of_two(a, b), cd2 = of_two(c, d), ef2 = of_two(e, f), gh2 = of_two(g, h);
+        const lanes low[4] = {{first_two(ab, cd), last_two(ab, cd), first_two(ab2, cd2), last_two(ab2, cd2)}};
+        const lanes high[4] = {{first_two(ef, gh), last_two(ef, gh), first_two(ef2, gh2), last_two(ef2, gh2)}};
+        for (int l = 0; l < 4; ++l) {{
+            kept[l][k] = __builtin_shufflevector(low[l], high[l], 0, 1, 2, 3, 8, 9, 10, 11);
+            kept[l + 4][k] = __builtin_shufflevector(low[l], high[l], 4, 5, 6, 7, 12, 13, 14, 15);
+        }}
+    }};
+"""
+"""`keep` stores eight numbers of every lane beside each other, as run k of what is kept of that lane."""
+
+SCATTER_BLOCKS = """
+        for (int l = 0; l < count; ++l) {
+            const real* from = (const real*)kept[l];
+            const wp::int32* to = (const wp::int32*)block_of.data + 16 * (long)(t + l);
+            for (int k = 0; k < 16; ++k) {
+                if (to[k] < 0) continue;
+                real* block = out + 9 * (long)to[k];
+                *(run*)block += *(const run*)(from + 9 * k);
+                block[8] += from[9 * k + 8];
+            }
+        }
+    }
+"""
+
+
+class _Array:
+    """An array of an energy as its formulas see it: [t] or [t, k] is what tetrahedra have, [0] what all have."""
+
+    def __init__(self, name: str, field: Field) -> None:
+        self._name, self._field = name, field
+        self.window: str | None = None
+        """C++ that names what is read of it, as soon as something is."""
+
+    def __getitem__(self, at: Any) -> Any:
+        name, field = self._name, self._field
+        tet, k = at if isinstance(at, tuple) else (at, 0)
+        data = f"(const real*)elements.{name}.data"
+        of, first = field.each * field.numbers, field.numbers * k
+        if tet == TET:
+            self.window = (
+                f"real spare_{name}[{LANES * of}]; const real* {name} = window({data}, {of}, spare_{name});"
+            )
+            numbers = [Number(f"read({name}, {of}, {first + i})") for i in range(field.numbers)]
+        else:
+            self.window = f"const real* {name} = {data};"
+            numbers = [Number(f"(lanes)({name}[{i}])") for i in range(field.numbers)]
+        return numbers[0] if field.numbers == 1 else Numbers(*numbers)
+
+
+class _Elements:
+    """The arrays of an energy, by name."""
+
+    def __init__(self, formulas: TetFormulas) -> None:
+        self.__dict__.update({name: _Array(name, field) for name, field in formulas.fields.items()})
+
+    def windows(self) -> str:
+        """C++ that names what is read of those that were asked for."""
+        return "\n".join(array.window for array in self.__dict__.values() if array.window)
+
+
+def _moved() -> list[Numbers]:
+    return [Numbers(*(Number(f"moved({a}, {k})") for k in range(3))) for a in range(4)]
+
+
+def _types(scalar: type) -> str:
+    return TYPES.replace("REAL", "float" if scalar is wp.float32 else "double")
+
+
+def gradient_code(formulas: TetFormulas) -> str:
+    """C++ that adds energies, gradients and counts of tetrahedra `first` to `end`."""
+    elements = _Elements(formulas)
+    energies, growth, *forces = vectorized(formulas.evaluate)(elements, TET, *_moved())
+    terms = [energies[column - FIRST_TERM] for column in formulas.columns]
+    lines, names = emit([*terms, *(number for corner in forces for number in corner.parts), growth])
+    numbered = ", ".join(map(str, range(LANES)))
+    return "\n".join(
+        [
+            _types(formulas.scalar),
+            "real* out = (real*)((char*)gradient.data + slab * gradient.strides[0]);",
+            "double* total = (double*)((char*)sums.data + slab * sums.strides[0]);",
+            "wp::int32 all_inverted = 0, newly_inverted = 0;",
+            *(f"wides sum{column} = 0;" for column in formulas.columns),
+            BEGIN,
+            elements.windows(),
+            lines,
+            f"const auto counted = lanes{{{numbered}}} < (lanes)((real)count);",
+            *(
+                f"sum{column} += __builtin_convertvector(counted ? {name} : (lanes)(0), wides);"
+                for column, name in zip(formulas.columns, names, strict=False)
+            ),
+            f"const lanes forces[12] = {{{', '.join(names[-13:-1])}}}, growth = {names[-1]};",
+            SCATTER_GRADIENT,
+            f"total[{INVERTED}] += all_inverted; total[{NEWLY_INVERTED}] += newly_inverted;",
+            *(f"for (int l = 0; l < {LANES}; ++l) total[{k}] += sum{k}[l];" for k in formulas.columns),
+        ]
+    )
+
+
+def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
+    """C++ that adds the second derivatives of tetrahedra `first` to `end` to the blocks of their corner pairs."""
+    elements = _Elements(formulas)
+    aa, ab, ac, bb, bc, cc = vectorized(formulas.hessian)(elements, TET, *_moved(), positive)
+    oo, oa, ob, oc = vectorized(with_corner_0)(aa, ab, ac, bb, bc, cc)
+    half = {(0, 0): oo, (0, 1): oa, (0, 2): ob, (0, 3): oc, (1, 1): aa, (1, 2): ab, (1, 3): ac}
+    half |= {(2, 2): bb, (2, 3): bc, (3, 3): cc}
+    pairs = [(a, b) for a in range(4) for b in range(4)]
+    axes = [(i, j) for i in range(3) for j in range(3)]
+    lines, names = emit([half[a, b][i, j] if a <= b else half[b, a][j, i] for a, b in pairs for i, j in axes])
+    return "\n".join(
+        [
+            _types(formulas.scalar),
+            "real* out = (real*)((char*)blocks.data + slab * blocks.strides[0]);",
+            TRANSPOSE,
+            BEGIN,
+            elements.windows(),
+            lines,
+            *(f"keep({k // LANES}, {', '.join(names[k : k + LANES])});" for k in range(0, BLOCKS, LANES)),
+            SCATTER_BLOCKS,
+        ]
+    )
+
+
+def gradient_loop(formulas: TetFormulas) -> wp.Kernel:
+    """The kernel that adds energies, gradients and counts of a range of tetrahedra."""
+    elements_type = formulas.elements
+    vec3 = wp.types.vector(3, formulas.scalar)
+
+    @wp.func_native(gradient_code(formulas))
+    def add_tets(
+        first: int,
+        end: int,
+        slab: int,
+        tets: wp.array(dtype=wp.vec4i),
+        elements: elements_type,
+        inverted_before: wp.array(dtype=wp.int8),
+        displacement: wp.array(dtype=vec3),
+        gradient: wp.array(dtype=vec3, ndim=2),
+        inverted: wp.array(dtype=wp.int8),
+        sums: wp.array(dtype=wp.float64, ndim=2),
+    ): ...
+
+    @wp.kernel(module=f"{formulas.name}_loops", enable_backward=False)
+    def gradient_loop_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        tets: wp.array(dtype=wp.vec4i),
+        elements: elements_type,
+        inverted_before: wp.array(dtype=wp.int8),
+        displacement: wp.array(dtype=vec3),
+        gradient: wp.array(dtype=vec3, ndim=2),
+        inverted: wp.array(dtype=wp.int8),
+        sums: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        add_tets(first, end, slab, tets, elements, inverted_before, displacement, gradient, inverted, sums)
+
+    return gradient_loop_kernel
+
+
+def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
+    """The kernel that adds second derivatives of a range of tetrahedra to blocks; -1 of `block_of` is none."""
+    elements_type = formulas.elements
+    vec3, mat33 = wp.types.vector(3, formulas.scalar), wp.types.matrix((3, 3), formulas.scalar)
+
+    @wp.func_native(hessian_code(formulas, positive=positive))
+    def add_tets(
+        first: int,
+        end: int,
+        slab: int,
+        tets: wp.array(dtype=wp.vec4i),
+        elements: elements_type,
+        block_of: wp.array(dtype=vec16i),
+        displacement: wp.array(dtype=vec3),
+        blocks: wp.array(dtype=mat33, ndim=2),
+    ): ...
+
+    @wp.kernel(module=f"{formulas.name}_loops", enable_backward=False)
+    def hessian_loop_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        tets: wp.array(dtype=wp.vec4i),
+        elements: elements_type,
+        block_of: wp.array(dtype=vec16i),
+        displacement: wp.array(dtype=vec3),
+        blocks: wp.array(dtype=mat33, ndim=2),
+    ):
+        add_tets(first, end, slab, tets, elements, block_of, displacement, blocks)
+
+    return hessian_loop_kernel

@@ -1,0 +1,248 @@
+"""Steps on vectors of the free nodes, and the sums and maxima that they need.
+
+A kernel of the hot path takes `first, end, slab`: it works on the items [first, end) and adds only into its own
+slab of an accumulator, so that CPU threads never write to the same address. Free nodes come first in every array:
+the projection of a step onto the prescribed bones is the length of its launch (the mappings U of eq. 4.3 of [2]).
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+
+@cache
+def sum_reducer(cuda: bool) -> Any:
+    """The function that adds a value of every item into sums[row, column]; see `sums_reducer`."""
+    add_columns = sums_reducer(cuda, 1)
+    one: Any = wp.types.vector(1, wp.float64)
+
+    @wp.func
+    def add(sums: wp.array2d(dtype=wp.float64), row: int, column: int, value: wp.float64):
+        add_columns(sums, row, column, one(value))
+
+    return add
+
+
+@cache
+def sums_reducer(cuda: bool, count: int) -> Any:
+    """The function that adds values of every item into as many columns of a row, at most 8.
+
+    On CUDA a block of at least `count` warps adds up first, and all its threads must call it: half a million
+    atomics on one address cost more than the kernel. Warp's tiles take one sum at a time, for longer. On the
+    CPU a range of items runs in one thread and owns its cells.
+    """
+    values_type: Any = wp.types.vector(count, wp.float64)
+
+    @wp.func_native(f"""
+    __shared__ double parts[{count}][32];
+    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+    #pragma unroll
+    for (int k = 0; k < {count}; ++k) {{
+        double value = values[k];
+        for (int away = 16; away > 0; away /= 2) value += __shfl_xor_sync(0xffffffffu, value, away);
+        if (lane == 0) parts[k][warp] = value;
+    }}
+    __syncthreads();
+    if (warp < {count}) {{
+        double value = lane < blockDim.x / 32 ? parts[warp][lane] : 0.0;
+        for (int away = 16; away > 0; away /= 2) value += __shfl_xor_sync(0xffffffffu, value, away);
+        if (lane == 0) atomicAdd(sums.data + (size_t)sums.shape[1] * row + column + warp, value);
+    }}
+    __syncthreads();  // the parts are free for another sum
+    """)
+    def add_over_block(sums: wp.array2d(dtype=wp.float64), row: int, column: int, values: values_type): ...
+
+    @wp.func
+    def add(sums: wp.array2d(dtype=wp.float64), row: int, column: int, values: values_type):
+        if wp.static(cuda):
+            add_over_block(sums, row, column, values)
+        else:
+            for k in range(wp.static(count)):
+                sums[row, column + k] += values[k]
+
+    return add
+
+
+@cache
+def lane_reducer(scalar: type) -> Any:
+    """The function that adds up a value over neighbouring CUDA threads, a power of two of at most 32, for each."""
+
+    @wp.func_native("""
+    for (int away = lanes / 2; away > 0; away /= 2) value += __shfl_xor_sync(0xffffffffu, value, away);
+    return value;
+    """)
+    def add_lanes(value: scalar, lanes: wp.int32) -> scalar: ...
+
+    return add_lanes
+
+
+@cache
+def max_reducer(cuda: bool) -> Any:
+    """The function that sets values[row, column] to the largest value of any item, none of which is below 0.
+
+    It looks first, since most items are not the largest. On CUDA, where all threads of a warp must call it, one
+    does for all, by their bits, whose order is the same: a maximum of doubles is a loop there, in which thousands
+    of threads waited for each other (44 us where 4 will do). NaN is no largest.
+    """
+
+    @wp.func_native("""
+    double largest = value > 0.0 ? value : 0.0;
+    for (int away = 16; away > 0; away /= 2) largest = fmax(largest, __shfl_xor_sync(0xffffffffu, largest, away));
+    double* kept = values.data + (size_t)values.shape[1] * row + column;
+    if (threadIdx.x % 32 == 0 && largest > *kept)
+        atomicMax(reinterpret_cast<unsigned long long*>(kept), (unsigned long long)__double_as_longlong(largest));
+    """)
+    def keep_over_warp(values: wp.array2d(dtype=wp.float64), row: int, column: int, value: wp.float64): ...
+
+    @wp.func
+    def keep_largest(values: wp.array2d(dtype=wp.float64), row: int, column: int, value: wp.float64):
+        if wp.static(cuda):
+            keep_over_warp(values, row, column, value)
+        elif value > values[row, column]:
+            values[row, column] = value
+
+    return keep_largest
+
+
+@cache
+def slab_kernels(dtype: type) -> SimpleNamespace:
+    """The kernels `clear` and `gather` of arrays of one element type, shape (slabs, items)."""
+
+    @wp.kernel(module=f"slabs_{wp.types.type_repr(dtype)}", enable_backward=False)
+    def clear_kernel(first: int, end: int, slab: int, slabs: int, values: wp.array(dtype=dtype, ndim=2)):
+        """Sets every item of every slab to zero."""
+        i = first + wp.tid()
+        if i < end:
+            for each in range(slabs):
+                values[each, i] = dtype()
+
+    @wp.kernel(module=f"slabs_{wp.types.type_repr(dtype)}", enable_backward=False)
+    def gather_kernel(first: int, end: int, slab: int, slabs: int, values: wp.array(dtype=dtype, ndim=2)):
+        """Adds all slabs into the first one."""
+        i = first + wp.tid()
+        if i < end:
+            total = values[0, i]
+            for other in range(1, slabs):
+                total += values[other, i]
+            values[0, i] = total
+
+    return SimpleNamespace(clear=clear_kernel, gather=gather_kernel)
+
+
+SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)
+"""Columns of the products."""
+PRODUCTS = 6
+"""Their number."""
+
+
+@cache
+def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+    """The kernels of the loop, in one precision."""
+    add, keep_largest = sums_reducer(cuda, PRODUCTS), max_reducer(cuda)
+    vec3 = wp.types.vector(3, scalar)
+    module = f"vectors_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
+    products_type = wp.types.vector(PRODUCTS, wp.float64)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def step_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        length: wp.array(dtype=wp.float64),
+        displacement: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        trial: wp.array(dtype=vec3),
+    ):
+        """trial = displacement + length * direction, free nodes only."""
+        i = first + wp.tid()
+        if i < end:
+            trial[i] = displacement[i] + scalar(length[0]) * direction[i]
+
+    @wp.kernel(module=module, enable_backward=False)
+    def products_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        gradient: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        previous: wp.array(dtype=vec3),
+        products: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """Products of the gradient with itself, with the direction and with an earlier gradient."""
+        i = first + wp.tid()
+        found = products_type()
+        if i < end:
+            g = gradient[i]
+            d = direction[i]
+            old = previous[i]
+            found[SLOPE] = wp.float64(wp.dot(g, d))
+            found[GRADIENT_SQUARED] = wp.float64(wp.dot(g, g))
+            found[DIRECTION_SQUARED] = wp.float64(wp.dot(d, d))
+            found[GRADIENT_CHANGE] = wp.float64(wp.dot(g, g - old))
+            found[PREVIOUS_SLOPE] = wp.float64(wp.dot(old, d))
+            found[PREVIOUS_SQUARED] = wp.float64(wp.dot(old, old))
+        add(products, slab, 0, found)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def descend_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        gradient: wp.array(dtype=vec3),
+        keep: wp.array(dtype=wp.float64),
+        direction: wp.array(dtype=vec3),
+    ):
+        """direction = -gradient + keep * direction (the one minus sign of the gradient methods)."""
+        i = first + wp.tid()
+        if i < end:
+            direction[i] = scalar(keep[0]) * direction[i] - gradient[i]
+
+    @wp.kernel(module=module, enable_backward=False)
+    def extrapolate_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        share: wp.array(dtype=wp.float64),
+        part: wp.array(dtype=wp.float64),
+        displacement: wp.array(dtype=vec3),
+        earlier: wp.array(dtype=vec3),
+        move: wp.array(dtype=vec3),
+        bend: wp.array(dtype=vec3),
+    ):
+        """Takes note of the last move and a share of its change, and goes on by the move and a part of the change.
+
+        Free nodes only; `earlier` becomes the displacement, which becomes the expected one.
+        """
+        i = first + wp.tid()
+        if i < end:
+            now = displacement[i]
+            last = now - earlier[i]
+            bend[i] += scalar(share[0]) * ((last - move[i]) - bend[i])
+            move[i] = last
+            earlier[i] = now
+            displacement[i] = now + (last + scalar(part[0]) * bend[i])
+
+    @wp.kernel(module=module, enable_backward=False)
+    def longest_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        vectors: wp.array(dtype=vec3),
+        longest: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """Largest squared length of a vector."""
+        i = first + wp.tid()
+        squared = wp.float64(0.0)
+        if i < end:
+            squared = wp.float64(wp.length_sq(vectors[i]))
+        keep_largest(longest, slab, 0, squared)
+
+    return SimpleNamespace(
+        step=step_kernel,
+        products=products_kernel,
+        descend=descend_kernel,
+        extrapolate=extrapolate_kernel,
+        longest=longest_kernel,
+    )

@@ -1,0 +1,142 @@
+"""Making a model: the trunk at rest is checked, ordered, measured and uploaded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from .adjacency import Adjacency
+from .checks import check_arguments, check_mesh, check_tissues
+from .energies.by_name import ENERGIES, EnergyName, WeightsName
+from .memo import Arrays, Memo, arrays_of
+from .model import Model, Pattern
+from .ordering import order_nodes, order_tets, places
+from .parallel import Parallel
+from .rest_mesh import PRECISIONS, RestMesh
+from .skin import Skin, make_skin
+from .tissue import Tissue
+from .trunk_mesh import TrunkMesh
+
+
+def build_model(
+    trunk: TrunkMesh,
+    tissue: Tissue | Sequence[Tissue] | None = None,
+    *,
+    energy: EnergyName = "itmsm",
+    weights: WeightsName = "count",
+    skin_rigidity: float = 0.0,
+    gravity: float = 0.0,
+    device: str | Parallel = "auto",
+    precision: str = "float32",
+    threads: int = 0,
+    memo: Memo | None = None,
+) -> Model:
+    """Measures the trunk at rest and uploads it.
+
+    Args:
+        trunk: the mesh before surgery.
+        tissue: constants of the energy; the default tissue if left out. Of several, `trunk.tissue` says which
+            a tetrahedron is made of, or which part of it.
+        energy: 'itmsm', the energy itmsm (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
+        weights: how itmsm weights its features: by their 'count' (the papers) or by rest 'volume'.
+        skin_rigidity: flexural rigidity of the skin [N mm]; 0 leaves its bending out, and costs nothing.
+        gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.
+        device: 'auto', 'cpu' or 'cuda:N'; or where several models run, with its threads.
+        precision: 'float32' or 'float64', of the device arrays; the host measures in float64.
+        threads: CPU threads; 0 is all cores.
+        memo: what is remembered of this mesh with these arguments; what had to be found is added.
+
+    Raises:
+        InputError: an argument out of its range, no tetrahedron, a tetrahedron without volume at rest or of a
+            tissue that is not given, or a piece of free tissue that no bone holds.
+    """
+    tissues = (tissue or Tissue(),) if isinstance(tissue, Tissue | None) else tuple(tissue)
+    check_arguments(energy, weights, precision, skin_rigidity, gravity)
+    parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
+    check_mesh(trunk, parallel.device, memo)
+    check_tissues(trunk, tissues)
+    order = order_nodes(trunk, memo)
+    rest = _in_order(trunk, order, tissues, PRECISIONS[precision], parallel=parallel, memo=memo)
+    elements = ENERGIES[energy](rest, gravity, weights)
+    skin = None
+    if skin_rigidity:
+        faces = places(order)[trunk.skin_nodes[trunk.skin_faces]]
+        skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
+    free_nodes = int(np.count_nonzero(~trunk.prescribed))
+    return Model(
+        parallel=parallel,
+        scalar=rest.scalar,
+        tissues=tissues,
+        gravity=gravity,
+        order=order,
+        free_nodes=free_nodes,
+        rest=rest.nodes,
+        corners=rest.corners,
+        tets=rest.tets,
+        elements=elements,
+        pattern=_find_pattern(rest, skin, free_nodes),
+        label=rest.label,
+        skin=skin,
+        memo=memo,
+    )
+
+
+def _in_order(
+    trunk: TrunkMesh,
+    order: np.ndarray,
+    tissues: tuple[Tissue, ...],
+    scalar: Any,
+    *,
+    parallel: Parallel,
+    memo: Memo | None,
+) -> RestMesh:
+    """The trunk at rest with its nodes in an order, and its tetrahedra in that which follows."""
+    corners = places(order)[trunk.tets]
+    tets = order_tets(corners)
+    label = trunk.tissue[tets] if trunk.tissue is not None and len(tissues) > 1 else None
+    return RestMesh(trunk.nodes[order], corners[tets], tissues, label, scalar, parallel, memo)
+
+
+def _find_pattern(rest: RestMesh, skin: Skin | None, free_nodes: int) -> Pattern:
+    """The blocks of the Hessian: node pairs that share a tetrahedron or a hinge, both free."""
+    stencils = rest.corners if skin is None else np.vstack([rest.corners, skin.corners])
+
+    def find() -> Arrays:
+        around = (
+            rest.adjacency
+            if skin is None
+            else Adjacency(rest.parallel, rest.upload(stencils, wp.vec4i), len(rest.nodes))
+        )
+        return around.rows(free_nodes)
+
+    found = arrays_of(
+        rest.memo, "pattern", find, lambda known: _is_pattern(known, stencils, len(rest.nodes), free_nodes)
+    )
+    return Pattern(found["row_start"], found["columns"], found["place"])
+
+
+def _is_pattern(known: Arrays, corners: np.ndarray, nodes: int, size: int) -> bool:
+    row_start, columns, place = known["row_start"], known["columns"], known["place"]
+    kinds = row_start.dtype, columns.dtype, place.dtype
+    if (
+        kinds != (np.int32, np.int32, np.uint16)
+        or row_start.shape != (size + 1,)
+        or place.shape != (len(corners), 16)
+    ):
+        return False
+    count = np.diff(row_start)
+    length = np.zeros(nodes, dtype=np.uint16)
+    length[:size] = count
+    length = length.take(corners)
+    return bool(
+        row_start[0] == 0
+        and (count > 0).all()
+        and columns.shape == (row_start[-1],)
+        and columns.min() >= 0
+        and columns.max() < size
+        and all((place[:, k::4] <= length).all() for k in range(4))
+        and np.count_nonzero(columns == np.repeat(np.arange(size, dtype=np.int32), count)) == size
+    )

@@ -1,0 +1,77 @@
+"""What a relaxation has done so far, and whether it stagnates."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+from .line_search import Trial
+from .relaxation import Energy, Relaxation, RelaxStatus, RelaxStep
+
+PATIENCE = 8
+"""Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
+
+
+@dataclass
+class History:
+    """The accepted steps of a relaxation that is not at its end."""
+
+    energy: Energy
+    """Energy now, by term."""
+    inverted_tets: int
+    """Tetrahedra without positive volume now."""
+    relative_rounding: float
+    """Relative change of the energy that the precision does not resolve."""
+    linear_iterations: int = 0
+    """Iterations of the linear solver so far."""
+    evaluations: int = 1
+    """Evaluations of energy and gradient so far."""
+
+    def __post_init__(self) -> None:
+        self._start = time.perf_counter()
+        self._history: list[RelaxStep] = []
+        self._energies = [self.energy.total]
+        self._least, self._waited = math.inf, 0
+
+    @property
+    def rounding(self) -> float:
+        """Change of the energy that the precision does not resolve.
+
+        It is relative to the largest energy so far: one near zero can be the sum of large parts, where tissue
+        turns."""
+        return self.relative_rounding * max(map(abs, self._energies))
+
+    def largest_energy(self, steps: int) -> float:
+        """The largest energy after the last so many steps."""
+        return max(self._energies[-steps:])
+
+    def add(self, trial: Trial, estimated_error: float, linear_iterations: int) -> RelaxStep:
+        """Adds an accepted step."""
+        self.energy, self.inverted_tets = trial.energy, trial.inverted
+        self._energies.append(trial.energy.total)
+        seconds = time.perf_counter() - self._start
+        step = RelaxStep(trial.energy, estimated_error, trial.length, linear_iterations, seconds)
+        self._history.append(step)
+        return step
+
+    def stagnated(self, estimated_error: float, steps: int) -> bool:
+        """Adds an estimate after so many steps; whether neither the estimates nor the energy fall any more."""
+        self._waited = 0 if estimated_error < 0.9 * self._least else self._waited + 1
+        self._least = min(self._least, estimated_error)
+        recent = PATIENCE * steps
+        fall = min(self._energies[:-recent], default=math.inf) - min(self._energies[-recent:])
+        return self._waited >= PATIENCE and fall <= self.rounding
+
+    def end(self, status: RelaxStatus, estimated_error: float) -> Relaxation:
+        """How it ended."""
+        return Relaxation(
+            status=status,
+            energy=self.energy,
+            steps=len(self._history),
+            linear_iterations=self.linear_iterations,
+            evaluations=self.evaluations,
+            estimated_error=estimated_error,
+            inverted_tets=self.inverted_tets,
+            history=tuple(self._history),
+        )

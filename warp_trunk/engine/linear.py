@@ -1,0 +1,359 @@
+"""The Newton system H d = -g: the sparse matrix of 3x3 blocks over the free nodes, and conjugate gradients."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.conjugate_gradient import (
+    ERROR,
+    ITERATIONS,
+    NEGATIVE_CURVATURE,
+    NORM,
+    RUN,
+    SOLUTION_LENGTH,
+    conjugate_gradient_kernels,
+)
+from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, sparse_kernels
+
+from .assembly import Assembly, assembly_of_rows
+from .model import Model
+from .parallel import Launch, Readback, in_sequence, view
+from .state import State
+
+WINDOW = 8
+"""Iterations between two tests of convergence; they shrink the error of the solution to about a half."""
+PADDING = 8
+"""Doubles between two ranges' parts of a scalar product: a cache line."""
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Where launches add a scalar product of their vectors, each range its own part, by iteration."""
+
+    iteration: wp.array
+    """The row that is written, shape (1,), int32."""
+    products: wp.array
+    """The products by iteration and range, shape (rows, PADDING * ranges), float64."""
+
+    @classmethod
+    def zero(cls, model: Model, iteration: wp.array | None = None, rows: int = 1) -> Dots:
+        """Room for the products of some iterations, or for one that is not read."""
+        counter = model.zeros(wp.int32, 1) if iteration is None else iteration
+        return cls(counter, model.zeros(wp.float64, rows, PADDING * model.parallel.ranges))
+
+
+@dataclass(frozen=True)
+class Iterates:
+    """The vectors of conjugate gradients over the free nodes, shape (free nodes,), vec3, and their products."""
+
+    solution: wp.array
+    """x [mm]."""
+    residual: wp.array
+    """r = b - H x."""
+    preconditioned: wp.array
+    """z = M^-1 r."""
+    search: wp.array
+    """p, the search direction."""
+    product: wp.array
+    """q = H p."""
+    r_dot_z: Dots
+    """r . z."""
+    p_dot_q: Dots
+    """p . q."""
+
+
+class Preconditioner(Protocol):
+    """A symmetric positive definite M that is near the matrix and whose inverse is cheap to apply."""
+
+    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
+        """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
+        ...
+
+    def apply_with_steps(self, at: Iterates) -> tuple[Launch, Launch]:
+        """Records, on CUDA, where fewer launches are faster, `apply` and the same after a step.
+
+        The second is for the iterations: x += alpha p, r -= alpha q, then z = M^-1 r with r . z; it counts the
+        iteration and must follow the first.
+        """
+        ...
+
+
+class BlockMatrix:
+    """The Hessian over the free nodes at a state: zero when made, the state's after each `assemble`."""
+
+    blocks: wp.array
+    """The blocks in the first slab, shape (ranges, blocks), mat33; the others are what the threads add into."""
+    inverse_diagonal: wp.array
+    """The inverse of each row's diagonal block, made positive, shape (free nodes,), mat33."""
+
+    def __init__(self, state: State) -> None:
+        """Records the launches for a state, which may change between two assemblies."""
+        self.model = model = state.model
+        pattern, mat33 = model.pattern, wp.types.matrix((3, 3), model.scalar)
+        rows = np.repeat(np.arange(model.free_nodes, dtype=np.int32), np.diff(pattern.row_start))
+        self.row_start = model.array(pattern.row_start, wp.int32)
+        self.columns = model.array(pattern.columns, wp.int32)
+        diagonal = model.array(np.flatnonzero(pattern.columns == rows), wp.int32)
+        assembly: Assembly = assembly_of_rows(model, pattern)
+        self.blocks = model.zeros(mat33, model.parallel.ranges, len(pattern.columns))
+        self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
+        add = assembly.into(self.blocks, state.displacement)
+        self._add_projected, self._add_true = add("projected_hessian"), add("hessian")
+        self._copy_blocks = self._copy_planes() if model.parallel.is_cuda else self._copy_half(rows)
+        self._invert_diagonal = model.over_free(
+            sparse_kernels(model.scalar).invert_diagonal,
+            [diagonal, self.blocks, model.scalar(1.0)],
+            [self.inverse_diagonal],
+        )
+
+    def assemble_projected(self) -> None:
+        """Sets the matrix to the Hessian at the state as it is now, projected to a positive semidefinite one."""
+        self._add_projected()
+        self._copy_blocks()
+        self._invert_diagonal()
+
+    def assemble_true(self) -> None:
+        """Sets the matrix to the true Hessian, which may be indefinite; `inverse_diagonal` stays positive."""
+        self._add_true()
+        self._copy_blocks()
+
+    def _copy_half(self, rows: np.ndarray) -> Launch:
+        """Records the copy of the blocks that a product on the CPU reads: those on and right of the diagonal.
+
+        The product is limited by the reading of the matrix. A block whose row and column belong to different
+        threads is there twice, so that no thread writes to a row of another."""
+        model, pattern = self.model, self.model.pattern
+        self._bounds = pattern.row_bounds(model.parallel.ranges)
+        if model.free_nodes < model.parallel.least_split:
+            self._bounds = self._bounds[[0, -1]]
+        owner = np.repeat(np.arange(len(self._bounds) - 1), np.diff(self._bounds))
+        kept = np.flatnonzero((pattern.columns >= rows) | (owner[pattern.columns] != owner[rows]))
+        row_start = np.concatenate([[0], np.cumsum(np.bincount(rows[kept], minlength=model.free_nodes))])
+        self._half = model.zeros(wp.types.matrix((3, 3), model.scalar), len(kept) + 1)
+        self._half_pattern = model.array(row_start, wp.int32), model.array(pattern.columns[kept], wp.int32)
+        copy = sparse_kernels(model.scalar).copy_blocks
+        return model.parallel.record(copy, len(kept), [model.array(kept, wp.int32), self.blocks], [self._half])
+
+    def _copy_planes(self) -> Launch:
+        """Records the copy of the blocks that a product on CUDA reads: each of their nine numbers in its plane."""
+        model = self.model
+        self._planes = model.zeros(model.scalar, PLANES, len(self.columns))
+        split = cuda_product_kernels(model.scalar).split_planes
+        return model.parallel.record(split, len(self.columns), [self.blocks], [self._planes])
+
+    def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
+        """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""
+        model = self.model
+        if model.parallel.is_cuda:
+            unused = model.free_vectors()
+            return self.update_search_and_multiply(
+                Iterates(unused, unused, p, unused, q, Dots.zero(model), p_dot_q)
+            )
+        carried = model.zeros(wp.types.vector(4, model.scalar), len(p))
+        return model.parallel.record(
+            cpu_product_kernel(model.scalar),
+            self._bounds,
+            [*self._half_pattern, self._half, p_dot_q.iteration, p],
+            [q, p_dot_q.products, carried],
+            least=0,  # the bounds are those that the blocks were copied for
+            loops=True,
+        )
+
+    def update_search_and_multiply(self, at: Iterates) -> Launch:
+        """Records p = z + beta p and q = H p with p . q in one launch, on CUDA."""
+        model, dots = self.model, at.r_dot_z
+        z, p, q = (view(v, model.scalar, 3 * len(v)) for v in (at.preconditioned, at.search, at.product))
+        given = [self.row_start, self.columns, self._planes, dots.iteration, dots.products, at.preconditioned, z]
+        kernel = cuda_product_kernels(model.scalar).update_search_and_multiply
+        return model.parallel.record(kernel, LANES * model.free_nodes, given, [p, q, at.p_dot_q.products])
+
+
+@dataclass(frozen=True)
+class LinearSolution:
+    """How a linear solve ended."""
+
+    iterations: int
+    """Products with the matrix."""
+    length: float
+    """Length of the solution's longest vector [mm]; not finite where a vector is not."""
+    error: float
+    """Estimated error of a vector [mm], from how the changes over WINDOW iterations shrank."""
+    negative_curvature: bool
+    """Whether a search direction of negative curvature was met; the solve ended there and `search` holds it."""
+    norm: float
+    """The square root of g . M^-1 g."""
+    exhausted: bool
+    """Whether the bound of iterations ended it, so that its error is not known."""
+
+
+class ConjugateGradient:
+    """A solver with its vectors on the device; `solve` writes `solution`."""
+
+    solution: wp.array
+    """d [mm], shape (free nodes,), vec3."""
+    residual: wp.array
+    """-g - H d, shape (free nodes,), vec3."""
+    search: wp.array
+    """The last search direction, shape (free nodes,), vec3."""
+
+    def __init__(
+        self, matrix: BlockMatrix, preconditioner: Preconditioner, gradient: wp.array, most_iterations: int = 500
+    ) -> None:
+        """Records the launches.
+
+        Args:
+            matrix: H; what is assembled at the time of a solve counts.
+            preconditioner: M, see there.
+            gradient: g, whose free nodes are read at each solve, shape (nodes,), vec3.
+            most_iterations: the bound of a solve.
+        """
+        self.model = model = matrix.model
+        ranges, parallel = model.parallel.ranges, model.parallel
+        self._most_iterations = most_iterations
+        iteration, running = (model.zeros(wp.int32, 1) for _ in range(2))
+        rows = most_iterations + WINDOW + 1
+        r_dot_z, p_dot_q = (Dots.zero(model, iteration, rows) for _ in range(2))
+        self._limits, outcome = model.zeros(wp.float64, 4), model.zeros(wp.float64, 6)
+        self._set_limits: tuple[float, ...] = ()
+        self._outcome, self._products = (Readback(parallel, array) for array in (outcome, r_dot_z.products))
+        x, r, z, p, q = (_in_whole_runs(model) for _ in range(5))
+        self.solution, self.residual, self.search = x, r, p
+        iterates = Iterates(x, r, z, p, q, r_dot_z, p_dot_q)
+        record_iterations = _iterations_on_cuda if parallel.is_cuda else _iterations_on_cpu
+        self._precondition, self._iterate_window = record_iterations(matrix, preconditioner, iterates)
+        kernels = conjugate_gradient_kernels(*model.variant)
+        earlier, measures = model.free_vectors(), model.zeros(wp.float64, ranges, PADDING)
+        self._start = model.over_free(kernels.start, [gradient], [x, r, p, earlier])
+        self._measure = model.over_free(kernels.measure, [x], [earlier, measures])
+        self._test_convergence = parallel.record_undivided(
+            kernels.test_convergence,
+            1,
+            [ranges, most_iterations, self._limits, r_dot_z.products, p_dot_q.products, iteration],
+            [measures, outcome, running],
+        )
+        size = math.prod(r_dot_z.products.shape)
+        flat = [view(dots.products, wp.float64, size) for dots in (r_dot_z, p_dot_q)]
+        self._reset = parallel.record(
+            kernels.reset, size, [], [*flat, iteration, outcome, running], least=size + 1
+        )  # little for one thread
+        self._run = parallel.capture(
+            in_sequence(
+                self._begin, lambda: wp.capture_while(running, self._advance_window), self._outcome.send
+            )  # the device decides when the loop ends
+        )
+
+    def solve(
+        self, absolute: float, relative: float, least_iterations: float = 0.0, most_length: float = math.inf
+    ) -> LinearSolution:
+        """Solves H d = -g for the gradient as it is now.
+
+        It ends when no vector of d is estimated to be wrong by more than `absolute` [mm] or `relative` of the
+        longest, and not before `least_iterations`: a residual falls long before the long waves of the solution
+        have come. It also ends at a search direction of negative curvature, where the matrix has no least energy
+        (Steihaug 1983), and where the longest vector, which grows with the iterations, is longer than
+        `most_length` [mm]."""
+        self.launch(absolute, relative, least_iterations, most_length)
+        return self.read()
+
+    def launch(
+        self, absolute: float, relative: float, least_iterations: float = 0.0, most_length: float = math.inf
+    ) -> None:
+        """Begins what `solve` does; `read` waits for its end."""
+        limits = (absolute, relative, least_iterations, most_length)
+        if limits != self._set_limits:
+            self._limits.assign(np.array(limits))
+            self._set_limits = limits
+        self._run()
+
+    def read(self) -> LinearSolution:
+        """How the solve that was launched last ended."""
+        outcome = self._outcome.read()
+        return LinearSolution(
+            iterations=int(outcome[ITERATIONS]),
+            length=float(outcome[SOLUTION_LENGTH]),
+            error=float(outcome[ERROR]),
+            negative_curvature=bool(outcome[NEGATIVE_CURVATURE]),
+            norm=float(outcome[NORM]),
+            exhausted=outcome[ITERATIONS] >= self._most_iterations,
+        )
+
+    def norm(self) -> float:
+        """The square root of g . M^-1 g for the gradient as it is now; `solution` is zero after it."""
+        self._begin()
+        self._products.send()
+        return max(0.0, float(self._products.read()[0].sum())) ** 0.5
+
+    def _begin(self) -> None:
+        """d = 0, r = -g, z = M^-1 r."""
+        self._reset()
+        self._start()
+        self._precondition()
+
+    def _advance_window(self) -> None:
+        """WINDOW iterations and a test of how far they moved the solution."""
+        self._iterate_window()
+        self._measure()
+        self._test_convergence()
+
+
+def _iterations_on_cuda(
+    matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates
+) -> tuple[Launch, Launch]:
+    """Records z = M^-1 r, and WINDOW iterations, in the fewest launches."""
+    update_search_and_multiply = matrix.update_search_and_multiply(at)
+    precondition, update_solution_and_precondition = preconditioner.apply_with_steps(at)
+    return precondition, in_sequence(*[update_search_and_multiply, update_solution_and_precondition] * WINDOW)
+
+
+def _iterations_on_cpu(matrix: BlockMatrix, preconditioner: Preconditioner, at: Iterates) -> tuple[Launch, Launch]:
+    """Records z = M^-1 r, and WINDOW iterations: p = z + beta p, q = H p, d += alpha p, r -= alpha q, z = M^-1
+    r."""
+    model = matrix.model
+    kernels, ranges = conjugate_gradient_kernels(*model.variant), model.parallel.ranges
+    iteration, within = at.r_dot_z.iteration, model.zeros(wp.int32, 1)
+    scalars = [ranges, iteration, at.r_dot_z.products, at.p_dot_q.products]
+    x, r, z, p, q = (
+        _runs(model, vectors) for vectors in (at.solution, at.residual, at.preconditioned, at.search, at.product)
+    )
+    precondition = preconditioner.apply(at.residual, at.preconditioned, at.r_dot_z)
+    iterate = in_sequence(
+        _over_runs(model, kernels.update_search, [*scalars, z], [p]),
+        matrix.multiply(at.search, at.product, at.p_dot_q),
+        _over_runs(model, kernels.update_solution, [*scalars, p, q], [x, r]),
+        model.parallel.record_undivided(kernels.count, 1, [WINDOW], [iteration, within]),
+        precondition,
+    )
+
+    def iterate_window() -> None:
+        """A loop in the loop: the host takes as long to capture an iteration as to do one."""
+        iterate()
+        wp.capture_while(within, iterate)
+
+    return precondition, iterate_window
+
+
+def _in_whole_runs(model: Model) -> wp.array:
+    """Zero vectors of the free nodes, shape (free nodes,), vec3, with room behind them for a whole last run."""
+    return model.zeros(model.vec3, -(-_count_runs(model) * RUN // 3))[: model.free_nodes]
+
+
+def _runs(model: Model, vectors: wp.array) -> wp.array:
+    """The memory of `_in_whole_runs` in runs, as vector registers hold them."""
+    return view(vectors, wp.types.vector(RUN, model.scalar), _count_runs(model))
+
+
+def _count_runs(model: Model) -> int:
+    """How many runs hold the vectors of the free nodes."""
+    return -(-3 * model.free_nodes // RUN)
+
+
+def _over_runs(model: Model, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+    """Records a launch over the runs of the free nodes."""
+    least = model.parallel.least_split * 3 // RUN
+    return model.parallel.record(kernel, _count_runs(model), inputs, outputs, least=least)

@@ -1,0 +1,392 @@
+"""The preconditioner: 3x3 diagonal blocks on the nodes and on nested grids, a dense inverse on the coarsest.
+
+z = D^-1 r + P_1 (w D_1^-1 + P_2 (w D_2^-1 + ... (P^T H P)^-1 ... ) P_2^T) P_1^T r, an additive multilevel method
+(Bramble, Pasciak and Xu 1990) whose levels are trilinear on regular grids laid over the trunk; w is 1 by their
+number, because levels overlap. A trilinear field is continuous and holds every affine motion, which the long waves
+of soft tissue need; on the phantom it takes a third of the iterations of affine motions of separate aggregates.
+The grids' matrices are those of the trunk at rest: made once, they serve every increment, step and surgical plan
+of a patient."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.multigrid import (
+    FEW_LANES,
+    KEPT,
+    NODE_LANES,
+    OCTET,
+    ROW_LANES,
+    STRIP,
+    VERTEX_LANES,
+    WHOLE,
+    cpu_grid_kernels,
+    cuda_grid_kernels,
+    grid_matrix_kernels,
+    scale_and_shorten,
+    shorten,
+    vec8i,
+)
+from warp_trunk.kernels.sparse import sparse_kernels
+from warp_trunk.kernels.vectors import slab_kernels
+
+from .grids import CoarseGrid, Interpolation, find_scales, spacings_of
+from .linear import BlockMatrix, Dots, Iterates
+from .memo import Arrays, arrays_of
+from .model import Model
+from .parallel import Launch, in_sequence, view
+
+MOST_DENSE = 4
+"""Threads that add up the matrix on the coarsest grid at most: each needs one of its own, 30 MB on the anatomy."""
+FLAT = 10.0
+"""In float32 the trace of an inverse is at most so many times that of the matrix, which has a unit diagonal. The
+smallest eigenvalue is then at least a part of 10 n, so that rounding spoils a hundredth of its direction."""
+SHIFT, IDLE_SHIFT = 1e-6, 1e-3
+"""What is added to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
+times as soft as others, would leave 16 bits with no digits for the others."""
+
+
+class Multigrid:
+    """The levels of a trunk on its device, made of the matrix at rest; see `Preconditioner`.
+
+    Of the matrix that is assembled later it reads the diagonal blocks of the nodes.
+    """
+
+    def __init__(self, matrix: BlockMatrix) -> None:
+        """Lays the grids over the free nodes at rest and takes the projected Hessian at the matrix's state onto
+        them."""
+        self.model = model = matrix.model
+        self._inverse_diagonal = matrix.inverse_diagonal
+        points = model.rest[model.free]
+        spacings = spacings_of(_scales(model, points))
+        origin = points.min(axis=0) - 1e-3 * spacings[-1]
+
+        def lay(spacing: float) -> tuple[CoarseGrid, Interpolation]:
+            return CoarseGrid.around(points, origin, spacing)
+
+        with ThreadPoolExecutor(len(spacings)) as pool:  # NumPy releases the interpreter lock
+            grids, to_nodes = zip(*pool.map(lay, spacings), strict=True)
+        sizes = [len(grid.positions) for grid in grids]
+        on_device = _Interpolation(model, to_nodes[0])
+
+        def find() -> Arrays:
+            matrix.assemble_projected()
+            return _matrices(matrix, [on_device, *(_Interpolation(model, onto) for onto in to_nodes[1:])], sizes)
+
+        found = arrays_of(model.memo, "matrices", find, lambda known: _are_matrices(known, sizes, model.precision))
+        mat33 = wp.types.matrix((3, 3), model.scalar)
+        diagonals = [model.array(found[f"diagonal_{k}"], mat33) for k in range(len(spacings) - 1)]
+        if model.parallel.is_cuda:
+            self._levels = CudaLevels(model, to_nodes, diagonals, found["inverse"])
+        else:
+            between = [_Interpolation(model, grid.interpolate(finer.positions)) for finer, grid in pairwise(grids)]
+            levels = zip(
+                [model.free_nodes, *sizes], sizes, [on_device, *between], [*diagonals, None], strict=False
+            )
+            self._levels = CpuLevels(model, [_Level(*level) for level in levels], found["inverse"])
+
+    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
+        """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
+        return self._levels.apply(self._inverse_diagonal, r, z, r_dot_z)
+
+    def apply_with_steps(self, at: Iterates) -> tuple[Launch, Launch]:
+        """Records z = M^-1 r, and the same after a step, on CUDA; see `Preconditioner`."""
+        assert isinstance(self._levels, CudaLevels)
+        return self._levels.apply_with_steps(self._inverse_diagonal, at)
+
+
+class _Interpolation:
+    """An interpolation on the device, as the arguments of the kernels that use it."""
+
+    def __init__(self, model: Model, interpolation: Interpolation) -> None:
+        vec8: Any = wp.types.vector(8, model.scalar)
+        self.by_point = (model.array(interpolation.vertex, vec8i), model.array(interpolation.weight, vec8))
+        self._model, self._interpolation = model, interpolation
+
+    def by_vertex(self) -> tuple[wp.array, wp.array, wp.array]:
+        """`Interpolation.by_vertex`."""
+        model = self._model
+        row_start, point, weight = self._interpolation.by_vertex
+        return model.array(row_start, wp.int32), model.array(point, wp.int32), model.array(weight, model.scalar)
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A grid, and its interpolation to the nodes or to the next finer grid, its points."""
+
+    points: int
+    """Number of points."""
+    vertices: int
+    """Number of its vertices."""
+    interpolation: _Interpolation
+    """P, from its vertices to the points."""
+    inverse_diagonal: wp.array | None
+    """D^-1 of its vertices, weighted, shape (vertices,), mat33; None for the coarsest, which is solved densely."""
+
+
+class CpuLevels:
+    """The grids on the CPU: a launch down and one up for each."""
+
+    strips: wp.array
+    """A of the inverse S A S on the coarsest grid, in parts of WHOLE, with ones on its diagonal: strip after strip
+    of STRIP rows, each column after column, int16. A preconditioner needs no more digits, and the product is
+    limited by the reading of the matrix."""
+    columns: int
+    """Of that matrix, filled up to an even number."""
+
+    def __init__(self, model: Model, levels: Sequence[_Level], inverse: np.ndarray) -> None:
+        """Uploads the inverse on the coarsest grid, shape (3 vertices, 3 vertices)."""
+        self._model, self._grids = model, levels
+        size = len(inverse)
+        rows, self.columns = -(-size // STRIP) * STRIP, size + size % 2
+        root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
+        numbers = np.zeros((rows, self.columns), dtype=np.int16)
+        numbers[:size, :size] = np.rint(inverse * (KEPT * WHOLE / root)[:, None] / root)
+        np.fill_diagonal(numbers[:size, :size], WHOLE)
+        scale = np.zeros(rows)
+        scale[:size] = root / math.sqrt(WHOLE)
+        strips = numbers.reshape(-1, STRIP, self.columns).transpose(0, 2, 1)
+        self.strips, self._scale = model.array(strips.ravel(), wp.int16), model.array(scale, model.scalar)
+
+    def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
+        """Records z = M^-1 r with r . z, for the inverse diagonal of the nodes."""
+        model = self._model
+        kernels, record = cpu_grid_kernels(model.scalar), partial(model.parallel.record, loops=True)
+        diagonal: wp.array | None = inverse_diagonal
+        dots = r_dot_z
+        down: list[Launch] = []
+        up: list[Launch] = []
+        for level in self._grids:
+            residual, correction = (  # with room for a whole last strip of the dense product
+                model.zeros(model.vec3, level.vertices + STRIP) for _ in range(2)
+            )
+            gather = [*level.interpolation.by_vertex(), r]  # a vertex gathers from tens of points
+            down.append(record(kernels.restrict, level.vertices, gather, [residual], least=1024))
+            interpolate = [diagonal, *level.interpolation.by_point, correction, r]
+            up.append(record(kernels.prolong, level.points, interpolate, [z, dots.iteration, dots.products]))
+            diagonal, dots = level.inverse_diagonal, Dots.zero(model)
+            r, z = residual, correction
+        return in_sequence(*down, self.solve(r, z), *up[::-1])
+
+    def solve(self, residual: wp.array, solution: wp.array) -> Launch:
+        """Records the product with the inverse; both are of shape (n + STRIP,), vec3, of which n count."""
+        model = self._model
+        x, y = (view(vectors, model.scalar, 3 * len(vectors)) for vectors in (residual, solution))
+        given, strips = [self.columns, self.strips, self._scale, x], len(self._scale) // STRIP
+        kernel = cpu_grid_kernels(model.scalar).dense
+        return model.parallel.record(kernel, strips, given, [y], least=16, loops=True)
+
+
+class CudaLevels:
+    """The grids on CUDA: all interpolate to the nodes, so that three launches apply them.
+
+    Vertices are numbered through from the coarsest grid on.
+    """
+
+    def __init__(
+        self, model: Model, grids: Sequence[Interpolation], diagonals: Sequence[wp.array], inverse: np.ndarray
+    ) -> None:
+        """Uploads what the launches read.
+
+        Args:
+            model: the trunk.
+            grids: the interpolation of each to the free nodes, finest first.
+            diagonals: the inverse diagonal of each but the last, shape (vertices,), mat33.
+            inverse: that of the last, symmetric, shape (3 vertices, 3 vertices).
+        """
+        self.model = model
+        coarsest_first = grids[::-1]
+        sizes = [grid.vertices for grid in coarsest_first]
+        starts = np.cumsum([0, *sizes])
+        self._coarsest, self._vertices = sizes[0], int(starts[-1])
+        number = wp.uint16 if max(self._vertices, model.free_nodes) <= 1 << 16 else wp.int32
+        self._kernels = cuda_grid_kernels(model.scalar, number)
+        row_start, point, weight = zip(*(grid.by_vertex for grid in coarsest_first), strict=True)
+        rows = np.concatenate([np.diff(start) for start in row_start])
+        self._far = sum(
+            size for size, points in zip(sizes, point, strict=True) if len(points) >= VERTEX_LANES * size
+        )
+        self._by_vertex = (
+            model.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32),
+            model.array(np.concatenate(point), number),
+            _shortened(model, weight),
+        )
+        corners = [grid.vertex.ravel() + start for grid, start in zip(coarsest_first, starts, strict=False)]
+        self._by_node = (
+            model.array(np.concatenate(corners), number),
+            _shortened(model, [grid.weight.ravel() for grid in coarsest_first]),
+        )
+        self._inverse_diagonal = model.zeros(
+            wp.types.matrix((3, 3), model.scalar), self._vertices - self._coarsest
+        )
+        for diagonal, start in zip(diagonals[::-1], starts[1:], strict=False):
+            wp.copy(self._inverse_diagonal, diagonal, dest_offset=int(start) - self._coarsest)
+        scale = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))  # none of 16 bits overflows
+        self._scale = model.array(scale, wp.float32)
+        self._inverse = model.zeros(wp.float16, len(inverse), -(-len(inverse) // OCTET) * OCTET)
+        given = [model.array(inverse, wp.float32), self._scale]
+        wp.launch(scale_and_shorten, inverse.shape, given, [self._inverse], device=model.device)
+
+    def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
+        """Records z = D^-1 r + the corrections of all grids, with r . z, for the inverse diagonal of the nodes."""
+        return self._record(inverse_diagonal, Iterates(z, r, z, z, r, r_dot_z, r_dot_z), steps=0)
+
+    def apply_with_steps(self, inverse_diagonal: wp.array, at: Iterates) -> tuple[Launch, Launch]:
+        """Records `apply`, and the same after a step along the search direction; see `Preconditioner`."""
+        return self._record(inverse_diagonal, at, steps=0), self._record(inverse_diagonal, at, steps=1)
+
+    def _record(self, inverse_diagonal: wp.array, at: Iterates, *, steps: int) -> Launch:
+        """The launches, after a step or none; without one, solution, search direction and product are not read."""
+        model, kernels, record = self.model, self._kernels, self.model.parallel.record
+        rows, columns = len(self._scale), self._inverse.shape[1]
+        iteration, r_dot_z, p_dot_q = at.r_dot_z.iteration, at.r_dot_z.products, at.p_dot_q.products
+        residual = model.zeros(wp.float32, columns)
+        correction = model.zeros(wp.types.vector(4, model.scalar), self._vertices)
+
+        def numbers(array: wp.array) -> wp.array:
+            return view(array, model.scalar, 3 * len(array))
+
+        scale = view(self._scale, wp.vec3f, self._coarsest)
+        grids = [steps, self._coarsest, self._far, *self._by_vertex, self._inverse_diagonal, scale]
+        blocks = view(inverse_diagonal, model.scalar, 9 * len(inverse_diagonal))
+        moved = [iteration, p_dot_q, numbers(at.search), numbers(at.product)]
+        return in_sequence(
+            record(
+                kernels.restrict,
+                self._far * VERTEX_LANES + (self._vertices - self._far) * FEW_LANES,
+                [*grids, iteration, r_dot_z, p_dot_q, at.residual, at.product],
+                [view(residual, wp.vec3f, self._coarsest), correction],
+            ),
+            record(
+                kernels.dense,
+                rows * ROW_LANES,
+                [steps, self._inverse, self._scale, residual],
+                [view(correction, model.scalar, 4 * self._vertices), iteration],
+            ),
+            record(
+                kernels.prolong,
+                model.free_nodes * NODE_LANES,
+                [steps, blocks, *self._by_node, correction, *moved],
+                [numbers(at.solution), numbers(at.residual), numbers(at.preconditioned), r_dot_z],
+            ),
+        )
+
+
+def _shortened(model: Model, weights: Sequence[np.ndarray]) -> wp.array:
+    """All weights in 16 bits, made on the device: the host takes much longer."""
+    given = model.array(np.concatenate(weights, dtype=np.float32), wp.float32)
+    shortened = model.zeros(wp.float16, len(given))
+    wp.launch(shorten, len(given), [given], [shortened], device=model.device)
+    return shortened
+
+
+def _scales(model: Model, points: np.ndarray) -> Arrays:
+    """The scales of the grids; finding them takes long, so that they may be remembered."""
+
+    def fits(known: Arrays) -> bool:
+        extent = np.ptp(points, axis=0).max(initial=1e-6)
+        return bool(1e-3 * extent < known["node_distance"] <= known["coarsest"] <= extent)
+
+    return arrays_of(model.memo, "grids", lambda: find_scales(points), fits)
+
+
+def _matrices(matrix: BlockMatrix, whole: list[_Interpolation], sizes: list[int]) -> dict[str, np.ndarray]:
+    """The inverse of the matrix on the last grid, in the model's precision; `grid_diagonal` on the others."""
+    diagonals = [
+        grid_diagonal(matrix, interpolation, size, 1.0 / len(sizes)).numpy()
+        for interpolation, size in zip(whole[:-1], sizes[:-1], strict=True)
+    ]
+    inverse = invert(grid_matrix(matrix, whole[-1], sizes[-1]), matrix.model.precision)
+    return {"inverse": inverse, **{f"diagonal_{k}": values for k, values in enumerate(diagonals)}}
+
+
+def _are_matrices(known: Arrays, sizes: list[int], precision: str) -> bool:
+    """Whether these can be `_matrices` of grids with so many vertices."""
+    *finer, coarsest = sizes
+    shapes = {"inverse": (3 * coarsest,) * 2, **{f"diagonal_{k}": (size, 3, 3) for k, size in enumerate(finer)}}
+    return known.keys() == shapes.keys() and all(
+        known[name].shape == shape and known[name].dtype == precision and bool(np.isfinite(known[name]).all())
+        for name, shape in shapes.items()
+    )
+
+
+def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, size: int, weight: float) -> wp.array:
+    """Inverse diagonal blocks of P^T H P times a weight, for P from `size` vertices to the nodes."""
+    model = matrix.model
+    mat33 = wp.types.matrix((3, 3), model.scalar)
+    diagonal = model.zeros(mat33, model.parallel.ranges, size)
+    model.over_free(
+        grid_matrix_kernels(model.scalar).grid_diagonal,
+        [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point],
+        [diagonal],
+    )()
+    model.parallel.record(slab_kernels(mat33).gather, size, [model.parallel.ranges], [diagonal])()
+    inverse = model.zeros(mat33, size)
+    own = model.array(np.arange(size, dtype=np.int32), wp.int32)
+    invert_diagonal = sparse_kernels(model.scalar).invert_diagonal
+    model.parallel.record(invert_diagonal, size, [own, diagonal, model.scalar(weight)], [inverse])()
+    return inverse
+
+
+def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.ndarray:
+    """P^T H P, dense, shape (3 size, 3 size), float64; below the diagonal blocks it is zero."""
+    model = matrix.model
+    ranges = min(model.parallel.ranges, MOST_DENSE)
+    dense = model.zeros(wp.float64, ranges, 3 * size, 3 * size)
+    model.parallel.record(
+        grid_matrix_kernels(model.scalar).grid_matrix,
+        np.linspace(0, model.free_nodes, ranges + 1).astype(np.int64),
+        [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point],
+        [dense],
+    )()
+    total, *others = dense.numpy()
+    for other in others:
+        total += other
+    return total
+
+
+def invert(matrix: np.ndarray, precision: str = "float64") -> np.ndarray:
+    """Inverse of a symmetric positive semidefinite matrix, (n, n) float64, its flat directions kept finite.
+
+    It is scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless.
+    Numbers below the diagonal are not read. It is found in the precision that is asked for, unless that shows
+    directions so flat that float32 could not tell them from others; the anatomy has none of a twentieth of the
+    diagonal."""
+    diagonal = np.diagonal(matrix)
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
+    scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0
+    inverse, flat = _inverse_of_scaled(matrix, scale, precision, SHIFT)
+    if precision != "float64" and not (flat.min(initial=1.0) > 0.0 and flat.sum() <= FLAT * len(flat)):
+        inverse, flat = _inverse_of_scaled(matrix, scale, "float64", SHIFT)
+    if not flat.max(initial=0.0) <= 1.0 / IDLE_SHIFT:
+        inverse, _ = _inverse_of_scaled(matrix, scale, "float64", IDLE_SHIFT)
+    inverse *= scale.astype(inverse.dtype)
+    inverse *= scale[:, None].astype(inverse.dtype)
+    return inverse.astype(precision, copy=False)
+
+
+def _inverse_of_scaled(
+    matrix: np.ndarray, scale: np.ndarray, precision: str, shift: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The inverse of the matrix with rows and columns scaled, shifted, and its diagonal where there is a scale.
+
+    Where rounding leaves none, the diagonal is infinite.
+    """
+    scaled = np.multiply(matrix, scale, out=np.empty(matrix.shape, precision), casting="same_kind")
+    scaled *= scale[:, None].astype(precision)
+    scaled[np.diag_indices(len(scaled))] += shift
+    try:
+        inverse = np.triu(np.linalg.inv(np.triu(scaled) + np.triu(scaled, 1).T))
+    except np.linalg.LinAlgError:
+        return scaled, np.full(np.count_nonzero(scale), np.inf)
+    inverse += np.triu(inverse, 1).T
+    return inverse, np.diagonal(inverse)[scale > 0.0]

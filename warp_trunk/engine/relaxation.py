@@ -1,0 +1,96 @@
+"""Options and results of a relaxation of the soft tissue to the minimum of its energy (eq. 4.3 of [2])."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal
+
+from warp_trunk.errors import InputError
+
+Method = Literal["newton", "conjugate", "gradient"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelaxOptions:
+    """How far and by which method the tissue is relaxed."""
+
+    method: Method = "newton"
+    """newton (truncated Newton), conjugate (nonlinear conjugate gradients) or gradient (spectral projected)."""
+    tolerance: float = 0.1
+    """Largest estimated distance of a node from its equilibrium at the end [mm]. The mesh is worth 0.3 to 0.7 mm,
+    and at 0.1 mm no rotation of the back moves by 0.00001 degrees; benchmarks of the solver take 0.01."""
+    max_steps: int = 500
+    """Most steps of one relaxation."""
+
+    def __post_init__(self) -> None:
+        if self.method not in ("newton", "conjugate", "gradient"):
+            raise InputError(f"method: must be newton, conjugate or gradient, not '{self.method}'")
+        if not (math.isfinite(self.tolerance) and self.tolerance > 0.0):
+            raise InputError(f"tolerance: must be a positive number of mm, not {self.tolerance}")
+        if self.max_steps < 1:
+            raise InputError(f"max_steps: must be at least 1, not {self.max_steps}")
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The terms of an energy, each with its factor, in the energy's unit."""
+
+    terms: dict[str, float]
+    """By name, those that the scene uses. itmsm, eq. 4.6 of [2], has `distance` (edges), `area` (faces, with
+    epsilon) and `volume` (with theta), the neo-Hookean energy `volume` (lambda / 2 (J - 1)^2) and `shape` (the
+    terms in mu); both have `gravity`, with the sign of physics, and `bending` of the skin."""
+
+    @property
+    def total(self) -> float:
+        """Their sum, which the relaxation makes least."""
+        return sum(self.terms.values())
+
+
+class RelaxStatus(Enum):
+    """Why a relaxation ended; the value is the sentence for the user."""
+
+    CONVERGED = "the distance to equilibrium is below the tolerance"
+    NEAR = "the distance to equilibrium is estimated to be below the tolerance, on the way to the next increment"
+    STALLED = "the energy no longer falls, and the distance to equilibrium is not known to be below the tolerance"
+    STEP_LIMIT = "the most steps allowed were taken before the tolerance was reached"
+    NOT_FINITE = "the energy at the start is not a finite number; check the input and the size of the increment"
+
+
+@dataclass(frozen=True)
+class RelaxStep:
+    """One accepted step."""
+
+    energy: Energy
+    """Energy after it, by term."""
+    estimated_error: float
+    """Estimated largest distance of a node from its equilibrium after it [mm]; infinite if unknown."""
+    step_length: float
+    """Fraction of the proposed direction that was taken."""
+    linear_iterations: int
+    """Iterations of the linear solver spent on it."""
+    seconds: float = field(compare=False)
+    """Time from the start of the relaxation to its end [s]; steps that differ only in it are equal."""
+
+
+@dataclass(frozen=True)
+class Relaxation:
+    """How a relaxation ended."""
+
+    status: RelaxStatus
+    """Why it ended."""
+    energy: Energy
+    """Energy at the end, by term."""
+    steps: int
+    """Accepted steps."""
+    linear_iterations: int
+    """Iterations of the linear solver in all."""
+    evaluations: int
+    """Evaluations of energy and gradient."""
+    estimated_error: float
+    """Largest distance of a node from its equilibrium at the end [mm]; an estimate where that is not CONVERGED."""
+    inverted_tets: int
+    """Tetrahedra without positive volume at the end."""
+    history: tuple[RelaxStep, ...] = ()
+    """Every accepted step in order."""
