@@ -1,4 +1,7 @@
-"""How CPU threads wait for each other inside a recorded loop, and how CUDA writes numbers for the host."""
+"""How CPU threads wait for each other inside a recorded loop, and how CUDA writes numbers for the host.
+
+Each has a module of its own: the barrier compiles for the CPU alone.
+"""
 
 import warp as wp
 
@@ -28,7 +31,7 @@ WAIT = """
 def wait_for_all(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way: wp.uint64): ...
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", enable_backward=False)
 def barrier_kernel(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way: wp.uint64):
     """Returns when so many threads have come; looks for a moment, then lets others run, by the function given."""
     wait_for_all(meeting, threads, give_way)

@@ -16,6 +16,7 @@ from warp_trunk.recording import load_rerun
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
 from warp_trunk.run.run_plans import run_plans
+from warp_trunk.run.warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
 from .crossing_file import crossings_written
 from .ending import report_ending
@@ -41,8 +42,10 @@ class Simulate(SimulationArguments):
         out = self.out or Path("results") / self.case.resolve().name
         plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
         with Progress() as progress:
+            if self.case.is_dir() and self.options.mesh.tets >= WORTH_COMPILING_AHEAD:
+                CompilationAhead(self.options)  # while the case is read
             if self.options.record and self.case.is_dir():
-                load_rerun()  # while the case is read
+                load_rerun()  # likewise
             with progress.stage("load", f"reading {self.case}"), crossings_written(out):
                 case, warnings = read_checked_case(self.case, align=self.align_pelvis)
             case = self.refined(case, arguments)

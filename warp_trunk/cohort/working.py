@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.errors import InputError
+from warp_trunk.run.warming import warm
 
 from .one_case import CohortOptions, Done, do_case
 from .record import FAILED, CaseRow
-from .warming import warm
 
 if TYPE_CHECKING:
     from distributed import Client

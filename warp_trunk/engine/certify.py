@@ -118,8 +118,11 @@ class Certificate:
             improving: whether the step that led here made the gradient smaller.
         """
         noise = max(math.sqrt(gradient_squared / self._directions), LEAST_NOISE)
-        if improving and self._length_per_noise * noise > tolerance:
-            return Verdict(floor + self._length_per_noise * noise, None, 0)
+        expected = self._length_per_noise * noise
+        if last is not None and last.length >= expected:  # as `_reach` will have it
+            expected /= 1.0 - min(max(expected, last.left) / max(last.length, 1e-300), SLOWEST)
+        if improving and expected > tolerance:
+            return Verdict(floor + expected, None, 0)
         self._amount.fill_(noise)
         self._add_noise()
         most_length = tolerance if improving else math.inf

@@ -27,6 +27,7 @@ from warp_trunk.meshing.set_up_cache import SetUpCache
 
 from .options import RunOptions
 from .progress import stage_of
+from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -122,11 +123,18 @@ def patient_of(
         InputError: the case or an option is one that a stage refuses.
     """
     options = options or RunOptions()
+    kernels = None
+    if (
+        trunk is None and options.mesh.tets >= WORTH_COMPILING_AHEAD
+    ):  # a smaller mesh takes less time than another process
+        kernels = CompilationAhead(options, layered=layers_from(case, options) != "none")
     given, trunk = trunk, trunk or _mesh(case, options, progress)
     if options.bones == "follow":
         trunk = free_joints(trunk)
     trunk, tissues = _tissues(case, trunk, options, progress)
     with stage_of(progress, "compile", "preparing the model"):
+        if kernels is not None:
+            kernels.wait()
         parallel = Parallel(options.device, options.threads)
         set_up = _set_up(trunk, tissues, options, parallel)
         model = build_model(
