@@ -24,7 +24,7 @@ def main(folder: str, tets: int = 225_000) -> None:
     """Prints the table for the case in a folder."""
     case = read_case(folder)
     trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets))
-    model = build_model(trunk, case.tissue)
+    model = build_model(trunk, case.tissue, energy="itmsm", skin_rigidity=0.0)
     landmarks = (case.landmarks_before, case.planned_landmarks)
 
     def run(path: BonePath, increments: int) -> tuple[np.ndarray, np.ndarray]:

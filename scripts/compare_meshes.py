@@ -73,7 +73,11 @@ def skins_of(case: Case, tets: int, energies: list[str]) -> tuple[int, dict[str,
     for name in energies:
         options = dict(ENERGIES[name])
         tissue = replace(case.tissue, poisson_ratio=options.pop("poisson_ratio", case.tissue.poisson_ratio))
-        *_, last = simulate(build_model(problem.trunk, tissue, **options), path, OPTIONS)
+        *_, last = simulate(
+            build_model(problem.trunk, tissue, **{"energy": "itmsm", "skin_rigidity": 0.0, **options}),
+            path,
+            OPTIONS,
+        )
         skins[name] = problem.skin(last.displacement)
         spent = (
             f"{last.relaxation.status.name}, {last.relaxation.linear_iterations} iterations in the last increment"

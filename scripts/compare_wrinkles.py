@@ -59,7 +59,11 @@ def fold(trunk: TrunkMesh, energy: EnergyName, part: float) -> float:
     """The largest fold of the free face away from its sides [degrees]."""
     way = np.zeros_like(trunk.nodes)
     way[:, 0] = -part * (trunk.nodes[:, 0] - 0.5 * SIZE[0])
-    increments = list(simulate(build_model(trunk, energy=energy), BonePath(way), SimulationOptions(increments=5)))
+    increments = list(
+        simulate(
+            build_model(trunk, energy=energy, skin_rigidity=0.0), BonePath(way), SimulationOptions(increments=5)
+        )
+    )
     before = trunk.nodes[trunk.skin_nodes]
     after = before + increments[-1].displacement[trunk.skin_nodes]
     change = skin_change(Surface(before, trunk.skin_faces), Surface(after, trunk.skin_faces))

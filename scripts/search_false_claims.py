@@ -147,7 +147,7 @@ def random_block(rng: np.random.Generator) -> TrunkMesh:
         if not (trunk.bone < 0).any():
             continue
         try:
-            build_model(trunk, device="cpu", threads=1)
+            build_model(trunk, device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0)
         except InputError:  # a part that no bone holds
             continue
         return trunk
@@ -163,6 +163,7 @@ def endings(drawn: Draw, trunk: TrunkMesh, moved: np.ndarray) -> Iterator[tuple[
         precision=drawn.precision,
         device="cpu",
         threads=1,
+        skin_rigidity=0.0,
     )
     options = RelaxOptions(tolerance=drawn.tolerance, max_steps=MOST_STEPS)
     if drawn.increments:

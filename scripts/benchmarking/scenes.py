@@ -108,6 +108,7 @@ def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
             device=setting.device,
             precision=precision,
             threads=setting.threads,
+            skin_rigidity=0.0,
         )
 
     default = model()

@@ -67,7 +67,13 @@ class Comparison:
         """
         trunk, tissue = self.problem.trunk, self.problem.tissue
         model = build_model(
-            trunk, tissue, energy="neo-hookean", gravity=self.gravity, device="cpu", precision=precision
+            trunk,
+            tissue,
+            energy="neo-hookean",
+            gravity=self.gravity,
+            device="cpu",
+            precision=precision,
+            skin_rigidity=0.0,
         )
         *_, last = simulate(model, self.path, SimulationOptions(relax=RelaxOptions(tolerance=tolerance)))
         if last.relaxation.status is not RelaxStatus.CONVERGED:

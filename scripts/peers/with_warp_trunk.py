@@ -31,7 +31,7 @@ class _Made:
         self.relax = RelaxOptions(tolerance=asked * task.accuracy)
         self.options = SimulationOptions(increments=increments, relax=self.relax)
         tissue = Tissue(youngs_modulus=1e3 * task.youngs_modulus, poisson_ratio=task.poisson_ratio)
-        self.model = build_model(as_trunk(task), tissue, energy="neo-hookean", device="cpu")
+        self.model = build_model(as_trunk(task), tissue, energy="neo-hookean", device="cpu", skin_rigidity=0.0)
         self.relaxer = Relaxer(self.model, self.relax)
         self.path, self.displacement = BonePath(task.image), task.image
 

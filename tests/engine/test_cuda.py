@@ -40,7 +40,9 @@ def turning_path() -> BonePath:
 @pytest.mark.parametrize(("precision", "tolerance"), [("float32", 1e-5), ("float64", 1e-12)])
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_energies_are_those_of_numpy(precision: str, tolerance: float, gravity: float) -> None:
-    model = build_model(TRUNK, gravity=gravity, device="cuda:0", precision=precision)
+    model = build_model(
+        TRUNK, gravity=gravity, device="cuda:0", precision=precision, energy="itmsm", skin_rigidity=0.0
+    )
     displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
     state = State(model)
     state.set_displacement(displacement)
@@ -60,7 +62,13 @@ def test_energies_of_a_layered_continuum_are_those_of_numpy(
     trunk = replace(TRUNK, tissue=(np.arange(len(TRUNK.tets)) % 2).astype(np.int8))
     tissues = (Tissue(), Tissue(youngs_modulus=70.0, poisson_ratio=0.49))
     model = build_model(
-        trunk, tissues, energy="neo-hookean", gravity=gravity, device="cuda:0", precision=precision
+        trunk,
+        tissues,
+        energy="neo-hookean",
+        gravity=gravity,
+        device="cuda:0",
+        precision=precision,
+        skin_rigidity=0.0,
     )
     displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
     state = State(model)
@@ -110,7 +118,7 @@ def test_a_trunk_with_stiff_skin_relaxes_as_on_the_cpu(energy: EnergyName) -> No
 
 def stretched(device: str, precision: str) -> tuple[State, BlockMatrix]:
     """A block whose nodes are not at rest, and its curvature."""
-    state = State(build_model(TRUNK, device=device, precision=precision))
+    state = State(build_model(TRUNK, device=device, precision=precision, energy="itmsm", skin_rigidity=0.0))
     state.set_displacement(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
     state.evaluate()
     matrix = BlockMatrix(state)
@@ -169,7 +177,13 @@ def test_cpu_and_cuda_end_at_the_same_place(precision: str, options: dict[str, A
     tissue, relax = Tissue(poisson_ratio=0.49), RelaxOptions(tolerance=1e-3)
     ends = []
     for device in ("cpu", "cuda:0"):
-        model = build_model(TRUNK, tissue, device=device, precision=precision, **options)
+        model = build_model(
+            TRUNK,
+            tissue,
+            device=device,
+            precision=precision,
+            **{"energy": "itmsm", "skin_rigidity": 0.0, **options},
+        )
         *_, last = simulate(model, turning_path(), SimulationOptions(increments=2, relax=relax))
         assert last.relaxation.status is RelaxStatus.CONVERGED
         ends.append(last.displacement)
@@ -180,7 +194,7 @@ def test_cpu_and_cuda_end_at_the_same_place(precision: str, options: dict[str, A
 @pytest.mark.parametrize("method", ["newton", "conjugate", "gradient"])
 def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, method: Method) -> None:
     path = turning_path()
-    model = build_model(TRUNK, device="cuda:0", precision=precision)
+    model = build_model(TRUNK, device="cuda:0", precision=precision, energy="itmsm", skin_rigidity=0.0)
     tolerance = 0.1 if method == "gradient" else 0.01
     relax = RelaxOptions(method=method, tolerance=tolerance, max_steps=5000)
     *_, last = simulate(model, path, SimulationOptions(increments=2, relax=relax))
@@ -194,7 +208,9 @@ def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, method: Meth
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_a_continuum_ends_at_an_equilibrium_that_numpy_confirms(precision: str) -> None:
     tissue = Tissue(poisson_ratio=0.49)
-    model = build_model(TRUNK, tissue, energy="neo-hookean", device="cuda:0", precision=precision)
+    model = build_model(
+        TRUNK, tissue, energy="neo-hookean", device="cuda:0", precision=precision, skin_rigidity=0.0
+    )
     *_, last = simulate(model, turning_path(), SimulationOptions(increments=2))
     equilibrium = Continuum(TRUNK, (tissue,), 0.0).downhill(last.displacement, 2000)
     assert last.relaxation.status is RelaxStatus.CONVERGED
@@ -202,6 +218,8 @@ def test_a_continuum_ends_at_an_equilibrium_that_numpy_confirms(precision: str) 
 
 
 def test_says_stalled_where_float32_cannot_reach_the_tolerance() -> None:
-    relaxer = Relaxer(build_model(TRUNK, device="cuda:0"), RelaxOptions(tolerance=1e-9))
+    relaxer = Relaxer(
+        build_model(TRUNK, device="cuda:0", energy="itmsm", skin_rigidity=0.0), RelaxOptions(tolerance=1e-9)
+    )
     relaxer.state.set_displacement(turning_path().at(1.0))
     assert relaxer.relax().status is RelaxStatus.STALLED

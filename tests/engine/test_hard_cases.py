@@ -166,7 +166,7 @@ def check_ending(case: Case) -> Ending:
 @pytest.mark.parametrize("name", REFUSED)
 def test_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(InputError) as caught:
-        build_model(REFUSED[name](), device="cpu")
+        build_model(REFUSED[name](), device="cpu", energy="itmsm", skin_rigidity=0.0)
     assert 20 < len(str(caught.value)) < 300
     assert "\n" not in str(caught.value)
 

@@ -209,7 +209,9 @@ def test_float32_and_threads_give_the_same() -> None:
     move, weight = bones_turned(), a_number()
     found = []
     for precision, threads in (("float64", 1), ("float32", 1), ("float32", 3)):
-        model = build_model(TRUNK, precision=precision, device="cpu", threads=threads)
+        model = build_model(
+            TRUNK, precision=precision, device="cpu", threads=threads, energy="itmsm", skin_rigidity=0.0
+        )
         *_, last = simulate(model, BonePath(move), SimulationOptions(increments=1))
         linear = Linearization(model, last)
         adjoint = linear.adjoints(weight[None])
@@ -259,7 +261,13 @@ def test_parts_of_tissues_against_differences_of_whole_relaxations(energy: Energ
 
     def model_of(label: np.ndarray) -> Model:
         return build_model(
-            replace(TRUNK, tissue=label), tissues, energy=energy, gravity=9.81, device="cpu", precision="float64"
+            replace(TRUNK, tissue=label),
+            tissues,
+            energy=energy,
+            gravity=9.81,
+            device="cpu",
+            precision="float64",
+            skin_rigidity=0.0,
         )
 
     step = 1e-4
@@ -273,6 +281,6 @@ def test_parts_of_tissues_against_differences_of_whole_relaxations(energy: Energ
 
 
 def test_parts_change_in_mixtures_alone() -> None:
-    model = build_model(TRUNK, device="cpu", precision="float64")
+    model = build_model(TRUNK, device="cpu", precision="float64", energy="itmsm", skin_rigidity=0.0)
     with pytest.raises(InputError, match="change only where each tetrahedron has a part of every tissue"):
         parts_derivative(model, TRUNK.tets, np.zeros((len(TRUNK.tets), 2)))

@@ -25,7 +25,9 @@ PARTS += ["pattern.place", "grids.coarsest", "grids.node_distance", "matrices.in
 
 def end(memo: Memo | None, trunk: TrunkMesh = TRUNK, **options: Any) -> bytes:
     """Where a simulation ends, every bit."""
-    model = build_model(trunk, device=split_launches(), memo=memo, **options)
+    model = build_model(
+        trunk, device=split_launches(), memo=memo, **{"energy": "itmsm", "skin_rigidity": 0.0, **options}
+    )
     path = BonePath(0.4 * (rotate(trunk.nodes, 12.0, (0.3, 1.0, 0.2)) - trunk.nodes))
     how = SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-3))
     return list(simulate(model, path, how))[-1].from_rest.tobytes()

@@ -53,7 +53,7 @@ BAD: dict[str, tuple[TrunkMesh, dict[str, Any], str]] = {
 def test_refuses(name: str) -> None:
     mesh, options, text = BAD[name]
     with pytest.raises(InputError, match=text) as caught:
-        build_model(mesh, **{"device": "cpu", **options})
+        build_model(mesh, **{"device": "cpu", "energy": "itmsm", "skin_rigidity": 0.0, **options})
     assert "\n" not in str(caught.value)
 
 
@@ -65,7 +65,10 @@ def test_refuses_tissue(name: str, value: float) -> None:
 
 
 def test_every_piece_with_three_bone_nodes_is_held() -> None:
-    assert build_model(two_blocks(3), device="cpu").free_nodes == 2 * len(BLOCK.nodes) - 9 - 3
+    assert (
+        build_model(two_blocks(3), device="cpu", energy="itmsm", skin_rigidity=0.0).free_nodes
+        == 2 * len(BLOCK.nodes) - 9 - 3
+    )
 
 
 def test_a_corner_in_line_with_two_others_does_not_hold() -> None:
@@ -74,14 +77,14 @@ def test_a_corner_in_line_with_two_others_does_not_hold() -> None:
     in_line = (nodes[:, 1] == 0.0) & (nodes[:, 2] == 0.0)
     assert in_line.sum() == 3
     with pytest.raises(InputError):
-        build_model(trunk(nodes, tets, in_line), device="cpu")
+        build_model(trunk(nodes, tets, in_line), device="cpu", energy="itmsm", skin_rigidity=0.0)
 
 
 @pytest.mark.parametrize(
     "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
 )
 def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
-    model = build_model(mesh, device="cpu", threads=1)
+    model = build_model(mesh, device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0)
     assert sorted(model.order) == list(range(len(mesh.nodes)))
     assert not mesh.prescribed[model.order[model.free]].any()
     assert mesh.prescribed[model.order[model.prescribed]].all()
@@ -92,7 +95,16 @@ def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
 
 def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) -> Itmsm:
     """What the kernels of itmsm read of a trunk."""
-    model = build_model(trunk, tissue, gravity=gravity, device="cpu", precision="float64", threads=1)
+    model = build_model(
+        trunk,
+        tissue,
+        gravity=gravity,
+        device="cpu",
+        precision="float64",
+        threads=1,
+        energy="itmsm",
+        skin_rigidity=0.0,
+    )
     assert isinstance(model.elements, Itmsm)
     return model.elements
 
@@ -133,7 +145,7 @@ def test_alpha_by_hand() -> None:
 )
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_terms_follow_the_scene(tissue: Tissue, gravity: float) -> None:
-    model: Any = build_model(BLOCK, tissue, gravity=gravity, device="cpu")
+    model: Any = build_model(BLOCK, tissue, gravity=gravity, device="cpu", energy="itmsm", skin_rigidity=0.0)
     used = {
         "distance": True,
         "area": tissue.epsilon > 0.0,

@@ -28,7 +28,9 @@ def run(
     precision: str = "float64",
     gravity: float = 0.0,
 ) -> list[Increment]:
-    model = build_model(trunk, precision=precision, gravity=gravity, device=split_launches())
+    model = build_model(
+        trunk, precision=precision, gravity=gravity, device=split_launches(), energy="itmsm", skin_rigidity=0.0
+    )
     options = SimulationOptions(increments=increments, relax=RelaxOptions(tolerance=tolerance))
     return list(simulate(model, BonePath(displacement), options))
 
@@ -72,7 +74,7 @@ def test_float32_bones_are_in_place_to_rounding() -> None:
 
 
 def test_earlier_increments_stay_as_they_were_yielded() -> None:
-    model = build_model(TWO_BONES, precision="float64", device=split_launches())
+    model = build_model(TWO_BONES, precision="float64", device=split_launches(), energy="itmsm", skin_rigidity=0.0)
     options = SimulationOptions(increments=3)
     kept, copies = [], []
     for step in simulate(model, BonePath(bent_spine()), options):
@@ -134,7 +136,7 @@ def test_gravity_pulls_down() -> None:
 
 
 def test_refuses_the_path_of_another_trunk() -> None:
-    model = build_model(TWO_BONES, device=split_launches())
+    model = build_model(TWO_BONES, device=split_launches(), energy="itmsm", skin_rigidity=0.0)
     with pytest.raises(InputError, match="bone_path"):
         next(simulate(model, BonePath(np.zeros((5, 3)))))
 
@@ -146,7 +148,10 @@ def test_refuses_no_increment(increments: int) -> None:
 
 
 def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> None:
-    model, options = build_model(TWO_BONES, device=split_launches()), SimulationOptions(increments=3)
+    model, options = (
+        build_model(TWO_BONES, device=split_launches(), energy="itmsm", skin_rigidity=0.0),
+        SimulationOptions(increments=3),
+    )
     plans = [BonePath(bent_spine()), BonePath(-0.5 * bent_spine())]
     anew = [list(simulate(model, plan, options)) for plan in plans]
     relaxer = Relaxer(model, options.relax)
@@ -158,7 +163,9 @@ def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> Non
 
 
 def test_refuses_the_relaxer_of_another_model_or_options() -> None:
-    model, other = (build_model(TWO_BONES, device=split_launches()) for _ in range(2))
+    model, other = (
+        build_model(TWO_BONES, device=split_launches(), energy="itmsm", skin_rigidity=0.0) for _ in range(2)
+    )
     path = BonePath(bent_spine())
     for wrong in (Relaxer(other), Relaxer(model, RelaxOptions(tolerance=1.0))):
         with pytest.raises(InputError, match="relaxer"):

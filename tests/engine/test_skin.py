@@ -137,8 +137,10 @@ def test_the_distance_told_in_float32_is_not_below_the_true_one(energy: EnergyNa
 
 
 def test_a_scene_without_it_is_none_of_its_business() -> None:
-    plain = build_model(replace(TRUNK, skin_faces=TRUNK.skin_faces[:0]), device="cpu", threads=1)
-    other = build_model(TRUNK, device="cpu", threads=1)
+    plain = build_model(
+        replace(TRUNK, skin_faces=TRUNK.skin_faces[:0]), device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0
+    )
+    other = build_model(TRUNK, device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0)
     assert other.skin is None
     assert other.terms == plain.terms
     assert np.array_equal(other.stencils, plain.stencils)
@@ -147,16 +149,16 @@ def test_a_scene_without_it_is_none_of_its_business() -> None:
 
 def test_what_is_remembered_without_skin_is_not_taken_with_it() -> None:
     memo = Memo()
-    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=memo))
+    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=memo, energy="itmsm", skin_rigidity=0.0))
     again = Memo(memo.asked)
-    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=again))
+    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=again, energy="itmsm", skin_rigidity=0.0))
     assert not again.is_new
     stiff = Memo(memo.asked)
-    Relaxer(build_model(TRUNK, skin_rigidity=1.0, device="cpu", threads=1, memo=stiff))
+    Relaxer(build_model(TRUNK, skin_rigidity=1.0, device="cpu", threads=1, memo=stiff, energy="itmsm"))
     assert stiff.is_new
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
 def test_refuses_a_rigidity_that_is_none(value: float) -> None:
     with pytest.raises(InputError, match="skin_rigidity: must be"):
-        build_model(TRUNK, skin_rigidity=value, device="cpu")
+        build_model(TRUNK, skin_rigidity=value, device="cpu", energy="itmsm")

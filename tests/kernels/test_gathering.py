@@ -25,7 +25,7 @@ TRUNK = block_with_bone((4, 3, 3), holes=((1, 1, 1),))
 
 @pytest.mark.parametrize("upper", [False, True])
 def test_the_blocks_of_rows_are_those_of_the_columns(upper: bool) -> None:
-    model = build_model(TRUNK, device="cpu")
+    model = build_model(TRUNK, device="cpu", energy="itmsm", skin_rigidity=0.0)
     row_start, columns = model.pattern.row_start, model.pattern.columns
     place = np.zeros((len(model.corners), 16), dtype=np.uint16)
     both = np.all([model.is_free(model.corners[:, pair]) for pair in np.divmod(np.arange(16), 4)], axis=0)

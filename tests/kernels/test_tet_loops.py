@@ -30,7 +30,13 @@ def formulas(energy: EnergyName, precision: str, *, gravity: bool) -> TetFormula
 
 def model_of(energy: EnergyName, precision: str, gravity: float) -> Model:
     return build_model(
-        block((2, 2, 2)), Tissue(), energy=energy, gravity=gravity, precision=precision, device="cpu"
+        block((2, 2, 2)),
+        Tissue(),
+        energy=energy,
+        gravity=gravity,
+        precision=precision,
+        device="cpu",
+        skin_rigidity=0.0,
     )
 
 

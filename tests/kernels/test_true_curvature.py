@@ -40,7 +40,9 @@ class Kernels:
     """Gradient and curvatures of a model at a displacement of its mesh's nodes, dense."""
 
     def __init__(self, trunk: TrunkMesh, tissue: Tissue, energy: EnergyName) -> None:
-        self.model = build_model(trunk, tissue, energy=energy, precision="float64", device="cpu", threads=1)
+        self.model = build_model(
+            trunk, tissue, energy=energy, precision="float64", device="cpu", threads=1, skin_rigidity=0.0
+        )
 
     def place(self, displacement: np.ndarray) -> wp.array:
         return wp.array(displacement[self.model.order], dtype=wp.vec3d, device="cpu")

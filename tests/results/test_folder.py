@@ -29,7 +29,9 @@ WHOLE = {
 @pytest.fixture(scope="module")
 def simulated():
     case, trunk = small_case()
-    model = build_model(trunk, gravity=0.0, device="cpu", precision="float64", threads=1)
+    model = build_model(
+        trunk, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+    )
     return case, trunk, model, made_up_increments(trunk)
 
 

@@ -17,7 +17,9 @@ from warp_trunk.results import predicted_skin, read_result, write_result
 @pytest.fixture(scope="module")
 def simulated():
     case, trunk = small_case()
-    model = build_model(trunk, gravity=0.0, device="cpu", precision="float64", threads=1)
+    model = build_model(
+        trunk, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+    )
     return case, trunk, model, made_up_increments(trunk)
 
 

@@ -41,7 +41,14 @@ def by_scikit_fem(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float
 def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Found:
     tissue = Tissue(youngs_modulus=MODULUS, poisson_ratio=nu, density=DENSITY)
     model = build_model(
-        trunk, tissue, energy="neo-hookean", gravity=gravity, precision="float64", device="cpu", threads=1
+        trunk,
+        tissue,
+        energy="neo-hookean",
+        gravity=gravity,
+        precision="float64",
+        device="cpu",
+        threads=1,
+        skin_rigidity=0.0,
     )
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-7))
     relaxer.state.set_displacement(start)

@@ -61,6 +61,7 @@ def end(case: Case) -> Ending:
         energy=case.energy,
         precision=case.precision,
         device=split_launches(case.threads),
+        skin_rigidity=0.0,
     )
     options = RelaxOptions(tolerance=case.tolerance, max_steps=case.most_steps)
     if case.increments:

@@ -20,7 +20,9 @@ from .small_trunk import made_up_increments, small_case
 def result_model() -> Model:
     """What these results were simulated with."""
     _, trunk = small_case()
-    return build_model(trunk, gravity=0.0, device="cpu", precision="float64", threads=1)
+    return build_model(
+        trunk, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
+    )
 
 
 def write_small_result(

@@ -33,7 +33,7 @@ def solved_by_calculix(folder, trunk, motion, tissue):
 
 
 def solved_here(trunk, motion, tissue):
-    model = build_model(trunk, tissue, energy="neo-hookean", precision="float64", device="cpu")
+    model = build_model(trunk, tissue, energy="neo-hookean", precision="float64", device="cpu", skin_rigidity=0.0)
     options = SimulationOptions(increments=5, relax=RelaxOptions(tolerance=1e-6))
     *_, last = simulate(model, BonePath(motion), options)
     return last.displacement

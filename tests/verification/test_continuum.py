@@ -38,7 +38,9 @@ def random_displacement(mesh: TrunkMesh) -> np.ndarray:
 
 
 def continuum(mesh: TrunkMesh, tissue: Tissue | tuple[Tissue, ...], **options: Any) -> Model:
-    return build_model(mesh, tissue, energy="neo-hookean", device=split_launches(), **options)
+    return build_model(
+        mesh, tissue, energy="neo-hookean", device=split_launches(), **{"skin_rigidity": 0.0, **options}
+    )
 
 
 def evaluated(model: Model, displacement: np.ndarray) -> State:

@@ -31,7 +31,9 @@ def random_displacement(trunk: TrunkMesh) -> np.ndarray:
 
 
 def evaluated(trunk: TrunkMesh, displacement: np.ndarray, threads: int = 2, **options: Any) -> State:
-    state = State(build_model(trunk, device=split_launches(threads), **options))
+    state = State(
+        build_model(trunk, device=split_launches(threads), **{"energy": "itmsm", "skin_rigidity": 0.0, **options})
+    )
     state.set_displacement(displacement)
     state.evaluate()
     return state

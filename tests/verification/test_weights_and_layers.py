@@ -21,7 +21,11 @@ STIFF = Tissue(epsilon=2.0, theta=20.0, youngs_modulus=35.0, density=1300.0)
 
 
 def energy_of(mesh: TrunkMesh, displacement: np.ndarray, tissue: Any, **options: Any) -> Energy:
-    state = State(build_model(mesh, tissue, device="cpu", precision="float64", **options))
+    state = State(
+        build_model(
+            mesh, tissue, device="cpu", precision="float64", **{"energy": "itmsm", "skin_rigidity": 0.0, **options}
+        )
+    )
     state.set_displacement(displacement)
     state.evaluate()
     return state.energy()
@@ -108,7 +112,11 @@ def test_weight_of_tissues_in_newtons() -> None:
     """k_D / 2 [J] times the gradient along z is m g, with k_D of the first tissue."""
     mesh = block((2, 2, 2))
     mesh = replace(mesh, tissue=(np.arange(len(mesh.tets)) % 2).astype(np.int8))
-    state = State(build_model(mesh, (SOFT, STIFF), gravity=9.81, device="cpu", precision="float64"))
+    state = State(
+        build_model(
+            mesh, (SOFT, STIFF), gravity=9.81, device="cpu", precision="float64", energy="itmsm", skin_rigidity=0.0
+        )
+    )
     state.evaluate()
     volume = volumes(mesh.nodes, mesh.tets) * 1e-9
     k_d = 5.0 * 5e3 * volume.sum() / len(Reference(mesh).edges)
@@ -119,10 +127,12 @@ def test_weight_of_tissues_in_newtons() -> None:
 def test_a_uniform_scene_uploads_no_constant_for_each_tetrahedron() -> None:
     mesh = block((2, 2, 2))
     labelled = replace(mesh, tissue=np.zeros(len(mesh.tets), dtype=np.int8))
-    itmsm: Any = build_model(labelled, SOFT, device="cpu").elements
-    continuum: Any = build_model(mesh, SOFT, energy="neo-hookean", device="cpu").elements
+    itmsm: Any = build_model(labelled, SOFT, device="cpu", energy="itmsm", skin_rigidity=0.0).elements
+    continuum: Any = build_model(mesh, SOFT, energy="neo-hookean", device="cpu", skin_rigidity=0.0).elements
     assert len(itmsm.theta) == len(itmsm.gravity_weight) == len(continuum.moduli) == 1
-    layers: Any = build_model(labelled, (SOFT, STIFF), energy="neo-hookean", device="cpu").elements
+    layers: Any = build_model(
+        labelled, (SOFT, STIFF), energy="neo-hookean", device="cpu", skin_rigidity=0.0
+    ).elements
     assert len(layers.moduli) == len(mesh.tets)
 
 
@@ -143,7 +153,7 @@ def test_refuses(label: int | None, tissue: Any, options: Any, text: str) -> Non
     if label is not None:
         mesh = replace(mesh, tissue=np.where(np.arange(len(mesh.tets)) == 3, label, 0).astype(np.int8))
     with pytest.raises(InputError, match=text) as caught:
-        build_model(mesh, tissue, device="cpu", **options)
+        build_model(mesh, tissue, device="cpu", **{"energy": "itmsm", "skin_rigidity": 0.0, **options})
     assert "\n" not in str(caught.value)
 
 

@@ -17,7 +17,7 @@ from .ordering import order_nodes, order_tets, places
 from .parallel import Parallel
 from .rest_mesh import PRECISIONS, RestMesh
 from .skin import Skin, make_skin
-from .tissue import Tissue
+from .tissue import ENERGY, SKIN_RIGIDITY, Tissue
 from .trunk_mesh import TrunkMesh
 
 
@@ -25,9 +25,9 @@ def build_model(
     trunk: TrunkMesh,
     tissue: Tissue | Sequence[Tissue] | None = None,
     *,
-    energy: EnergyName = "itmsm",
+    energy: EnergyName = ENERGY,
     weights: WeightsName = "count",
-    skin_rigidity: float = 0.0,
+    skin_rigidity: float = SKIN_RIGIDITY,
     gravity: float = 0.0,
     device: str | Parallel = "auto",
     precision: str = "float32",
@@ -40,7 +40,7 @@ def build_model(
         trunk: the mesh before surgery.
         tissue: constants of the energy; the default tissue if left out. Of several, `trunk.tissue` says which
             a tetrahedron is made of, or which part of it.
-        energy: 'itmsm', the energy itmsm (eq. 4.6 of [2]), or 'neo-hookean', a continuum (stable neo-Hookean).
+        energy: 'neo-hookean', a continuum (stable neo-Hookean), or 'itmsm' (eq. 4.6 of [2]), the papers'.
         weights: how itmsm weights its features: by their 'count' (the papers) or by rest 'volume'.
         skin_rigidity: flexural rigidity of the skin [N mm]; 0 leaves its bending out, and costs nothing.
         gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.

@@ -9,18 +9,12 @@ from typing import Any, Literal
 
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.tissue import ENERGY, SKIN_RIGIDITY
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 from warp_trunk.recording import FurtherColour
 
-SKIN_RIGIDITY = 0.4
-"""Flexural rigidity of skin [N mm], E h^3 / 9 where it keeps its volume: 2 mm of 0.42 MPa give 0.37.
-
-The thickness is that of `case/layers.py`, the modulus that of people under 30 by torsion in vivo, later 0.85 MPa
-(Agache, Monneur, Leveque and De Rigal, Arch. Dermatol. Res. 269, 1980, 221-232, n = 138). By suction, 130 kPa, it
-is 0.12; 2.5 mm of 0.85 MPa give 1.5.
-"""
 MOST_RIGIDITY = 1000.0
 """That of 25 mm of skin [N mm]; a larger number is in another unit."""
 MOST_GRAVITY = 1000.0
@@ -102,7 +96,7 @@ class RunOptions:
         """`energy`, or what is taken where it is left out; weights by volume are those of itmsm."""
         if self.energy is not None:
             return self.energy
-        return "neo-hookean" if self.bones == "follow" and self.weights == "count" else "itmsm"
+        return ENERGY if self.bones == "follow" and self.weights == "count" else "itmsm"
 
 
 def parameters(options: RunOptions) -> dict[str, Any]:

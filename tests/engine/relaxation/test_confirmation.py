@@ -21,7 +21,9 @@ def relaxed(
     tolerance: float = 0.01,
     method: Method = "newton",
 ) -> tuple[Relaxation, np.ndarray]:
-    model = build_model(trunk, tissue, precision=precision, device=split_launches())
+    model = build_model(
+        trunk, tissue, precision=precision, device=split_launches(), energy="itmsm", skin_rigidity=0.0
+    )
     relaxer = Relaxer(model, RelaxOptions(method=method, tolerance=tolerance, max_steps=300))
     relaxer.state.set_displacement(start)
     return relaxer.relax(), relaxer.state.host_displacement()
@@ -62,7 +64,10 @@ def test_rounding_is_part_of_the_distance(theta: float) -> None:
 def test_what_is_on_the_way_is_not_claimed() -> None:
     trunk = block((2, 2, 2))
     start = np.where(trunk.prescribed[:, None], rotate(trunk.nodes, 20.0) - trunk.nodes, 0.0)
-    relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-3))
+    relaxer = Relaxer(
+        build_model(trunk, device=split_launches(), energy="itmsm", skin_rigidity=0.0),
+        RelaxOptions(tolerance=1e-3),
+    )
     relaxer.state.set_displacement(start)
     assert relaxer.relax(confirm=False).status is RelaxStatus.NEAR
     assert relaxer.relax(near=True).status is RelaxStatus.CONVERGED

@@ -51,7 +51,7 @@ class BlockJacobi:
 def stretched(threads: int = 2) -> State:
     """A block whose nodes are not at rest, evaluated, in float64."""
     parallel = Parallel("cpu", threads, least_split=1)
-    state = State(build_model(TRUNK, device=parallel, precision="float64"))
+    state = State(build_model(TRUNK, device=parallel, precision="float64", energy="itmsm", skin_rigidity=0.0))
     state.set_displacement(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
     state.evaluate()
     return state
@@ -123,7 +123,7 @@ def test_reading_changes_nothing() -> None:
 @pytest.mark.parametrize("energy", [Reference, Continuum])
 def test_the_true_curvature_is_that_of_numpy(energy: Any) -> None:
     name: EnergyName = "itmsm" if energy is Reference else "neo-hookean"
-    state = State(build_model(TRUNK, energy=name, device="cpu", precision="float64", threads=2))
+    state = State(build_model(TRUNK, energy=name, device="cpu", precision="float64", threads=2, skin_rigidity=0.0))
     displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
     state.set_displacement(displacement)
     matrix = BlockMatrix(state)

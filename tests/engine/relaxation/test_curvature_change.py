@@ -17,7 +17,9 @@ TRUNK = block_with_bone((5, 3, 3), holes=((1, 1, 1),))
 @pytest.fixture
 def moved() -> tuple[State, ConjugateGradient, HessianChange, np.ndarray]:
     """A state that is not at rest, a solve for its gradient, and where it is in mesh order."""
-    state = State(build_model(TRUNK, device="cpu", precision="float64", threads=2))
+    state = State(
+        build_model(TRUNK, device="cpu", precision="float64", threads=2, energy="itmsm", skin_rigidity=0.0)
+    )
     displacement = 0.02 * np.random.default_rng(3).normal(size=TRUNK.nodes.shape)
     state.set_displacement(displacement)
     state.evaluate()

@@ -66,7 +66,9 @@ def test_float32_is_enough_or_left(softest: float) -> None:
 @pytest.mark.parametrize("nodes", [1, 7, 150])
 def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> None:
     """Wrong by half of the last bit of each number; rows of very different size."""
-    model = build_model(block((2, 2, 2)), precision=precision, device="cpu", threads=threads)
+    model = build_model(
+        block((2, 2, 2)), precision=precision, device="cpu", threads=threads, energy="itmsm", skin_rigidity=0.0
+    )
     size = np.random.default_rng(nodes).permutation(np.geomspace(0.01, 100.0, 3 * nodes))
     matrix = size[:, None] * definite(3 * nodes) * size
     x = np.random.default_rng(2).normal(size=(nodes + 16, 3))
@@ -97,7 +99,7 @@ def test_it_stays_positive_in_16_bits() -> None:
     given = [wp.array(values, dtype=wp.float32, device="cpu") for values in (inverse, scale)]
     wp.launch(scale_and_shorten, inverse.shape, given, [scaled], device="cpu")
     assert np.linalg.eigvalsh(scaled.numpy().astype(float))[0] > 0.0
-    model = build_model(block((2, 2, 2)), device="cpu", threads=1)
+    model = build_model(block((2, 2, 2)), device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0)
     levels = CpuLevels(model, [], inverse)
     numbers = (
         levels.strips.numpy().reshape(-1, levels.columns, STRIP).transpose(0, 2, 1).reshape(-1, levels.columns)

@@ -49,7 +49,9 @@ def scene(name: str) -> tuple[TrunkMesh, BonePath]:
 def iterations(name: str, energy: EnergyName) -> int:
     """Iterations of all solves, with the curvature at rest."""
     trunk, path = scene(name)
-    state = State(build_model(trunk, energy=energy, device="cpu", precision="float64", threads=2))
+    state = State(
+        build_model(trunk, energy=energy, device="cpu", precision="float64", threads=2, skin_rigidity=0.0)
+    )
     matrix = BlockMatrix(state)
     matrix.assemble_projected()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)

@@ -32,7 +32,12 @@ class Ending:
 def relaxed(trunk: TrunkMesh, start: np.ndarray, gravity: float = 0.0, threads: int = 2, **options: Any) -> Ending:
     """Relaxes from a start; options for the model and the relaxation by name."""
     mine = {name: options.pop(name) for name in ("method", "tolerance", "max_steps") if name in options}
-    model = build_model(trunk, gravity=gravity, device=split_launches(threads), **options)
+    model = build_model(
+        trunk,
+        gravity=gravity,
+        device=split_launches(threads),
+        **{"energy": "itmsm", "skin_rigidity": 0.0, **options},
+    )
     relaxer = Relaxer(model, RelaxOptions(**mine))
     relaxer.state.set_displacement(start)
     relaxation = relaxer.relax()
@@ -212,7 +217,10 @@ def test_a_start_that_is_not_finite_is_called_so() -> None:
 
 def test_relaxing_again_changes_little() -> None:
     trunk, start = SCENES["moved bone"]
-    relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-3))
+    relaxer = Relaxer(
+        build_model(trunk, device=split_launches(), energy="itmsm", skin_rigidity=0.0),
+        RelaxOptions(tolerance=1e-3),
+    )
     relaxer.state.set_displacement(start)
     relaxer.relax()
     first = relaxer.state.host_displacement()
@@ -223,7 +231,10 @@ def test_relaxing_again_changes_little() -> None:
 
 def test_the_tolerance_of_a_call_goes_before_that_of_the_options() -> None:
     trunk, start = SCENES["turned face"]
-    relaxer = Relaxer(build_model(trunk, device=split_launches()), RelaxOptions(tolerance=1e-4))
+    relaxer = Relaxer(
+        build_model(trunk, device=split_launches(), energy="itmsm", skin_rigidity=0.0),
+        RelaxOptions(tolerance=1e-4),
+    )
     relaxer.state.set_displacement(start)
     loose = relaxer.relax(1.0)
     assert 1e-4 < loose.estimated_error <= 1.0
@@ -250,7 +261,11 @@ def test_refuses_options_out_of_range(options: dict[str, Any]) -> None:
 def test_state_keeps_the_order_of_the_mesh() -> None:
     trunk, start = SCENES["moved bone"]
     start = start + np.random.default_rng(11).normal(size=start.shape)
-    state = State(build_model(trunk, Tissue(), device=split_launches(), precision="float64"))
+    state = State(
+        build_model(
+            trunk, Tissue(), device=split_launches(), precision="float64", energy="itmsm", skin_rigidity=0.0
+        )
+    )
     state.set_displacement(start)
     assert (state.host_displacement() == start).all()
 
@@ -258,7 +273,9 @@ def test_state_keeps_the_order_of_the_mesh() -> None:
 def test_every_step_is_seen_as_it_was() -> None:
     """Energies by term of each step, against the reference's at the displacement the watcher saw."""
     trunk, start = SCENES["moved bone"]
-    model = build_model(trunk, gravity=9.81, device=split_launches(), precision="float64")
+    model = build_model(
+        trunk, gravity=9.81, device=split_launches(), precision="float64", energy="itmsm", skin_rigidity=0.0
+    )
     relaxer = Relaxer(model, RelaxOptions(tolerance=1e-6))
     relaxer.state.set_displacement(start)
     seen: list[tuple[RelaxStep, np.ndarray]] = []

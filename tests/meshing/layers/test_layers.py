@@ -211,7 +211,7 @@ def test_a_mixture_costs_the_mean_of_its_tissues(energy: EnergyName) -> None:
 
     def cost(second: np.ndarray) -> np.ndarray:
         mixed = replace(bare, tissue=np.stack([1.0 - second, second], axis=1))
-        model = build_model(mixed, tissues, energy=energy, precision="float64", device="cpu")
+        model = build_model(mixed, tissues, energy=energy, precision="float64", device="cpu", skin_rigidity=0.0)
         state = State(model)
         state.set_displacement(displacement)
         state.evaluate()
@@ -232,7 +232,7 @@ def test_whole_parts_are_labels_and_one_tissue_needs_none(energy: EnergyName) ->
     tissues = [Tissue(), Tissue(youngs_modulus=30.0)]
 
     def arrays(trunk: TrunkMesh, given: Tissue | list[Tissue]) -> list[np.ndarray]:
-        model = build_model(trunk, given, energy=energy, gravity=9.81, device="cpu")
+        model = build_model(trunk, given, energy=energy, gravity=9.81, device="cpu", skin_rigidity=0.0)
         kernels.append(model.elements.kernels)
         return [array.numpy() for array in vars(model.elements).values() if isinstance(array, wp.array)]
 
