@@ -106,7 +106,7 @@ def turned(trunk, degrees_at_top):
 
 @dataclass(frozen=True)
 class MadeUpIncrement:
-    """What the recording, the result and the checkpoint read of an Increment, without a device."""
+    """What the recording and the result read of an Increment, without a device."""
 
     number: int
     load_factor: float
