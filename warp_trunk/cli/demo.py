@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import tyro
 
@@ -17,12 +17,14 @@ from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
 
 from .ending import report_ending
+from .simulation import COMMON
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
     """Simulate the built-in case, a synthetic trunk with a thoracic scoliosis; needs no file."""
 
+    common: ClassVar[frozenset[str]] = COMMON
     out: Path = Path("results/demo")
     """Result folder."""
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(

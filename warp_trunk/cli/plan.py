@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 from tyro.conf import Positional, UseAppendAction
@@ -32,12 +32,14 @@ from .crossing_file import crossings_written
 from .ending import report_ending
 from .exit_status import NOT_CONVERGED, OK
 from .next_command import next_command
+from .simulation import COMMON
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """Plan a surgery: from the landmarks before it and an intention to the place of every vertebra after."""
 
+    common: ClassVar[frozenset[str]] = COMMON
     case: Positional[Path]
     """Case folder; it needs no landmarks_after."""
     out: Path | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
@@ -18,10 +18,15 @@ if TYPE_CHECKING:
     from warp_trunk.case import Case
 
 
+COMMON = frozenset({"bands", "device", "from_mesh", "gravity", "increments", "layers", "live", "tets", "threads"})
+"""What `--help` shows of how cases are simulated."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SimulationArguments:
     """How cases are simulated."""
 
+    common: ClassVar[frozenset[str]] = COMMON
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
     """How the case is simulated."""
     align_pelvis: bool = False
