@@ -85,16 +85,13 @@ def draw_flank(study: Study, path: Path) -> None:
         _shade(axes[1], skin, FLANK, _stretch(case.skin, skin), kept)
     colours = ScalarMappable(Normalize(-STRETCH, STRETCH), "RdBu_r")
     bar = figure.colorbar(colours, ax=panels[1], location="bottom", shrink=0.5, aspect=40)
-    bar.set_label("mean length of a triangle's edges over that before, less 1", color=INK)
+    bar.set_label("largest principal stretch of a triangle, less 1", color=INK)
     figure.savefig(path, dpi=95, metadata={"Software": None}, pil_kwargs={"optimize": True})
 
 
 def _stretch(before: Surface, after: Surface) -> np.ndarray:
-    """The mean stretch of the edges of each triangle, less 1, shape (faces,)."""
-    change, total = skin_change(before, after), np.zeros(len(before.faces))
-    for side in change.faces.T:
-        np.add.at(total, side, change.stretch)
-    return total / 3.0 - 1.0
+    """The largest principal stretch of each triangle, less 1, shape (faces,)."""
+    return skin_change(before, after).stretch - 1.0
 
 
 def _as_one(bones: dict[str, Surface]) -> Surface:

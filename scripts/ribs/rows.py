@@ -22,7 +22,7 @@ class Smoothness:
     """How smooth a skin stays."""
 
     edges: tuple[float, float]
-    """The least and the most length of an edge, over that before."""
+    """The least and the most of what triangles are stretched in their longest direction."""
     most_edges: tuple[float, float]
     """The same of all but the worst thousandth."""
     fold: float

@@ -6,7 +6,7 @@ import pytest
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.skin_quality import skin_quality
+from warp_trunk.measures.skin_quality import SkinQuality, skin_change, skin_quality
 
 MARKS = Landmarks(
     ("T5_superior_endplate", "T6_superior_endplate", "asis_left", "asis_right"),
@@ -14,12 +14,12 @@ MARKS = Landmarks(
 )
 
 
-def sheet() -> Surface:
-    """A sheet of the back, 100 by 100 mm at y = 60, its edges 10 and 14.1 mm long."""
-    x, z = np.meshgrid(np.linspace(-50, 50, 11), np.linspace(0, 100, 11))
+def sheet(cells: int = 10) -> Surface:
+    """A square sheet of the back at y = 60 of so many cells of 10 mm each way, its edges 10 and 14.1 mm long."""
+    x, z = np.meshgrid(10.0 * np.arange(cells + 1) - 5.0 * cells, 10.0 * np.arange(cells + 1))
     points = np.column_stack([x.ravel(), np.full(x.size, 60.0), z.ravel()])
-    corner = (np.arange(10)[:, None] * 11 + np.arange(10)).ravel()
-    a, b, c, d = corner, corner + 1, corner + 12, corner + 11
+    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    a, b, c, d = corner, corner + 1, corner + cells + 2, corner + cells + 1
     return Surface(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32))
 
 
@@ -36,32 +36,58 @@ def folded(surface: Surface, degrees: float) -> Surface:
 def test_a_skin_moved_as_a_whole_is_as_good_as_before():
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
     before = folded(sheet(), 30.0)
-    found = skin_quality(before, Surface(before.vertices @ turn.T + 7.0, before.faces), MARKS)
-    assert (found.least_stretch, found.most_stretch) == pytest.approx((1.0, 1.0), abs=1e-12)
-    assert found.fold == pytest.approx(0.0, abs=1e-9)
+    predicted = Surface(before.vertices @ turn.T + 7.0, before.faces)
+    change, found = skin_change(before, predicted), skin_quality(before, predicted, MARKS)
+    assert change.stretch == pytest.approx(1.0, abs=1e-7)
+    assert change.fold == pytest.approx(0.0, abs=1e-9)
+    assert found == SkinQuality(0.0, 0.0, "", 0.0, "")
     assert found.faults == ()
 
 
-@pytest.mark.parametrize("degrees", [9.0, 27.0, 120.0])
-def test_a_fold_is_found_with_its_angle_and_its_place(degrees):
-    found = skin_quality(sheet(), folded(sheet(), degrees), MARKS)
-    assert found.fold == pytest.approx(degrees, abs=1e-9)
-    assert found.fold_at.startswith("near T5, on the back")
-    assert found.fold_at.endswith("80) mm")
-    assert (found.most_stretch, found.least_stretch) == pytest.approx((1.0, 1.0), abs=1e-9)
-    assert len(found.faults) == (degrees > 10.0)
-    opened = skin_quality(folded(sheet(), degrees), sheet())
-    assert opened.fold == pytest.approx(0.0, abs=1e-9)  # what becomes flat is no fold
+@pytest.mark.parametrize("degrees", [5.0, 27.0, 120.0])
+def test_a_single_fold_is_measured_and_not_warned_of(degrees):
+    """Ten edges of 10 mm, of each a third of two triangles of 50 mm2."""
+    before, after = sheet(), folded(sheet(), degrees)
+    found = skin_quality(before, after, MARKS)
+    assert skin_change(before, after).fold.max() == pytest.approx(degrees, abs=1e-9)
+    assert found.folded_area == pytest.approx(10 * 100.0 / 3.0 / 100.0 if degrees > 20.0 else 0.0)
+    assert found.folded_at.startswith("near T5, on the back" if degrees > 20.0 else "")
+    assert found.stretched_area == 0.0
+    assert found.faults == ()
+    opened = skin_quality(after, before)
+    assert opened.folded_area == 0.0  # what becomes flat is no fold
 
 
-@pytest.mark.parametrize(("factor", "faults"), [(1.19, 0), (1.21, 1), (0.86, 0), (0.84, 1)])
-def test_stretch_is_that_of_the_sheet(factor, faults):
-    before = sheet()
-    found = skin_quality(before, Surface(before.vertices * [1.0, 1.0, factor], before.faces), MARKS)
-    stretch = found.most_stretch if factor > 1.0 else found.least_stretch
-    assert stretch == pytest.approx(factor, rel=1e-12)
+@pytest.mark.parametrize(("height", "faults"), [(1.0, 0), (4.0, 1)])
+def test_crumpled_skin_is_warned_of(height, faults):
+    """Waves of 20 mm: heights of 1 mm bend 150 by 150 mm by 11 degrees at every crest, heights of 4 by 44."""
+    before = sheet(15)
+    points = before.vertices.copy()
+    points[:, 1] += height * (np.round(points[:, 2] / 10.0) % 2)
+    found = skin_quality(before, Surface(points, before.faces))
     assert len(found.faults) == faults
-    assert all("0.85 to 1.2 is usual" in text and "near T" in text for text in found.faults)
+    assert (found.folded_area > 50.0) == bool(faults)
+
+
+@pytest.mark.parametrize(
+    ("factor", "stretched", "shown"), [(1.19, 0, 0), (1.21, 0, 100), (1.34, 0, 100), (1.36, 100, 100)]
+)
+def test_stretch_is_that_of_the_sheet_in_any_direction(factor, stretched, shown):
+    """Edges across the stretch and triangles' own axes do not matter: 100 cm2 are pulled along a slanted line."""
+    before = sheet()
+    along = np.array([0.6, 0.0, 0.8])
+    pull = np.eye(3) + (factor - 1.0) * np.outer(along, along)
+    predicted = Surface(before.vertices @ pull, before.faces)
+    found = skin_quality(before, predicted, MARKS)
+    assert skin_change(before, predicted).stretch == pytest.approx(factor, rel=1e-7)
+    assert (found.stretched_area, found.shown_area) == pytest.approx((stretched, shown))
+    assert len(found.faults) == (stretched > 50.0)
+
+
+def test_places_far_from_the_spine_are_not_near_it():
+    before = Surface(sheet().vertices - [0.0, 0.0, 200.0], sheet().faces)
+    found = skin_quality(before, Surface(before.vertices * 1.5, before.faces), MARKS)
+    assert found.stretched_at.startswith("below T6")
 
 
 def test_skins_that_do_not_belong_together_are_refused():

@@ -23,6 +23,7 @@ from warp_trunk.results import read_result
 
 PICTURES = [
     "back", "convergence", "front", "hump", "rotation", "sections", "side", "spine_behind", "spine_side",
+    "stretch_behind", "stretch_front",
 ]  # fmt: skip
 
 
@@ -145,13 +146,15 @@ def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_pat
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
 
 
-def test_warnings_of_the_run_stand_first_and_are_text(tmp_path):
+def test_warnings_are_text_on_the_page_of_the_surgeon(tmp_path):
     folder = write_small_result(
         tmp_path, warnings=("The <b>pelvis</b> moves by 7 mm.", "The largest curve grows.")
     )
     text = write_report(folder).read_text()
-    assert text.index("The &lt;b&gt;pelvis&lt;/b&gt; moves by 7 mm.") < text.index("<img")
-    assert text.index("The largest curve grows.") < text.index("<img")
+    surgeon = text.index("For the surgeon:")
+    assert text.index("<img") < text.index('role="alert"') < surgeon
+    assert text.index("The &lt;b&gt;pelvis&lt;/b&gt; moves by 7 mm.") > surgeon
+    assert text.index("The largest curve grows.") > surgeon
 
 
 def test_appendix_says_what_increments_are_relaxed_to(plain):

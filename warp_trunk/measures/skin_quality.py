@@ -1,4 +1,4 @@
-"""Whether a predicted skin can be skin: how far its triangles are stretched and folded against those before."""
+"""Whether a predicted skin can be skin: the areas that are stretched or folded too far against the skin before."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.linked_parts import linked_parts
 from warp_trunk.geometry.normals import area_vectors, unit
 
 from .spine import asis_axis, spine_of
@@ -16,64 +17,74 @@ if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.geometry.surface import Surface
 
-STRETCH = (0.85, 1.2)
-"""Skin whose edges keep within these parts of their length is good."""
-FOLD = 10.0
-"""Skin whose neighbouring triangles bend by no more than this beyond what they did is good [degrees]."""
+LOOK = 1.2
+"""Skin stretched further is shown in the report. In flexion the skin of the back lengthens by a third."""
+STRETCH = 1.35
+"""Skin stretched further over a large area is implausible."""
+FOLD = 20.0
+"""A sharp fold: the skin bends by more than this on 10 mm beyond what it did, to a radius of 29 mm [degrees]."""
+AREA = 50.0
+"""More skin beyond these limits is warned of [cm2]. Over seven bodies with curves of 50 and 60 degrees 0 to 76 cm2
+are stretched by more than `STRETCH` and 0 to 17 folded sharply; of crumpled skin 94 to 137 cm2 are folded."""
 
 
 @dataclass(frozen=True)
 class SkinQuality:
-    """The worst places of a predicted skin."""
+    """The areas of the skin before surgery that are stretched and folded too far by the prediction."""
 
-    least_stretch: float
-    """Smallest length of an edge over its length before."""
-    least_stretch_at: str
-    """Where that is: the nearest vertebra, side, front or back, and the place [mm]."""
-    most_stretch: float
-    """Largest length of an edge over its length before."""
-    most_stretch_at: str
-    """Where that is."""
-    fold: float
-    """Most that the angle between two neighbouring triangles has grown [degrees]; 0 degrees is flat."""
-    fold_at: str
-    """Where that is."""
+    shown_area: float
+    """Area whose largest principal stretch exceeds `LOOK` [cm2]."""
+    stretched_area: float
+    """Area whose largest principal stretch exceeds `STRETCH` [cm2]."""
+    stretched_at: str
+    """Where the largest connected part of it is: the nearest vertebra, side, front or back; empty for none."""
+    folded_area: float
+    """Area of sharp folds [cm2]; see `FOLD`."""
+    folded_at: str
+    """Where the largest connected part of it is; empty for none."""
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """A sentence for each limit that is passed; none for a good skin."""
+        """A sentence for each area that is larger than `AREA`; none for a good skin."""
         found = []
-        if self.least_stretch < STRETCH[0]:
-            found.append(_stretched("shrinks", self.least_stretch, self.least_stretch_at))
-        if self.most_stretch > STRETCH[1]:
-            found.append(_stretched("is stretched", self.most_stretch, self.most_stretch_at))
-        if self.fold > FOLD:
+        if self.stretched_area > AREA:
             found.append(
-                f"The predicted skin folds by {self.fold:.1f} degrees {self.fold_at}, up to {FOLD:g} is usual; "
-                "do not trust it there, and look at how the bones move under it."
+                f"The predicted skin is stretched to more than {STRETCH:g} times its length over "
+                f"{self.stretched_area:.0f} cm2, most of it {self.stretched_at}; up to {AREA:g} cm2 is usual."
+            )
+        if self.folded_area > AREA:
+            found.append(
+                f"The predicted skin is folded sharply over {self.folded_area:.0f} cm2, most of it "
+                f"{self.folded_at}; up to {AREA:g} cm2 is usual."
             )
         return tuple(found)
 
 
 @dataclass(frozen=True)
 class SkinChange:
-    """What happens at each edge of a skin, inner ones of a sheet."""
+    """What happens to each triangle of a skin and at each edge, inner ones of a sheet."""
 
     stretch: np.ndarray
-    """Length over that before, shape (edges,)."""
+    """Largest principal stretch of each triangle, shape (faces,)."""
+    area: np.ndarray
+    """Area of each triangle before [mm2], shape (faces,)."""
+    folded: np.ndarray
+    """Share of each triangle that is folded sharply: a third for each such edge, shape (faces,)."""
     fold: np.ndarray
-    """By how much the angle between its triangles has grown, 0 degrees being flat [degrees], shape (edges,)."""
+    """By how much the angle between two triangles has grown, 0 degrees being flat [degrees], shape (edges,)."""
     middle: np.ndarray
-    """Where it was before [mm], shape (edges, 3)."""
-    faces: np.ndarray
+    """Where that edge was before [mm], shape (edges, 3)."""
+    pairs: np.ndarray
     """The two triangles that share it, shape (edges, 2)."""
+
+    @property
+    def doubtful(self) -> np.ndarray:
+        """Whether a triangle is stretched by more than `STRETCH` or folded sharply, shape (faces,)."""
+        return (self.stretch > STRETCH) | (self.folded > 0.0)
 
 
 def skin_quality(before: Surface, predicted: Surface, landmarks: Landmarks | None = None) -> SkinQuality:
-    """Find the worst stretch and the worst fold of a predicted skin.
-
-    Both depend on the size of the triangles: a fold of the skin bends two large neighbours less than two small
-    ones across it. The limits are meant for edges of 5 to 15 mm.
+    """Measure the areas that are stretched and folded too far.
 
     Args:
         before: the skin before surgery [mm].
@@ -84,27 +95,34 @@ def skin_quality(before: Surface, predicted: Surface, landmarks: Landmarks | Non
         InputError: see `skin_change`.
     """
     change = skin_change(before, predicted)
-    shortest, longest = int(change.stretch.argmin()), int(change.stretch.argmax())
-    sharpest = int(change.fold.argmax())
+    middle = before.vertices[before.faces].mean(axis=1)
+
+    def place(part: np.ndarray) -> str:
+        at = _middle_of_largest(part, change, middle)
+        return "" if at is None else _place(at, landmarks)
+
     return SkinQuality(
-        least_stretch=float(change.stretch[shortest]),
-        least_stretch_at=_place(change.middle[shortest], landmarks),
-        most_stretch=float(change.stretch[longest]),
-        most_stretch_at=_place(change.middle[longest], landmarks),
-        fold=float(change.fold[sharpest]),
-        fold_at=_place(change.middle[sharpest], landmarks),
+        shown_area=float(change.area[change.stretch > LOOK].sum()) / 100.0,
+        stretched_area=float(change.area[change.stretch > STRETCH].sum()) / 100.0,
+        stretched_at=place(change.stretch > STRETCH),
+        folded_area=float(change.area @ change.folded) / 100.0,
+        folded_at=place(change.folded > 0.0),
     )
 
 
 def skin_change(before: Surface, predicted: Surface) -> SkinChange:
-    """How much each edge of a skin is stretched and folded.
+    """How much each triangle of a skin is stretched, and how much the skin folds between two of them.
+
+    The squares of the principal stretches of a triangle are the eigenvalues of inv(G) g, where G and g are the
+    Gram matrices of two of its edges before and after. A fold is sharp where the angle of two triangles grows by
+    more than `FOLD` for each 10 mm between their centroids, so that the size of triangles does not matter.
 
     Args:
         before: the skin before surgery [mm].
         predicted: the same triangles after [mm].
 
     Raises:
-        InputError: skins of other triangles, or an edge that has no length before.
+        InputError: skins of other triangles, or a triangle without area before.
     """
     if before.vertices.shape != predicted.vertices.shape or not np.array_equal(before.faces, predicted.faces):
         raise InputError(
@@ -112,14 +130,43 @@ def skin_change(before: Surface, predicted: Surface) -> SkinChange:
             f"({len(before.vertices)} and {len(before.faces)}), not {len(predicted.vertices)} and "
             f"{len(predicted.faces)}; give both of one result"
         )
+    area = np.linalg.norm(area_vectors(before.vertices, before.faces), axis=1)
+    if not (area > 0.0).all():
+        raise InputError("skin quality: a triangle of the skin before has no area; merge vertices that coincide")
     edges, pairs = _edges(before.faces)
-    was, now = (
-        np.linalg.norm(s.vertices[edges[:, 0]] - s.vertices[edges[:, 1]], axis=1) for s in (before, predicted)
-    )
-    if not (was > 0.0).all():
-        raise InputError("skin quality: an edge of the skin before has no length; merge vertices that coincide")
     fold = _angles(predicted, pairs) - _angles(before, pairs)
-    return SkinChange(now / was, fold, before.vertices[edges].mean(axis=1), pairs)
+    centroids = before.vertices[before.faces].mean(axis=1)
+    apart = np.linalg.norm(centroids[pairs[:, 0]] - centroids[pairs[:, 1]], axis=1)
+    sharp = pairs[10.0 * fold > FOLD * apart]
+    folded = np.bincount(sharp.ravel(), minlength=len(area)) / 3.0
+    middle = before.vertices[edges].mean(axis=1)
+    return SkinChange(_largest_stretch(before, predicted), area, folded, fold, middle, pairs)
+
+
+def _largest_stretch(before: Surface, predicted: Surface) -> np.ndarray:
+    """Larger principal stretch of each triangle, shape (faces,)."""
+    was, now = (_gram(surface) for surface in (before, predicted))
+    change = np.linalg.solve(was, now)  # similar to a symmetric matrix: its eigenvalues are real
+    half = 0.5 * np.trace(change, axis1=1, axis2=2)
+    return np.sqrt(half + np.sqrt(np.maximum(half**2 - np.linalg.det(change), 0.0)))
+
+
+def _gram(surface: Surface) -> np.ndarray:
+    """Products of two edges of each triangle, shape (faces, 2, 2)."""
+    corners = surface.vertices[surface.faces]
+    sides = corners[:, 1:] - corners[:, :1]
+    return np.einsum("fik,fjk->fij", sides, sides)
+
+
+def _middle_of_largest(part: np.ndarray, change: SkinChange, middle: np.ndarray) -> np.ndarray | None:
+    """Middle of the largest connected part of some triangles [mm], shape (3,); None where there are none."""
+    if not part.any():
+        return None
+    first, second = change.pairs[part[change.pairs].all(axis=1)].T
+    label = linked_parts(first, second, len(part))
+    size = np.bincount(label[part], change.area[part])
+    largest = part & (label == size.argmax())
+    return np.average(middle[largest], axis=0, weights=change.area[largest])
 
 
 def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -150,11 +197,7 @@ def _place(point: np.ndarray, landmarks: Landmarks | None) -> str:
     aside, back = (point - spine.centroids[nearest])[:2] @ np.array([across, [-across[1], across[0]]]).T
     side = "left" if aside > 0.0 else "right"
     facing = "on the back" if back > abs(aside) else "in front" if back < -abs(aside) else "on the flank"
-    return f"near {spine.levels[nearest]}, {facing}, {side}, at {at}"
-
-
-def _stretched(how: str, stretch: float, place: str) -> str:
-    return (
-        f"The predicted skin {how} to {stretch:.2f} of its length {place}, {STRETCH[0]:g} to {STRETCH[1]:g} is "
-        "usual; do not trust it there, and look at how the bones move under it."
-    )
+    height = spine.centroids[nearest, 2] - point[2]
+    spacing = np.abs(np.diff(spine.centroids[:, 2])).max(initial=0.0)
+    near = "near" if abs(height) <= spacing else "below" if height > 0.0 else "above"
+    return f"{near} {spine.levels[nearest]}, {facing}, {side}, at {at}"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.comparison import DETECTABLE
+from warp_trunk.measures.skin_quality import LOOK, STRETCH
 
 from .band_rows import BAND_HEAD, SOURCE_HEAD, band_rows, source_rows
 from .modelled import modelled, not_modelled
@@ -43,7 +44,7 @@ def page(
         drawings: by name the pictures that the page shows, as SVG.
         plan: the text of the plan that made the case, where one did.
     """
-    status = summary.ending
+    status, quality = summary.ending, summary.skin_quality
     return rendered(
         "page.html",
         drawings,
@@ -51,6 +52,10 @@ def page(
         plan=plan,
         warnings=summary.warnings,
         virtual=summary.virtual,
+        quality=quality,
+        hatched=quality is not None and bool(quality.faults),
+        stretch=f"{LOOK:g}",
+        implausible=f"{STRETCH:g}",
         converged=status is RelaxStatus.CONVERGED,
         status=status.name,
         reason=status.value[:1].upper() + status.value[1:],

@@ -132,16 +132,19 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: View = BEHIN
     return Relief(depth, normal, seen_from(centroids.reshape(-1, 3), landmarks, view)[:, [0, 2]])
 
 
-def seen_values(skin: Surface, landmarks: Landmarks, seen: Window, values: np.ndarray) -> np.ndarray:
-    """What a viewer from behind sees of values of the vertices, shape (rows, columns); NaN beside the trunk.
+def seen_values(
+    skin: Surface, landmarks: Landmarks, seen: Window, values: np.ndarray, view: View = BEHIND
+) -> np.ndarray:
+    """What a viewer sees of values of the vertices, shape (rows, columns); NaN beside the trunk.
 
     Args:
         skin: the skin [mm].
         landmarks: those that go with it [mm].
         seen: where to look.
         values: a number for each vertex, shape (vertices,).
+        view: from where.
     """
-    face, weights = _first_hits(seen_from(skin.vertices, landmarks, BEHIND), skin.faces, seen)
+    face, weights = _first_hits(seen_from(skin.vertices, landmarks, view), skin.faces, seen)
     shown = np.einsum("ijk,ijk->ij", weights, values[skin.faces[face]])
     return np.where(face < 0, np.nan, shown)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .panels import panels, shaded
-from .relief import BEHIND, FRONT, RIGHT, Relief, View, Window, relief, seen_from, window
+from .relief import BEHIND, FRONT, RIGHT, Relief, View, Window, relief, seen_from, seen_values, window
 from .style import INK, Pose
 
 if TYPE_CHECKING:
@@ -25,8 +25,17 @@ BUST = 190.0
 """The picture of the shoulders ends this far below T1 [mm]."""
 
 
-def back_picture(poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window) -> Figure:
-    """Every pose from behind, with lines through places that stand equally far back."""
+def back_picture(
+    poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window, doubtful: np.ndarray | None = None
+) -> Figure:
+    """Every pose from behind, with lines through places that stand equally far back.
+
+    Args:
+        poses: what is shown.
+        reliefs: the relief of each.
+        seen: the window of all.
+        doubtful: 1 at vertices of the second skin that are to be hatched, else 0, shape (vertices,).
+    """
     figure, plots = panels(poses, seen, BEHIND, [shaded(back) for back in reliefs])
     highest = np.nanmax([np.nanmax(back.depth) for back in reliefs])
     lowest = np.nanmin([np.nanmin(back.depth) for back in reliefs])
@@ -34,7 +43,18 @@ def back_picture(poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window)
     for axes, back in zip(plots, reliefs, strict=True):
         steep = ~(back.normal[:, :, 1] > STEEP)
         lines(axes, seen, np.ma.masked_where(steep, back.depth), levels.tolist(), "solid")
+    if doubtful is not None:
+        hatch(plots[1], seen, seen_values(poses[1].skin, poses[1].landmarks, seen, doubtful))
     return figure
+
+
+def hatch(axes: Axes, seen: Window, doubtful: np.ndarray) -> None:
+    """Hatch the pixels where an image, shape (rows, columns), is more than a half."""
+    from matplotlib import rc_context  # heavy
+
+    with rc_context({"hatch.linewidth": 0.8, "hatch.color": INK}):
+        inside = np.nan_to_num(doubtful[::2, ::2])
+        axes.contourf(seen.x[::2], seen.z[::2], inside, [0.5, 2.0], colors="none", hatches=["////"])
 
 
 def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[float], style: str) -> None:

@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.folders import make_writable
 from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.results import read_result
 from warp_trunk.results.folder import PAGE, PICTURES
 
@@ -16,16 +19,16 @@ from .convergence_plot import convergence_plot
 from .hump_picture import hump_picture
 from .page import page
 from .plans import plan_poses, plans_page, read_plans
-from .relief import BEHIND, RIGHT, relief, window
+from .relief import BEHIND, FRONT, RIGHT, relief, window
 from .rotation_plot import rotation_plot
 from .section_pictures import section_pictures
 from .skin_pictures import back_picture, front_picture, shoulders_picture, side_picture
 from .spine_pictures import spine_picture
+from .stretch_picture import at_vertices, stretch_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
 from .sure_picture import sure_picture
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import Figure
 
     from warp_trunk.results import Result
@@ -57,10 +60,15 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
     if read.actual_skin is not None:
         comparison = compare_skins(read.predicted_skin, read.actual_skin, read.landmarks_after)
 
+    change, quality = skin_change(read.skin_before, read.predicted_skin), read.summary.skin_quality
+    doubtful = None
+    if quality is not None and quality.faults:
+        doubtful = at_vertices(read.predicted_skin, change.doubtful.astype(np.float64))
+
     from matplotlib import rc_context  # heavy
 
     with rc_context(RC):
-        figures = _backs(poses) | {
+        figures = _backs(poses, doubtful) | {
             "front": front_picture(poses),
             "side": side_picture(poses),
             "shoulders": shoulders_picture(poses),
@@ -68,6 +76,8 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
             "spine_side": spine_picture(poses[:2], RIGHT),
             "rotation": rotation_plot(poses, None if read.summary.bands is None else read.summary.bands.bsr_deg),
             "sure": _sure(poses[1], read.skin_sd),
+            "stretch_behind": stretch_picture(poses[1], change, BEHIND),
+            "stretch_front": stretch_picture(poses[1], change, FRONT),
             "sections": section_pictures(poses),
             "convergence": convergence_plot(read.summary),
         }
@@ -127,10 +137,10 @@ def poses_of(result: Result) -> list[Pose]:
     return poses
 
 
-def _backs(poses: Sequence[Pose]) -> dict[str, Figure | None]:
+def _backs(poses: Sequence[Pose], doubtful: np.ndarray | None = None) -> dict[str, Figure | None]:
     seen = window([(pose.skin, pose.landmarks) for pose in poses])
     reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
-    return {"back": back_picture(poses, reliefs, seen), "hump": hump_picture(poses, reliefs, seen)}
+    return {"back": back_picture(poses, reliefs, seen, doubtful), "hump": hump_picture(poses, reliefs, seen)}
 
 
 def _sure(pose: Pose, skin_sd: np.ndarray | None) -> Figure | None:
