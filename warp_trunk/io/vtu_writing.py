@@ -1,6 +1,8 @@
 """VTK's XML format for meshes of tetrahedra and triangles (.vtu), its numbers packed on all cores.
 
-meshio, which reads it, writes the same on one core; packing is most of what writing a result takes.
+meshio 5.3, which reads it, does not write field data, where the names of bones stand, and packs on one core: with it
+`simulate` of a known patient of 225,000 tetrahedra took 4.6 s instead of 4.2, without packing its file was 15.7 MB
+instead of 4.6.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """VTK's own text format (.vtk), with numbers as text or binary: the points and polygons of a PolyData.
 
-A reader of our own, because neither meshio nor trimesh reads a PolyData and VTK itself is a heavy package.
+A reader of our own: meshio 5.3 reads grids only and refuses POLYDATA, trimesh 5.2 has no reader, and VTK itself is
+a heavy package.
 """
 
 from __future__ import annotations

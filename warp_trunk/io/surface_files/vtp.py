@@ -1,6 +1,7 @@
 """VTK's XML format (.vtp): the points and polygons of a PolyData, in every encoding that VTK writes but LZ4.
 
-A reader of our own, because meshio reads .vtu only, trimesh neither, and VTK itself is a heavy package.
+A reader of our own: meshio 5.3 expects UnstructuredGrid and refuses PolyData, trimesh 5.2 has no reader, and VTK
+itself is a heavy package.
 """
 
 from __future__ import annotations
