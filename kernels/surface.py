@@ -278,11 +278,8 @@ def shape(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
 
 
 @wp.func
-def fits(
-    a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, i: wp.vec3d, j: wp.vec3d, k: wp.vec3d, longest: wp.float64
-) -> wp.bool:
-    """Whether the triangle a b c may become i j k: it does not turn over, and no edge is too long."""
-    before = wp.cross(b - a, c - a)
+def fits(before: wp.vec3d, i: wp.vec3d, j: wp.vec3d, k: wp.vec3d, longest: wp.float64) -> wp.bool:
+    """Whether a triangle with a normal before may become i j k: it does not turn over, and no edge is too long."""
     after = wp.cross(j - i, k - j)
     side = wp.max(wp.max(wp.length_sq(j - i), wp.length_sq(k - j)), wp.length_sq(i - k))
     flat = LEAST_TURN * wp.length(after) * wp.length(before)
@@ -299,9 +296,13 @@ def allowed_collapses(
     faces: wp.array(dtype=wp.int32, ndim=2),
     vertices: wp.array(dtype=wp.vec3d),
     longest: wp.float64,
+    sliver: wp.float64,
     allowed: wp.array(dtype=wp.bool),
 ):
     """Whether an edge may become its target: the surface stays a 2-manifold and its triangles stay in shape.
+
+    Triangles of a lower shape than `sliver` have no normal of their own: they may stay so, or become others that
+    face as all triangles around the edge do.
 
     The link condition: the ends have exactly the two vertices opposite the edge as common neighbours.
     """
@@ -314,9 +315,18 @@ def allowed_collapses(
         for n in range(start[q], start[q + 1]):
             if second[m] == second[n]:
                 common += 1
-    good = common == 2 and start[p + 1] - start[p] > 3 and start[q + 1] - start[q] > 3
+    few = wp.min(start[p + 1] - start[p], start[q + 1] - start[q])
+    many = wp.max(start[p + 1] - start[p], start[q + 1] - start[q])
+    good = common == 2 and (few > 3 or (sliver > wp.float64(0.0) and many > 3))
     worst = wp.float64(LEAST_SHAPE)
     least = wp.float64(wp.inf)
+    around = wp.vec3d()
+    for end in range(2):
+        v = edges[e][end]
+        for s in range(start[v], start[v + 1]):
+            f = face[s]
+            a = vertices[faces[f, 0]]
+            around += wp.cross(vertices[faces[f, 1]] - a, vertices[faces[f, 2]] - a)
     for end in range(2):
         v = edges[e][end]
         for s in range(start[v], start[v + 1]):
@@ -324,7 +334,9 @@ def allowed_collapses(
             a = vertices[faces[f, 0]]
             b = vertices[faces[f, 1]]
             c = vertices[faces[f, 2]]
-            worst = wp.min(worst, shape(a, b, c))
+            was = shape(a, b, c)
+            if was >= sliver:
+                worst = wp.min(worst, was)
             i = a
             j = b
             k = c
@@ -339,6 +351,10 @@ def allowed_collapses(
                 k = target
                 moved += 1
             if moved == 1:  # the two triangles on both ends vanish
-                least = wp.min(least, shape(i, j, k))
-                good = good and fits(a, b, c, i, j, k, longest)
+                new = shape(i, j, k)
+                if was >= sliver:
+                    least = wp.min(least, new)
+                    good = good and fits(wp.cross(b - a, c - a), i, j, k, longest)
+                elif new >= sliver:
+                    good = good and fits(around, i, j, k, longest)
     allowed[e] = good and least > worst

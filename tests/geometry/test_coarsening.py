@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from support.synthetic import box, sphere
-from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume, manifold_fault
+from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume, manifold_fault, slivers
 
 
 def edge_lengths(surface):
@@ -78,3 +79,37 @@ def test_surface_that_crosses_itself_comes_to_an_end_and_stays_closed():
     coarse = coarsen(both, 8.0, 1.0)
     assert manifold_fault(coarse) is None
     assert enclosed_volume(coarse) == pytest.approx(enclosed_volume(both), rel=0.05)
+
+
+def with_slivers(surface: Surface, count: int, height: float) -> Surface:
+    """Surface with a new vertex in some triangles, a small part of their height away from their first edge."""
+    split = np.arange(0, len(surface.faces), len(surface.faces) // count)[:count]
+    a, b, c = surface.faces[split].T
+    at = surface.vertices
+    points = (0.45 * (1.0 - height)) * at[a] + (0.55 * (1.0 - height)) * at[b] + height * at[c]
+    new = np.arange(len(at), len(at) + count)
+    kept = np.delete(surface.faces, split, axis=0)
+    faces = np.concatenate(
+        [kept, *(np.stack(corners, axis=1) for corners in ((a, b, new), (b, c, new), (c, a, new)))]
+    )
+    return Surface(np.concatenate([at, points]), faces.astype(np.int32))
+
+
+@pytest.mark.parametrize("height", [1e-3, 1e-6])
+def test_slivers_are_collapsed_and_all_else_stays(height):
+    clean = box((40.0, 40.0, 40.0), splits=3)
+    thin = with_slivers(clean, 20, height)
+    assert len(slivers(thin)) == 20
+    with pytest.raises(InputError, match="at least 1 degree"):
+        check_solid(thin, "skin")
+    mended = without_slivers(thin)
+    check_solid(mended, "mended")
+    assert enclosed_volume(mended) == pytest.approx(64000.0, rel=1e-4)
+    assert len(mended.vertices) <= len(clean.vertices)
+    assert without_slivers(clean) is clean
+
+
+def test_surface_that_is_open_is_left_to_its_own_check():
+    whole = with_slivers(box((40.0, 40.0, 40.0), splits=3), 20, 1e-3)
+    open_one = Surface(whole.vertices, whole.faces[1:])
+    assert without_slivers(open_one) is open_one

@@ -6,7 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
 from warp_trunk.io.file_access import check_within
 from warp_trunk.io.surface_files import read_surface, surface_files
 
@@ -55,9 +57,10 @@ def read_checked_case(
         check_names(before, after, source)
         after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
     skin, bones, actual = files.skin(), files.bones(), files.stem("actual_skin")
+    scanned = files.surface("skin", skin)
     case = Case(
         name=header.name,
-        skin=files.surface("skin", skin),
+        skin=without_slivers(scanned),
         bones={name: files.surface(name, path) for name, path in bones.items()},
         landmarks_before=before,
         landmarks_after=after,
@@ -79,7 +82,18 @@ def read_checked_case(
         case = replace(case, layers=layers)
     if align:
         case = align_pelvis(case)
-    return case, check_case(case, checks, source)
+    return case, (*_mended(scanned, case.skin, source.name("skin")), *check_case(case, checks, source))
+
+
+def _mended(scanned: Surface, skin: Surface, where: str) -> list[str]:
+    """What is to be said of a skin that was mended."""
+    if skin is scanned:
+        return []
+    thin = slivers(scanned)
+    return [
+        f"{where}: {len(thin)} triangles have an angle of less than {LEAST_ANGLE:g} degree, the first number "
+        f"{thin[0]} near {place_of(scanned, thin)}; they were merged with their neighbours."
+    ]
 
 
 class _Files:

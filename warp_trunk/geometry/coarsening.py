@@ -17,7 +17,7 @@ from warp_trunk.kernels.surface import allowed_collapses, edge_lengths, least_ar
 
 from .normals import area_vectors, unit
 from .surface import Surface
-from .surface_checks import cross_any, crossings
+from .surface_checks import cross_any, crossings, manifold_fault, slivers
 
 _LONGEST = 1.4
 """No collapse makes an edge longer than this times the edge length asked for, if nothing else is said."""
@@ -25,6 +25,10 @@ _PULL = 0.02
 """How strongly the new vertex is drawn to the middle of its edge, against the planes it should lie on."""
 _CHOICES_IN_A_ROUND = 3
 """How often edges are chosen before the neighbourhoods are made anew; more makes fewer, dearer rounds."""
+_THIN = 5.0
+"""Triangles with a smaller angle are collapsed where slivers are [degrees]."""
+_SLIVER = 0.03
+"""Shape of a triangle whose normal means nothing; 0.03 is that of a needle of one degree."""
 _ROUNDS_BETWEEN_CHECKS = 4
 """Self-crossings are looked for after so many rounds of collapses; those that caused one are taken back."""
 
@@ -119,8 +123,49 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         refused = np.sort(np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]]))
         _collapse(edges[good], target[good], work)
         pass_ends = bool(good.sum() < 0.001 * len(work.faces))
+    return _used(work, middle)
+
+
+def _used(work: _Working, middle: np.ndarray) -> Surface:
+    """The surface of the vertices that are left."""
     used, faces = np.unique(work.faces, return_inverse=True)
     return Surface(work.vertices[used] + middle, faces.reshape(-1, 3).astype(np.int32))
+
+
+def without_slivers(surface: Surface) -> Surface:
+    """Collapse the shorter edges of thin triangles of a closed oriented 2-manifold that has `slivers`.
+
+    A surface without slivers, or one that is no 2-manifold, comes back as it is. In another one all triangles with
+    an angle of less than 5 degrees are collapsed, as far as the surface stays a 2-manifold and no other triangle
+    turns over or becomes thin; those whose edges may not be collapsed stay.
+    """
+    if not len(slivers(surface)) or manifold_fault(surface) is not None:
+        return surface
+    middle = surface.vertices.mean(axis=0)
+    work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int32))
+    count, longest = len(work.vertices), 2.0 * float(np.ptp(surface.vertices, axis=0).max())
+    while len(thin := work.faces[slivers(Surface(work.vertices, work.faces), _THIN)]):
+        ends = np.stack([thin, np.roll(thin, -1, axis=1)], axis=2)
+        length = np.linalg.norm(np.diff(work.vertices[ends], axis=2)[:, :, 0], axis=2)
+        order = np.argsort(length, axis=1)[:, :2]  # not the longest
+        edges = np.sort(np.take_along_axis(ends, order[:, :, None], axis=1).reshape(-1, 2), axis=1)
+        edges, first = np.unique(edges, axis=0, return_index=True)
+        corners = _corners(work.faces, count)
+        good, target = np.zeros(len(edges), dtype=bool), np.empty((len(edges), 3))
+        for points in (_best_points(edges, work)[0], *np.moveaxis(work.vertices[edges], 1, 0)):
+            now = _allowed(edges, points, work, corners, longest, _SLIVER) & ~good
+            target[now] = points[now]
+            good |= now
+        edges, target, length = (
+            edges[good],
+            target[good],
+            np.take_along_axis(length, order, axis=1).ravel()[first][good],
+        )
+        if not len(edges):
+            break
+        apart = _independent(edges, length, corners, count)
+        _collapse(edges[apart], target[apart], work)
+    return _used(work, middle)
 
 
 def _crossings(work: _Working, clean: bool) -> np.ndarray:
@@ -233,13 +278,18 @@ def _best_points(edges: np.ndarray, work: _Working) -> tuple[np.ndarray, np.ndar
 
 
 def _allowed(
-    edges: np.ndarray, target: np.ndarray, work: _Working, corners: _Corners, longest: float
+    edges: np.ndarray,
+    target: np.ndarray,
+    work: _Working,
+    corners: _Corners,
+    longest: float,
+    sliver: float = 0.0,
 ) -> np.ndarray:
     """Which edges may be collapsed to the given points; shape (edges,), bool."""
     allowed = np.empty(len(edges), dtype=bool)
     asked = [_on_device(edges.astype(np.int32), wp.vec2i), _on_device(target, wp.vec3d)]
     surface = [*corners, _on_device(work.faces, wp.int32), _on_device(work.vertices, wp.vec3d)]
-    _launch(allowed_collapses, len(edges), [*asked, *surface, longest], [_on_device(allowed, wp.bool)])
+    _launch(allowed_collapses, len(edges), [*asked, *surface, longest, sliver], [_on_device(allowed, wp.bool)])
     return allowed
 
 

@@ -18,8 +18,8 @@ from .surface import Surface
 
 _INT: Any = wp.int32
 _BOOL: Any = wp.bool
-_FLAT = 1e-9
-"""A triangle whose height is less than this part of its longest edge has no area."""
+LEAST_ANGLE = 1.0
+"""Triangles of a skin with a smaller angle are slivers [degrees]; no relaxation converges on thin tetrahedra."""
 _SLACK = 1e-6
 """Edges that miss a triangle by less than this part of its size count as crossing it."""
 
@@ -122,15 +122,22 @@ def _check_spread(surface: Surface, name: str) -> None:
             f"{name}: vertices must be apart, but numbers {one} and {other} are both at "
             f"{_place(surface.vertices[one])} ({same.size} such pairs); repair the surface"
         )
-    a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
-    longest = np.max([np.sum(edge**2, axis=1) for edge in (a - b, b - c, c - a)], axis=0)
-    double = 2.0 * np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
-    flat = np.flatnonzero(double <= _FLAT * longest)
-    if flat.size:
+    thin = slivers(surface)
+    if thin.size:
         raise InputError(
-            f"{name}: triangles must have an area, but {flat.size} have none, the first number {flat[0]} near "
-            f"{place_of(surface, flat[:1])}; repair the surface"
+            f"{name}: triangles must have angles of at least {LEAST_ANGLE:g} degree, but {thin.size} have not, "
+            f"the first number {thin[0]} near {place_of(surface, thin)}; remesh the surface"
         )
+
+
+def slivers(surface: Surface, angle: float = LEAST_ANGLE) -> np.ndarray:
+    """Numbers of the triangles with an angle of less than some degrees, shape (slivers,)."""
+    corners = surface.vertices[surface.faces]
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    height = 2.0 * np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
+    # the smallest angle lies between the two longer edges
+    smallest = height / np.maximum(sides.prod(axis=1) / sides.min(axis=1), 1e-300)
+    return np.flatnonzero(smallest < np.sin(np.radians(angle)))
 
 
 def place_of(surface: Surface, faces: np.ndarray) -> str:

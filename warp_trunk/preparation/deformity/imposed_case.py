@@ -8,6 +8,7 @@ import numpy as np
 
 from warp_trunk.case import Case
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import find_landmarks
@@ -42,6 +43,7 @@ def make_case(
             a curve that folds the trunk (`impose`), or a fraction outside [0, 1].
     """
     check_straight(bones)
+    skin = without_slivers(skin)
     straight = find_landmarks(bones).complete()
     after = correct(straight, curve, correction)
     deformed, moved, before = impose(skin, bones, straight, curve)
