@@ -241,7 +241,7 @@ ROWS: list[tuple[Any, ...]] = [
     ("a cut beside the body", lambda f: None, "--cut-above", "900", "nothing of the body lies beyond"),
     ("an edge of no length", lambda f: None, "--edge-length", "0", "'edge_length' must be from 2 to 20 mm, not 0"),
     ("a posture that is none", lambda f: None, "--posture", "sitting",
-     "--posture: must be one of supine, prone, standing"),
+     "'sitting' for argument '--posture'", "'supine', 'prone', 'standing'"),
 ]
 # fmt: on
 

@@ -43,7 +43,8 @@ class Import:
     body: Path | None = None
     """Mask of the body, from which the skin is made, where the segmentation has none (body.nii.gz)."""
     ct: Path | None = None
-    """The CT itself, from whose density the skin is made where there is no mask of the body."""
+    """The CT itself, a file or a folder of DICOM files, from whose density the skin is made where there is no mask
+    of the body."""
     tissue: Path | None = None
     """Where the fat under the skin and the muscles are, from which layers are measured: what TotalSegmentator -ta
     tissue_types writes, a folder or a label map."""

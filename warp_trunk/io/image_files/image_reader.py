@@ -1,4 +1,11 @@
-"""From a file to labels or a scan, by the file's ending."""
+"""From a file to labels or a scan, by the file's ending.
+
+SimpleITK 2.5 reads folders of DICOM only; files are read with nibabel and pynrrd. It reads a NIfTI that is cut off
+in the middle, or that does not say where the patient's left is, without an error, and does not hand on the names
+of its labels. For 512 x 512 x 900 voxels it takes 3.7 GB for labels as float64, 2.4 GB for a scan with an
+intercept, 1.9 GB for four layers of segments and 0.6 GB for labels as uint8, where these take 0.3, 0.6, 1.0 and
+0.3 GB here. A CT in DICOM takes 1.1 GB.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +15,7 @@ from pathlib import Path
 from warp_trunk.errors import InputError
 
 from ..file_access import MOST_SURFACE, limited_memory, read_bytes, reason
+from .dicom import read_series
 from .image import Image
 from .nifti import parse_nifti
 from .nrrd import parse_nrrd
@@ -41,7 +49,10 @@ def read_labels(path: Path) -> Image:
 
 
 def read_scan(path: Path) -> Image:
-    """Reads a CT in Hounsfield units; InputError as `read_labels`."""
+    """Reads a CT in Hounsfield units, a file or a folder of DICOM; InputError as `read_labels`."""
+    if path.is_dir():
+        _check_installed(path, "SimpleITK", "dicom")
+        return read_series(path)
     return _read(path, scan=True)
 
 
@@ -54,12 +65,7 @@ def _read(path: Path, scan: bool) -> Image:
             f"{path}: cannot be read as {what} ('{path.suffix}' is not known); use {', '.join(ENDINGS)}"
         )
     parse, package = _READERS[ending]
-    if find_spec(package) is None:
-        raise InputError(
-            f"{path}: {ending} needs a package that is not installed; pip install 'warp-trunk[images]' "
-            "(in a clone: "
-            "uv sync --extra images)"
-        )
+    _check_installed(path, package, "images")
     try:
         with limited_memory(len(content)):
             image = parse(path, content, scan)
@@ -72,3 +78,11 @@ def _read(path: Path, scan: bool) -> Image:
         if odd is not None:
             raise InputError(f"{path}: {odd[:40]!r} names a label and cannot be printed; rename it")
     return image
+
+
+def _check_installed(path: Path, package: str, extra: str) -> None:
+    if find_spec(package) is None:
+        raise InputError(
+            f"{path}: needs a package that is not installed; pip install 'warp-trunk[{extra}]' "
+            f"(in a clone: uv sync --extra {extra})"
+        )
