@@ -6,6 +6,7 @@ from .bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner, plan_sur
 from .case import Case, read_case, write_case
 from .case.landmarks import Landmarks, read_landmarks, write_landmarks
 from .case.layers import Layers
+from .case.motions import Motion, Turn, read_motions
 from .engine.build import build_model
 from .engine.model import Model
 from .engine.newton import Relaxer
@@ -77,6 +78,7 @@ __all__ = [
     "Layers",
     "MeshOptions",
     "Model",
+    "Motion",
     "Patient",
     "Plan",
     "PlanResult",
@@ -106,6 +108,7 @@ __all__ = [
     "TrunkMesh",
     "TrunkShift",
     "TrunkSize",
+    "Turn",
     "align_parts",
     "back_surface_rotation",
     "bone_motions",
@@ -130,6 +133,7 @@ __all__ = [
     "read_case",
     "read_film",
     "read_landmarks",
+    "read_motions",
     "read_plan",
     "read_result",
     "read_summary",

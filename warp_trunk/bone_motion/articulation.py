@@ -95,6 +95,27 @@ def bone_motions(
     return {bone: motions[bone] for bone in bones}
 
 
+def given_motions(bones: Mapping[str, Surface], given: Mapping[str, RigidTransform]) -> dict[str, RigidTransform]:
+    """How each bone moves where no landmarks say it: as given, else not at all.
+
+    The ends of costal cartilages and clavicles that are not named go with their neighbours.
+
+    Args:
+        bones: surfaces by name, before.
+        given: motions of some of them [mm].
+    """
+    from scipy.spatial.transform import RigidTransform  # heavy
+
+    motions = dict.fromkeys(bones, RigidTransform.identity()) | dict(given)
+    for bone in bones:
+        first, second = _neighbours(bone)
+        if bone not in given and first in bones and (first in given or second in given):
+            joints = ends(bones[bone].vertices, bones[first].vertices)
+            goals = [motions.get(end, motions[bone]).apply(joints[[i]]) for i, end in enumerate((first, second))]
+            motions[bone] = _held_at_ends(motions[bone], joints, *goals)
+    return motions
+
+
 def _by_landmarks(
     bones: Mapping[str, Surface], before: Landmarks, after: Landmarks, steps: Steps
 ) -> tuple[dict[str, RigidTransform], RigidTransform | None]:

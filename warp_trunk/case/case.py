@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
 
-from .landmarks import Landmarks
+from .landmarks import Landmarks, bone_of
 from .layers import Layers
+from .motions import Motion, rigid_motions
 from .rib_shares import RibShares
 from .study import Study
 from .uncertainty import Uncertainty
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +34,7 @@ class Case:
     bones: dict[str, Surface]
     """The bones before surgery by name (`T7`, `rib_left_01`, `hip_left`); they may overlap."""
     landmarks_before: Landmarks
-    """Points on the bones before surgery."""
+    """Points on the bones before surgery; `NO_LANDMARKS` where the case has no spine."""
     landmarks_after: Landmarks | None = None
     """The same points after surgery, same names in the same order; None where nothing is planned yet."""
     actual_skin: Surface | None = None
@@ -51,16 +58,36 @@ class Case:
     """Points on the vertebrae while the patient bends to her left, some or all of those before surgery."""
     bending_right: Landmarks | None = None
     """The same while she bends to her right."""
+    motions: dict[str, Motion] = dataclasses.field(default_factory=dict)
+    """How bones move that no landmarks hold, by name; all others that nothing is known of stand still."""
 
-    @property
+    @cached_property
     def planned_landmarks(self) -> Landmarks:
-        """The landmarks after surgery; InputError where nothing is planned."""
-        if self.landmarks_after is None:
+        """The landmarks after surgery; where motions of bones are given alone, each as its bone takes it.
+
+        Raises:
+            InputError: nothing is planned.
+        """
+        if self.landmarks_after is not None:
+            return self.landmarks_after
+        if not self.motions and self.bones.keys() != self.bones_after.keys():
             raise InputError(
                 f"case {self.name!r}: has no landmarks_after, to which surgery takes the bones; "
                 "make them with warp-trunk plan"
             )
-        return self.landmarks_after
+        names, points = self.landmarks_before.names, self.landmarks_before.points.copy()
+        for bone, motion in self.given_motions.items():
+            rows = [row for row, name in enumerate(names) if bone_of(name, self.bones) == bone]
+            points[rows] = motion.apply(points[rows])
+        return Landmarks(names, points)
+
+    @cached_property
+    def given_motions(self) -> dict[str, RigidTransform]:
+        """The rigid motions of the bones that are known after surgery or whose motion is given."""
+        known = {
+            bone: fit_rigid(self.bones[bone].vertices, after.vertices) for bone, after in self.bones_after.items()
+        }
+        return known | rigid_motions(self.motions)
 
     def landmarks_at(self, load_factor: float) -> Landmarks:
         """The landmarks at a part of the correction in [0, 1]; each moves straight. InputError without a plan."""

@@ -17,23 +17,30 @@ from .case import Case
 from .checks import CaseSource, CheckOptions, check_case, check_names
 from .frame_checks import align_pelvis
 from .header import read_header
-from .landmarks import Landmarks, landmark_file, read_landmarks
+from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
 from .layer_table import read_layers
+from .motions import FILE as MOTIONS
+from .motions import Motion, read_motions
 
 
-def read_case(folder: str | Path, checks: CheckOptions | None = None) -> Case:
+def read_case(folder: str | Path, checks: CheckOptions | None = None, motions: str | Path | None = None) -> Case:
     """Read and check a case folder; `read_checked_case` also tells what is doubtful in it."""
-    return read_checked_case(folder, checks)[0]
+    return read_checked_case(folder, checks, motions=motions)[0]
 
 
 def read_checked_case(
-    folder: str | Path, checks: CheckOptions | None = None, *, align: bool = False
+    folder: str | Path,
+    checks: CheckOptions | None = None,
+    *,
+    align: bool = False,
+    motions: str | Path | None = None,
 ) -> tuple[Case, tuple[str, ...]]:
     """Read and check a case folder; everything that comes back is in LPS axes and mm.
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
     `landmarks_before.csv` and perhaps `landmarks_after.csv`, `landmarks_bending_left.csv`,
-    `landmarks_bending_right.csv`, `actual_skin.ply` and `bones_after/*.ply`.
+    `landmarks_bending_right.csv`, `actual_skin.ply`, `bones_after/*.ply` and `motions.toml` (`read_motions`).
+    With motions, or all bones after surgery, it needs no landmarks.
     Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone is named after
     its file. No file is read that lies elsewhere, also where case.toml names it or a link leads to it.
 
@@ -41,6 +48,7 @@ def read_checked_case(
         folder: the case folder.
         checks: limits of the checks (`check_case`); the defaults when left out.
         align: bring what is known after surgery back onto the pelvis before surgery (`align_pelvis`).
+        motions: a file that stands for `motions.toml`; it may lie elsewhere.
 
     Returns:
         The case, and a sentence for each thing in it that can be, but seldom is.
@@ -51,12 +59,17 @@ def read_checked_case(
     """
     files = _Files(Path(folder))
     header = files.header
-    before, after = files.points("landmarks_before"), files.points_if_there("landmarks_after")
+    moved = files.motions(None if motions is None else Path(motions))
+    bones = files.bones()
+    bones_after = surface_files(files.folder / "bones_after")
+    known = bool(moved) or bones_after.keys() == bones.keys()
+    before = files.points_if_there("landmarks_before") if known else files.points("landmarks_before")
+    before, after = before or NO_LANDMARKS, files.points_if_there("landmarks_after")
     source = CaseSource(files.names, header.units, header.axes.code)
     if after is not None:
         check_names(before, after, source)
         after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
-    skin, bones, actual = files.skin(), files.bones(), files.stem("actual_skin")
+    skin, actual = files.skin(), files.stem("actual_skin")
     scanned = files.surface("skin", skin)
     case = Case(
         name=header.name,
@@ -70,10 +83,8 @@ def read_checked_case(
         uncertainty=header.uncertainty,
         study=header.study,
         rib_shares=header.ribs,
-        bones_after={
-            name: files.surface(f"bones_after/{name}", path)
-            for name, path in surface_files(files.folder / "bones_after").items()
-        },
+        bones_after={name: files.surface(f"bones_after/{name}", path) for name, path in bones_after.items()},
+        motions=moved,
         bending_left=files.points_if_there("landmarks_bending_left"),
         bending_right=files.points_if_there("landmarks_bending_right"),
     )
@@ -121,6 +132,16 @@ class _Files:
     def points_if_there(self, key: str) -> Landmarks | None:
         path = landmark_file(self.folder, key)
         return self.points(key) if path.exists() or path.is_symlink() else None
+
+    def motions(self, given: Path | None) -> dict[str, Motion]:
+        path = given or self.folder / MOTIONS
+        if given is None and not (path.exists() or path.is_symlink()):
+            return {}
+        self.names["motions"] = path
+        found = read_motions(path, self.header.axes, None if given else self.folder)
+        if not found:
+            raise InputError(f"{path}: names no bone; add a table for each bone that moves, or remove the file")
+        return found
 
     def stem(self, stem: str) -> Path | None:
         return surface_files(self.folder, stem).get(stem)

@@ -14,6 +14,8 @@ from .case import Case
 from .header import CaseHeader, header_text
 from .landmarks import write_landmarks
 from .layer_table import write_layers
+from .motions import FILE as MOTIONS
+from .motions import motions_text
 
 
 def write_case(folder: str | Path, case: Case) -> None:
@@ -33,7 +35,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_surface(path, surface)
     landmarks = {
-        "landmarks_before.csv": case.landmarks_before,
+        "landmarks_before.csv": case.landmarks_before if case.landmarks_before.names else None,
         "landmarks_after.csv": case.landmarks_after,
         "landmarks_bending_left.csv": case.bending_left,
         "landmarks_bending_right.csv": case.bending_right,
@@ -44,6 +46,10 @@ def write_case(folder: str | Path, case: Case) -> None:
             continue
         with atomic_write(folder / file) as unfinished:
             write_landmarks(unfinished, points)
+    (folder / MOTIONS).unlink(missing_ok=True)
+    if case.motions:
+        with atomic_write(folder / MOTIONS) as unfinished:
+            unfinished.write_text(motions_text(case.motions), encoding="utf-8")
     header = CaseHeader(
         name=case.name,
         axes=Axes("LPS"),

@@ -21,6 +21,7 @@ from .bones_after import check_bones_after
 from .frame_checks import check_frame
 from .landmark_places import check_motion, check_on_bones, check_palpated
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
+from .motion_checks import check_motions
 from .vertebra_order import check_order
 from .vertebra_shape import check_shapes
 
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 TRUNK_HEIGHT = (250.0, 900.0)
 """How tall a trunk may be, from its lowest to its highest vertex [mm]."""
+
+PART_HEIGHT = (30.0, 2200.0)
+"""How tall a part of the body without a spine may be [mm]."""
 
 _COINCIDENT = 0.1  # [mm]; below what any imaging resolves
 _FLAT = 1.0  # [mm], root mean square distance from the plane that fits best
@@ -91,6 +95,36 @@ def check_case(
     """
     options = options or CheckOptions()
     source = source or CaseSource()
+    spine = bool(case.landmarks_before.names)
+    if spine or not (case.motions or case.bones.keys() == case.bones_after.keys()):
+        _check_all_landmarks(case, source)
+    skins = [("skin", case.skin)] + ([("actual_skin", case.actual_skin)] if case.actual_skin else [])
+    for key, skin in skins:
+        check_surface(skin, source.name(key))
+        _check_height(skin, key, source, TRUNK_HEIGHT if spine else PART_HEIGHT)
+    check_solid(case.skin, source.name("skin"))
+    pieces = int(components(case.skin).max()) + 1
+    if pieces > 1:
+        raise InputError(f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one")
+    left, warnings = np.array([1.0, 0.0, 0.0]), []
+    if spine:
+        _check_orientation(case.landmarks_before, source)
+        warnings += check_order(case.landmarks_before, source.name("landmarks_before"))
+        left = case.landmarks_before.point("asis_left") - case.landmarks_before.point("asis_right")
+    check_sides(case.bones, left, source.name)
+    warnings += unusual_depth(_check_bones(case, options, source), source.name("skin"))
+    _check_not_buried(case, source)
+    check_on_bones(case, options.landmark_off_bone, source.name)
+    if spine:
+        check_palpated(case, options.landmark_off_skin, source.name)
+    warnings += _check_both(case, options, source)
+    check_bones_after(case, options.bone_changed, source.name)
+    check_motions(case, source.name("motions"))
+    return (*_posture(case), *warnings)
+
+
+def _check_all_landmarks(case: Case, source: CaseSource) -> None:
+    """Check each set of landmarks by itself."""
     if case.landmarks_after is not None:
         check_names(case.landmarks_before, case.landmarks_after, source)
     check_landmarks(case.landmarks_before, list(case.bones), source.name("landmarks_before"))
@@ -98,28 +132,6 @@ def check_case(
         check_landmarks(case.landmarks_after, list(case.bones), source.name("landmarks_after"))
     for key in ("bending_left", "bending_right"):
         _check_bending(case, key, source)
-    skins = [("skin", case.skin)] + ([("actual_skin", case.actual_skin)] if case.actual_skin else [])
-    for key, skin in skins:
-        check_surface(skin, source.name(key))
-        _check_height(skin, key, source)
-    check_solid(case.skin, source.name("skin"))
-    pieces = int(components(case.skin).max()) + 1
-    if pieces > 1:
-        raise InputError(f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one")
-    _check_orientation(case.landmarks_before, source)
-    warnings = check_order(case.landmarks_before, source.name("landmarks_before"))
-    check_sides(
-        case.bones,
-        case.landmarks_before.point("asis_left") - case.landmarks_before.point("asis_right"),
-        source.name,
-    )
-    warnings += unusual_depth(_check_bones(case, options, source), source.name("skin"))
-    _check_not_buried(case, source)
-    check_on_bones(case, options.landmark_off_bone, source.name)
-    check_palpated(case, options.landmark_off_skin, source.name)
-    warnings += _check_both(case, options, source)
-    check_bones_after(case, options.bone_changed, source.name)
-    return (*_posture(case), *warnings)
 
 
 def _check_both(case: Case, options: CheckOptions, source: CaseSource) -> list[str]:
@@ -212,16 +224,17 @@ def _check_bending(case: Case, key: str, source: CaseSource) -> None:
         )
 
 
-def _check_height(skin: Surface, key: str, source: CaseSource) -> None:
+def _check_height(skin: Surface, key: str, source: CaseSource, allowed: tuple[float, float]) -> None:
     height = float(np.ptp(skin.vertices[:, 2]))
-    low, high = TRUNK_HEIGHT
+    low, high = allowed
     if low <= height <= high:
         return
     in_file = height / MILLIMETRES[source.units]
     fits = [unit for unit, size in MILLIMETRES.items() if low <= in_file * size <= high]
+    what = "trunk" if allowed is TRUNK_HEIGHT else "skin"
     unit = f'units = "{fits[0]}"' if fits else "units"
     raise InputError(
-        f"{source.name(key)}: the trunk is {height:.4g} mm tall, and must be {low:g} to {high:g} mm; "
+        f"{source.name(key)}: the {what} is {height:.4g} mm tall, and must be {low:g} to {high:g} mm; "
         f"set {unit} or axes in {source.name('case')}"
     )
 

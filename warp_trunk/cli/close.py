@@ -13,6 +13,7 @@ from tyro.conf import Positional, UseAppendAction
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import check_written, read_surface, write_surface
+from warp_trunk.io.transform_file import read_transform
 from warp_trunk.preparation.scanning import (
     ClosedSkin,
     CloseOptions,
@@ -20,7 +21,6 @@ from warp_trunk.preparation.scanning import (
     check_parts,
     close_skin,
     moved,
-    read_transform,
 )
 from warp_trunk.run.progress import Progress
 

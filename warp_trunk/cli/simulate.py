@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tyro.conf import Positional, UseAppendAction
@@ -12,7 +12,9 @@ from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.planned_folder import plan_files
 from warp_trunk.case import Case, read_checked_case
+from warp_trunk.errors import InputError
 from warp_trunk.recording import load_rerun
+from warp_trunk.run.patient import patient_of, with_mesh_given
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.run_case import run_case
 from warp_trunk.run.run_plans import run_plans
@@ -33,6 +35,9 @@ class Simulate(SimulationArguments):
     out: Path | None = None
     """Result folder; results/ and the name of the case folder when left out. With --plan the folder in which each
     plan has a result folder of its own name."""
+    motions: UseAppendAction[tuple[Path, ...]] = ()
+    """How bones move, in place of motions.toml of the case; once for each of several plans, each of which then has
+    a result folder of the file's name in --out."""
     plan: UseAppendAction[tuple[Path, ...]] = ()
     """A plan to simulate in place of what the case says of after surgery: plan.toml, or a folder that holds one;
     once for each plan. All share the mesh and the model of the patient."""
@@ -40,20 +45,47 @@ class Simulate(SimulationArguments):
     def run(self, arguments: Sequence[str]) -> int:
         """Simulates the case, or each plan for it, and writes the results."""
         out = self.out or Path("results") / self.case.resolve().name
+        if self.motions and self.plan:
+            raise InputError("--motions: says where bones go, as --plan does; leave one of them out")
+        first = self.motions[0] if self.motions else None
         plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
         with Progress() as progress:
             if self.case.is_dir() and self.options.mesh.tets >= WORTH_COMPILING_AHEAD:
                 CompilationAhead(self.options)  # while the case is read
             if self.options.record and self.case.is_dir():
                 load_rerun()  # likewise
+            if len(self.motions) > 1:
+                return self._run_motions(out, arguments, progress)
             with progress.stage("load", f"reading {self.case}"), crossings_written(out):
-                case, warnings = read_checked_case(self.case, align=self.align_pelvis)
+                case, warnings = read_checked_case(self.case, align=self.align_pelvis, motions=first)
             case = self.refined(case, arguments)
             with crossings_written(out):
                 if plans:
                     return self._run_plans(case, plans, out, progress)
                 result = run_case(case, out, self.options, progress, warnings=warnings)
         return report_ending(result)
+
+    def _run_motions(self, out: Path, arguments: Sequence[str], progress: Progress) -> int:
+        """Simulates each file of motions for one patient; returns the largest exit status."""
+        files = {file.stem: file for file in self.motions}
+        if len(files) < len(self.motions):
+            raise InputError("--motions: results are called after the files; give each file a name of its own")
+        with progress.stage("load", f"reading {self.case}"), crossings_written(out):
+            cases = {
+                name: read_checked_case(self.case, align=self.align_pelvis, motions=file)
+                for name, file in files.items()
+            }
+        first, given = with_mesh_given(
+            self.refined(next(iter(cases.values()))[0], arguments), self.options, progress
+        )
+        patient, ends = patient_of(first, self.options, given, progress), []
+        for name, (case, warnings) in cases.items():
+            planned = replace(self.refined(case, arguments), skin=first.skin, name=f"{case.name}, motions {name}")
+            with progress.of(f"motions {name}"):
+                done = run_case(planned, out / name, self.options, progress, warnings=warnings, patient=patient)
+            ends.append(report_ending(done, f"motions {name}"))
+            print()
+        return max(ends)
 
     def _run_plans(self, case: Case, plans: dict[str, SurgicalPlan], out: Path, progress: Progress) -> int:
         """Simulates each plan; prints how each ended, and the status of the first that did not converge."""

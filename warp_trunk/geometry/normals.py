@@ -49,3 +49,9 @@ class MovingNormals:
             normals[:, k] = sum(np.bincount(corner, part, minlength=self._count) for corner in self._corners)
         length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
         return normals / np.maximum(length, np.float32(1e-12))[:, None]
+
+
+def corner_areas(surface: Surface) -> np.ndarray:
+    """The area of surface around each vertex, a third of its triangles [mm2], shape (vertices,)."""
+    third = np.repeat(np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1) / 3.0, 3)
+    return np.bincount(surface.faces.reshape(-1), third, len(surface.vertices))

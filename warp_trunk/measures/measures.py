@@ -62,8 +62,8 @@ class TrunkMeasures:
     """Rotation of each vertebra against the pelvis [degrees], see `axial_rotation`."""
     trunk_shift: TrunkShift | None
     """Coronal and sagittal balance; None without landmarks of C7 or T1."""
-    sacral_line: SacralLine
-    """The line that trunk shift and flanks are measured from."""
+    sacral_line: SacralLine | None
+    """The line that trunk shift and flanks are measured from; None without a spine."""
     missing: dict[str, str] = field(default_factory=dict)
     """Why a measure is missing, by level or by the name of the measure."""
 
@@ -106,7 +106,9 @@ class TrunkMeasures:
     def flanks(self) -> dict[str, FlankAsymmetry | None]:
         """Widths to either side of the sacral line by level, see `flank_asymmetry`; None where missing."""
         return {
-            level: None if outline is None else flank_asymmetry(outline, self.sacral_line)
+            level: None
+            if outline is None or self.sacral_line is None
+            else flank_asymmetry(outline, self.sacral_line)
             for level, outline in self.outlines.items()
         }
 
@@ -119,11 +121,12 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
 
     Args:
         skin: the surface to measure, predicted, scanned or before surgery [mm], closed.
-        landmarks: those that go with this skin: before surgery for the skin before, after for the others.
+        landmarks: those that go with this skin: before surgery for the skin before, after for the others. Where
+            there are none, only the change of the skin is measured.
         before: the same skin before surgery, with the same vertices in the same order.
 
     Raises:
-        InputError: no ASIS among the landmarks, or `before` with another number of vertices, or a skin that is
+        InputError: no ASIS among landmarks, or `before` with another number of vertices, or a skin that is
             open at a level.
     """
     from warp_trunk.case.landmarks import Landmarks
@@ -140,7 +143,10 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
             )
         moved = skin.vertices - before.vertices
         change = np.sqrt(np.einsum("vi,vi->v", moved, moved))
-    spine, line = spine_of(landmarks), sacral_line(landmarks)
+    spine = spine_of(landmarks)
+    if not landmarks.names:
+        return _without_spine(spine, change)
+    line = sacral_line(landmarks)
     outlines, missing = outlines_of(skin, spine)
     tangents = tangents_of(outlines, spine, line.across)
     for level, tangent in tangents.items():
@@ -166,6 +172,25 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
     )
     missing |= _missing_of_spine(found, spine)
     return found
+
+
+def _without_spine(spine: Spine, change: np.ndarray | None) -> TrunkMeasures:
+    """The measures of a part of the body without a spine: how far its skin moves (vertices,) [mm]."""
+    return TrunkMeasures(
+        outlines={},
+        tangents={},
+        cobb=(),
+        apices=(),
+        kyphosis=kyphosis(spine),
+        lordosis=lordosis(spine),
+        spine_height=None,
+        shoulders=None,
+        skin_change_max=None if change is None else float(change.max()),
+        skin_change_mean=None if change is None else float(change.mean()),
+        axial_rotation={},
+        trunk_shift=None,
+        sacral_line=None,
+    )
 
 
 def _missing_of_spine(found: TrunkMeasures, spine: Spine) -> dict[str, str]:

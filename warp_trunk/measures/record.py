@@ -27,7 +27,7 @@ def measures_record(measures: TrunkMeasures) -> dict[str, Any]:
         "trunk_shift_mm": None if measures.trunk_shift is None else measures.trunk_shift.lateral,
         "trunk_shift_forward_mm": None if measures.trunk_shift is None else measures.trunk_shift.forward,
         "trunk_shift_of": None if measures.trunk_shift is None else measures.trunk_shift.upper,
-        "trunk_shift_over": measures.sacral_line.landmark,
+        "trunk_shift_over": None if measures.sacral_line is None else measures.sacral_line.landmark,
         "shoulder_difference_mm": None if measures.shoulders is None else measures.shoulders.difference,
         "kyphosis_deg": dict(measures.kyphosis),
         "lordosis_deg": dict(measures.lordosis),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.normals import area_vectors, vertex_normals
+from warp_trunk.geometry.normals import corner_areas, vertex_normals
 
 from .spine import asis_axis, spine_of
 
@@ -81,8 +81,6 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
     level = _nearest_level(skin.vertices[:, 2], centroids[:, 2])
     number = {name: i for i, names in enumerate(BANDS.values()) for name in names}
     bands = np.array([*(number[spine.levels[i]] for i in known), -1])
-    third = np.repeat(np.linalg.norm(area_vectors(skin.vertices, skin.faces), axis=1) / 3.0, 3)
-    area = np.bincount(skin.faces.reshape(-1), third, len(skin.vertices))
     normals = vertex_normals(skin)
     upward = np.argsort(centroids[:, 2])
     heights, line = centroids[upward, 2], centroids[upward, :2]
@@ -94,7 +92,7 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
         to_left=((skin.vertices[:, :2] - middle) @ across) > 0.0,
         facing=facing.astype(np.int8),
         normals=normals,
-        area=area,
+        area=corner_areas(skin),
     )
 
 

@@ -72,16 +72,23 @@ def skin_distance(skin: Surface, other: Surface, landmarks: Landmarks) -> SkinDi
     Raises:
         InputError: no ASIS, or no vertebra, among the landmarks.
     """
+    regions = regions_of(skin, landmarks)
+    signed, counted = same_skin(skin, other)
+    in_region = np.logical_or.reduce(list(regions.masks.values()))
+    return SkinDistance(signed, counted & in_region, regions)
+
+
+def same_skin(skin: Surface, other: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance of each vertex of a skin from another one [mm], and whether its nearest point there is the
+    same skin, see `skin_distance`; shape (vertices,) each."""
     from warp_trunk.geometry.distance_field import SurfaceDistance  # heavy
 
-    regions = regions_of(skin, landmarks)
+    normals = vertex_normals(skin)
     nearest = SurfaceDistance(other).nearest(skin.vertices)
-    away = nearest.point - skin.vertices
-    straight = np.abs(_cosine(away, regions.normals)) > _SAME_WAY
+    straight = np.abs(_cosine(nearest.point - skin.vertices, normals)) > _SAME_WAY
     facing = vertex_normals(other)[other.faces[nearest.face]].mean(axis=1)  # a triangle of a scan is mostly noise
-    counted = (straight | (np.abs(nearest.distance) < _TOUCHING)) & (_cosine(facing, regions.normals) > _SAME_WAY)
-    in_region = np.logical_or.reduce(list(regions.masks.values()))
-    return SkinDistance(nearest.distance.astype(np.float64), counted & in_region, regions)
+    counted = (straight | (np.abs(nearest.distance) < _TOUCHING)) & (_cosine(facing, normals) > _SAME_WAY)
+    return nearest.distance.astype(np.float64), counted
 
 
 def distance_statistics(there: SkinDistance, back: SkinDistance) -> dict[str, DistanceStatistics | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -83,13 +84,19 @@ class SkinChange:
         return (self.stretch > STRETCH) | (self.folded > 0.0)
 
 
-def skin_quality(before: Surface, predicted: Surface, landmarks: Landmarks | None = None) -> SkinQuality:
+def skin_quality(
+    before: Surface,
+    predicted: Surface,
+    landmarks: Landmarks | None = None,
+    bones: Mapping[str, Surface] | None = None,
+) -> SkinQuality:
     """Measure the areas that are stretched and folded too far.
 
     Args:
         before: the skin before surgery [mm].
         predicted: the same triangles after [mm].
         landmarks: those before surgery, which name the nearest vertebra; only places are given when left out.
+        bones: those before surgery by name, the nearest of which is named where there are no landmarks.
 
     Raises:
         InputError: see `skin_change`.
@@ -99,7 +106,7 @@ def skin_quality(before: Surface, predicted: Surface, landmarks: Landmarks | Non
 
     def place(part: np.ndarray) -> str:
         at = _middle_of_largest(part, change, middle)
-        return "" if at is None else _place(at, landmarks)
+        return "" if at is None else _place(at, landmarks, bones or {})
 
     return SkinQuality(
         shown_area=float(change.area[change.stretch > LOOK].sum()) / 100.0,
@@ -187,11 +194,12 @@ def _angles(surface: Surface, pairs: np.ndarray) -> np.ndarray:
     return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", one, other)))
 
 
-def _place(point: np.ndarray, landmarks: Landmarks | None) -> str:
+def _place(point: np.ndarray, landmarks: Landmarks | None, bones: Mapping[str, Surface]) -> str:
     """Where a point of the skin is, in words."""
     at = "({:.0f}, {:.0f}, {:.0f}) mm".format(*point)
-    if landmarks is None:
-        return f"at {at}"
+    if landmarks is None or not landmarks.names:
+        near = {name: np.linalg.norm(bone.vertices - point, axis=1).min() for name, bone in bones.items()}
+        return f"near {min(near, key=near.__getitem__)}, at {at}" if near else f"at {at}"
     spine, across = spine_of(landmarks), asis_axis(landmarks)
     nearest = int(np.abs(spine.centroids[:, 2] - point[2]).argmin())
     aside, back = (point - spine.centroids[nearest])[:2] @ np.array([across, [-across[1], across[0]]]).T

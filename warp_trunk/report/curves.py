@@ -38,6 +38,8 @@ class CurveChange:
 def curve_changes(before: Pose, planned: Pose) -> tuple[CurveChange, ...]:
     """Every curve of the spine before surgery, top to bottom, each followed between the same two vertebrae."""
     curves, after = before.measures.cobb, planned.measures
+    if after.sacral_line is None:
+        return ()
     apices = apical_vertebrae(spine_of(planned.landmarks), curves, after.axial_rotation, after.sacral_line)
     angles = curves_after(curves, planned.landmarks)
     rows = zip(curves, angles, before.measures.apices, apices, strict=True)

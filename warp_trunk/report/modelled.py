@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 BONES = {
     "spline": "carried by a smooth interpolation (thin-plate spline) of the landmarks of the plan",
+    "given": "each moved as a rigid body as the motions say; those that are not named stand still",
     "follow": "each moved as a rigid body; ribs and sternum follow the vertebrae by stated shares",
 }
 """How bones are carried, by the option of the simulation."""
@@ -19,7 +20,7 @@ BONES = {
 def modelled(summary: Summary) -> list[str]:
     """What was modelled, one phrase for each thing."""
     options, terms = summary.parameters, summary.terms
-    bones = options.get("bones", "spline")
+    bones = options.get("bones", "spline") if summary.bsr_deg.before else "given"
     energy = "springs on edges, faces and volumes [2]" if "distance" in terms else "a neo-Hookean continuum"
     return [
         f"Soft tissue: {_tissues(summary.tissues)} in {summary.tets:,} tetrahedra, as {energy} "

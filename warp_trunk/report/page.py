@@ -15,16 +15,17 @@ from .band_rows import BAND_HEAD, SOURCE_HEAD, band_rows, source_rows
 from .modelled import modelled, not_modelled
 from .option_rows import option_rows, value_text
 from .sentences import glance, sentences
-from .tables import error_rows, head, measure_rows, rotation_rows
+from .tables import agreement_rows, change_rows, error_rows, head, measure_rows, rotation_rows
 
 if TYPE_CHECKING:
     from warp_trunk.measures import SkinComparison
+    from warp_trunk.measures.part import Agreement
     from warp_trunk.results import Summary
 
     from .style import Pose
 
 
-_OPTIONAL = ("shoulders", "sure", "hump", "trends")
+_OPTIONAL = ("error", "shoulders", "sure", "hump", "trends")
 """Pictures that a page may be without."""
 
 
@@ -44,24 +45,14 @@ def page(
         drawings: by name the pictures that the page shows, as SVG.
         plan: the text of the plan that made the case, where one did.
     """
-    status, quality = summary.ending, summary.skin_quality
+    quality = summary.skin_quality
     return rendered(
         "page.html",
         drawings,
-        case=summary.case,
-        plan=plan,
-        warnings=summary.warnings,
-        virtual=summary.virtual,
         quality=quality,
         hatched=quality is not None and bool(quality.faults),
         stretch=f"{LOOK:g}",
         implausible=f"{STRETCH:g}",
-        converged=status is RelaxStatus.CONVERGED,
-        status=status.name,
-        reason=status.value[:1].upper() + status.value[1:],
-        poses=len(poses),
-        many="many" if len(poses) > 2 else "",
-        titles=", ".join(pose.look.title for pose in poses),
         glance=glance(poses),
         sentences=sentences(poses, comparison, summary.bands),
         measure_head=head(poses, "measure"),
@@ -75,14 +66,52 @@ def page(
         source_rows=source_rows(summary.bands) if summary.bands else [],
         error_rows=error_rows(comparison) if comparison else [],
         detectable=DETECTABLE,
-        increments=len(summary.increments),
-        reached=_reached(summary),
-        modelled=modelled(summary),
-        not_modelled=not_modelled(summary),
-        options=option_rows(summary.parameters),
-        versions=[(name, value_text(value)) for name, value in summary.versions.items()],
-        seconds=[(name, "–" if value is None else f"{value:.1f}") for name, value in summary.seconds.items()],
+        **_of_run(poses, summary, plan),
     )
+
+
+def part_page(
+    poses: Sequence[Pose],
+    summary: Summary,
+    drawings: Mapping[str, bytes],
+    agreed: Agreement | None,
+    plan: str | None,
+) -> str:
+    """The text of the page of a part of the body without a spine; the arguments are those of `page`, and how far
+    the prediction is from the actual skin where that is known."""
+    return rendered(
+        "part.html",
+        drawings,
+        change_rows=change_rows(poses),
+        point_rows=[],
+        ratio_rows=[],
+        error_rows=[] if agreed is None else agreement_rows(agreed),
+        **_of_run(poses, summary, plan),
+    )
+
+
+def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[str, Any]:
+    """What every page says of the run."""
+    status = summary.ending
+    return {
+        "case": summary.case,
+        "plan": plan,
+        "warnings": summary.warnings,
+        "virtual": summary.virtual,
+        "converged": status is RelaxStatus.CONVERGED,
+        "status": status.name,
+        "reason": status.value[:1].upper() + status.value[1:],
+        "poses": len(poses),
+        "many": "many" if len(poses) > 2 else "",
+        "titles": ", ".join(pose.look.title for pose in poses),
+        "increments": len(summary.increments),
+        "reached": _reached(summary),
+        "modelled": modelled(summary),
+        "not_modelled": not_modelled(summary),
+        "options": option_rows(summary.parameters),
+        "versions": [(name, value_text(value)) for name, value in summary.versions.items()],
+        "seconds": [(name, "–" if value is None else f"{value:.1f}") for name, value in summary.seconds.items()],
+    }
 
 
 def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:

@@ -38,6 +38,10 @@ def read_plans(folders: Sequence[Path]) -> dict[Path, Result]:
     results = {folder: read_result(folder) for folder in folders}
     first = results[folders[0]]
     for folder, result in results.items():
+        if not result.landmarks_before.names:
+            raise InputError(
+                f"{folder}: has no landmarks of a spine to compare; write a report of each result alone"
+            )
         pairs = (
             ("skin", first.skin_before.vertices, result.skin_before.vertices),
             ("landmarks", first.landmarks_before.points, result.landmarks_before.points),

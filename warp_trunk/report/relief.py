@@ -34,6 +34,7 @@ class View:
 BEHIND = View(0, ("left", "right"))
 RIGHT = View(1, ("back", "front"))
 FRONT = View(2, ("right", "left"))
+LEFT = View(3, ("front", "back"))
 
 
 @dataclass(frozen=True)

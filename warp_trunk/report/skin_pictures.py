@@ -64,12 +64,12 @@ def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[
 
 def front_picture(poses: Sequence[Pose]) -> Figure:
     """Every pose from the front."""
-    return _plain(poses, FRONT)
+    return plain_picture(poses, FRONT)
 
 
 def side_picture(poses: Sequence[Pose]) -> Figure:
     """Every pose from its right side."""
-    return _plain(poses, RIGHT)
+    return plain_picture(poses, RIGHT)
 
 
 def shoulders_picture(poses: Sequence[Pose]) -> Figure | None:
@@ -112,7 +112,8 @@ def _top(pose: Pose) -> np.ndarray | None:
     return seen_from(points, pose.landmarks, FRONT).mean(axis=0) if len(points) else None
 
 
-def _plain(poses: Sequence[Pose], view: View) -> Figure:
+def plain_picture(poses: Sequence[Pose], view: View) -> Figure:
+    """Every pose from one side."""
     seen = window([(pose.skin, pose.landmarks) for pose in poses], COARSE, view)
     looks = [shaded(relief(pose.skin, pose.landmarks, seen, view)) for pose in poses]
     return panels(poses, seen, view, looks)[0]

@@ -5,10 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from warp_trunk.geometry.normals import corner_areas
+from warp_trunk.measures.part import NEAR, swept_volumes
+
 from .curves import curve_changes
 
 if TYPE_CHECKING:
     from warp_trunk.measures import SkinComparison, TrunkMeasures
+    from warp_trunk.measures.part import Agreement
 
     from .curves import CurveChange
     from .style import Pose
@@ -144,3 +150,27 @@ def _unknown(poses: Sequence[Pose]) -> Row:
 
 def _less(a: float | None, b: float | None) -> float | None:
     return None if a is None or b is None else a - b
+
+
+def change_rows(poses: Sequence[Pose]) -> list[Row]:
+    """How far the skin moves, and the volumes between the skins before and predicted."""
+    way = np.linalg.norm(poses[1].skin.vertices - poses[0].skin.vertices, axis=1)
+    place = "({:.0f}, {:.0f}, {:.0f})".format(*poses[0].skin.vertices[way.argmax()])
+    outward, inward = swept_volumes(poses[0].skin, poses[1].skin)
+    return [
+        ["Largest displacement of the skin [mm]", f"{way.max():.1f}"],
+        ["Where that is before surgery: x, y, z [mm]", place],
+        ["Skin that moves by more than 1 mm [cm²]", f"{corner_areas(poses[0].skin)[way > 1.0].sum() / 100.0:.0f}"],
+        ["Volume gained outside the skin before [cm³]", f"{outward:.1f}"],
+        ["Volume lost inside it [cm³]", f"{inward:.1f}"],
+    ]
+
+
+def agreement_rows(agreed: Agreement) -> list[Row]:
+    """How far a predicted skin is from the actual one."""
+    return [
+        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed.within_percent:.0f}"],
+        ["Mean distance [mm]", f"{agreed.mean_mm:.2f}"],
+        ["95 % of the skin is nearer than [mm]", f"{agreed.p95_mm:.2f}"],
+        ["Largest distance [mm]", f"{agreed.largest_mm:.2f}"],
+    ]

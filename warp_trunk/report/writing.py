@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.folders import make_writable
+from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures.part import agreement
 from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.results import read_result
-from warp_trunk.results.folder import PAGE, PICTURES
+from warp_trunk.results.folder import PAGE, PICTURES, TRUNK
 
 from .convergence_plot import convergence_plot
 from .hump_picture import hump_picture
-from .page import page
+from .page import page, part_page
+from .part_pictures import change_sections, changed_views, frame_of, values_picture
 from .plans import plan_poses, plans_page, read_plans
 from .relief import BEHIND, FRONT, RIGHT, relief, window
 from .rotation_plot import rotation_plot
 from .section_pictures import section_pictures
-from .skin_pictures import back_picture, front_picture, shoulders_picture, side_picture
+from .skin_pictures import back_picture, front_picture, plain_picture, shoulders_picture, side_picture
 from .spine_pictures import spine_picture
 from .stretch_picture import at_vertices, stretch_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
@@ -56,6 +61,8 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
     read = read_result(result)
     folder = _prepare(out, PICTURES)
     poses = poses_of(read)
+    if not read.landmarks_before.names:
+        return _write_part(Path(result), out, read, poses)
     comparison = None
     if read.actual_skin is not None:
         comparison = compare_skins(read.predicted_skin, read.actual_skin, read.landmarks_after)
@@ -83,6 +90,33 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
         }
         drawings = _drawn(figures, folder)
     _write(out / PAGE, page(poses, comparison, read.summary, drawings, read.plan).encode())
+    return out / PAGE
+
+
+def _write_part(folder: Path, out: Path, read: Result, poses: list[Pose]) -> Path:
+    """Write the report of a part of the body without a spine."""
+    from matplotlib import rc_context  # heavy
+
+    frame = frame_of(read.skin_before)
+    poses = [replace(pose, landmarks=frame) for pose in poses]
+    moved = np.linalg.norm(read.predicted_skin.vertices - read.skin_before.vertices, axis=1)
+    views = changed_views(read.skin_before, read.predicted_skin)
+    trunk, displacement = read_trunk(folder / TRUNK)
+    bones = [Surface(nodes, trunk.bone_faces) for nodes in (trunk.nodes, trunk.nodes + displacement)]
+    agreed, distance = (
+        (None, None) if read.actual_skin is None else agreement(read.predicted_skin, read.actual_skin)
+    )
+    with rc_context(RC):
+        figures: dict[str, Figure | None] = {}
+        for name, view in zip(("first", "second"), views, strict=True):
+            figures[name] = plain_picture(poses, view)
+            figures[f"{name}_moved"] = values_picture(poses[1], moved, view, "displacement [mm]")
+        figures["sections"] = change_sections(poses, bones)
+        figures["convergence"] = convergence_plot(read.summary)
+        if distance is not None:
+            figures["error"] = values_picture(poses[1], distance, views[0], "distance [mm]", signed=True)
+        drawings = _drawn(figures, _prepare(out, PICTURES))
+    _write(out / PAGE, part_page(poses, read.summary, drawings, agreed, read.plan).encode())
     return out / PAGE
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.case.motions import motions_text
 from warp_trunk.engine.parallel import choose_device, choose_threads
 
 from .versions import versions
@@ -53,6 +54,7 @@ def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh |
     found["skin"] = surface_digest(case.skin)
     for when, bones in (("bone", case.bones), ("bone after", case.bones_after)):
         found |= {f"{when} {name}": surface_digest(surface) for name, surface in bones.items()}
+    found["motions"] = motions_text(case.motions)
     found["landmarks_before"] = _landmarks(case.landmarks_before)
     found["landmarks_after"] = _landmarks(case.planned_landmarks)
     found["layers of the case"] = None if case.layers is None else _layers(case.layers)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.case.landmarks import write_landmarks
+from warp_trunk.case.motions import FILE as MOTIONS
 from warp_trunk.case.places import refuse_case
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
@@ -135,6 +136,7 @@ def _write_case(folder: Path, case: Case, skin: Surface, plan: str | None) -> li
     landmarks = {LANDMARKS_BEFORE: case.landmarks_before, LANDMARKS_AFTER: case.planned_landmarks}
     for name, surface in surfaces.items():
         write_surface(partial(folder / name), surface)
+    landmarks = {name: points for name, points in landmarks.items() if points.names}
     for name, points in landmarks.items():
         write_landmarks(partial(folder / name), points)
     if plan is None:
@@ -155,7 +157,17 @@ def _write_found(folder: Path, trunk: TrunkMesh, last: Increment, found: FoundBa
 def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:
     """Gives every file its own name, the summary last, after what an earlier simulation left is gone."""
     made_of_it = (PAGE, f"{MEASURES}.json", f"{MEASURES}.csv")
-    for name in (SUMMARY, RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN, *made_of_it):  # SUMMARY first: it says "whole"
+    for name in (
+        SUMMARY,
+        RECORDING,
+        ACTUAL_SKIN,
+        SKIN_SD,
+        PLAN,
+        MOTIONS,
+        LANDMARKS_BEFORE,
+        LANDMARKS_AFTER,
+        *made_of_it,
+    ):  # SUMMARY first: it says "whole"
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
         picture.unlink()

@@ -43,5 +43,5 @@ def measure_result(
         before=before or measure(case.skin, case.landmarks_before),
         after=after or measure(predicted, case.planned_landmarks, case.skin),
         actual=None if actual is None else measure(actual, case.planned_landmarks),
-        quality=skin_quality(case.skin, predicted, case.landmarks_before),
+        quality=skin_quality(case.skin, predicted, case.landmarks_before, case.bones),
     )

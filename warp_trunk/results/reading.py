@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.case.landmarks import Landmarks, read_landmarks
+from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.surface_files import read_surface
 
 from .bands import SKIN_SD, read_skin_sd
-from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, PLAN, PREDICTED_SKIN, SKIN_BEFORE
+from .folder import ACTUAL_SKIN, LANDMARKS_AFTER, LANDMARKS_BEFORE, MOTIONS, PLAN, PREDICTED_SKIN, SKIN_BEFORE
 from .summary import SUMMARY, Summary, parse_summary
 
 AGAIN = "simulate the case again"
@@ -42,7 +42,7 @@ class Result:
     """Standard deviation of the place of each vertex of the predicted skin along its normal [mm], shape
     (vertices,); None without bands."""
     plan: str | None = None
-    """The text of the plan by which it was made; None where no plan made the case."""
+    """The text of the plan, or of the motions of bones, by which it was made; None where neither was."""
 
 
 def read_result(folder: str | Path) -> Result:
@@ -59,12 +59,15 @@ def read_result(folder: str | Path) -> Result:
             f"{folder / PREDICTED_SKIN}: {len(after.vertices)} vertices and {len(after.faces)} triangles are not "
             f"those of {SKIN_BEFORE} ({len(before.vertices)} and {len(before.faces)}); {AGAIN}"
         )
-    planned, reached = (_landmarks(folder / name) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
+    planned = reached = NO_LANDMARKS
+    if summary.bsr_deg.before or (folder / LANDMARKS_BEFORE).exists():
+        planned, reached = (_landmarks(folder / name) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
     if planned.names != reached.names:
         raise InputError(
             f"{folder / LANDMARKS_AFTER}: its {len(reached.names)} names are not the {len(planned.names)} of "
             f"{LANDMARKS_BEFORE} in their order; {AGAIN}"
         )
+    plans = [folder / PLAN, folder / MOTIONS]
     known = summary.bsr_deg.actual is not None
     return Result(
         skin_before=before,
@@ -74,7 +77,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_after=reached,
         summary=summary,
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
-        plan=read_text(folder / PLAN, "the plan of a result", _MOST_PLAN) if (folder / PLAN).is_file() else None,
+        plan=next((read_text(file, "the plan of a result", _MOST_PLAN) for file in plans if file.is_file()), None),
     )
 
 

@@ -25,13 +25,23 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
     """
     of = f"{name}: " if name else ""
     status, bsr = summary.ending, summary.bsr_deg
-    bands = {} if summary.bands is None else summary.bands.bsr_deg
     lines = [
         f"{of}{status.name}: {status.value}",
         *(f"{of}Warning: {warning}" for warning in summary.warnings),
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
         _skin(after),
+    ]
+    if bsr.before:
+        lines += _rotations(of, summary, before)
+    lines += ["", f"{of}Written to {folder}: {', '.join(sorted(_files(folder)))}", RESEARCH]
+    return "\n".join(lines)
+
+
+def _rotations(of: str, summary: Summary, before: TrunkMeasures) -> list[str]:
+    """The curves of the spine, and the rotation of the back at each level."""
+    bsr, bands = summary.bsr_deg, {} if summary.bands is None else summary.bands.bsr_deg
+    lines = [
         f"Cobb angles: {_curves(before.cobb, summary.cobb_deg.followed)}",
         "",
         f"{of}Back surface rotation (BSR): how far the back is turned at the height of each vertebra [degrees];",
@@ -45,12 +55,7 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
         cells += [bsr.actual.get(level)] if bsr.actual else []
         band = f"{bands[level].low:>+z10.1f} and {bands[level].high:+z.1f}" if level in bands else ""
         lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells) + band)
-    lines += [
-        "",
-        f"{of}Written to {folder}: {', '.join(sorted(_files(folder)))}",
-        RESEARCH,
-    ]
-    return "\n".join(lines)
+    return lines
 
 
 def markdown(
@@ -58,9 +63,6 @@ def markdown(
 ) -> str:
     """The same for the viewer, which reads Markdown."""
     status = last.relaxation.status
-    rows = [
-        f"| {level} | {_number(angle)} | {_number(after.bsr.get(level))} |" for level, angle in before.bsr.items()
-    ]
     return "\n".join(
         [
             f"# {case.name}",
@@ -70,18 +72,27 @@ def markdown(
             *(line for warning in warnings for line in (f"**Warning:** {warning}", "")),
             _skin(after),
             "",
-            f"Cobb angles: {_curves(before.cobb, curves_after(before.cobb, case.planned_landmarks))}.",
-            "",
-            "Back surface rotation (BSR): how far the back is turned at the height of each vertebra, in degrees; "
-            "positive: the right side stands further back.",
-            "",
-            "| level | before | after |",
-            "|---|---:|---:|",
-            *rows,
-            "",
+            *(_rotations_markdown(case, before, after) if before.bsr else ()),
             RESEARCH,
         ]
     )
+
+
+def _rotations_markdown(case: Case, before: TrunkMeasures, after: TrunkMeasures) -> list[str]:
+    rows = [
+        f"| {level} | {_number(angle)} | {_number(after.bsr.get(level))} |" for level, angle in before.bsr.items()
+    ]
+    return [
+        f"Cobb angles: {_curves(before.cobb, curves_after(before.cobb, case.planned_landmarks))}.",
+        "",
+        "Back surface rotation (BSR): how far the back is turned at the height of each vertebra, in degrees; "
+        "positive: the right side stands further back.",
+        "",
+        "| level | before | after |",
+        "|---|---:|---:|",
+        *rows,
+        "",
+    ]
 
 
 def _skin(after: TrunkMeasures) -> str:

@@ -14,6 +14,7 @@ from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import plan_text
 from warp_trunk.bone_motion.steadying import steadying_warnings
 from warp_trunk.case import check_case
+from warp_trunk.case.motion_checks import check_passing
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
@@ -34,6 +35,7 @@ from warp_trunk.results.summary_text import markdown
 from .bands import find_bands
 from .increments import Watchers, simulate_watched
 from .options import RunOptions, parameters
+from .paths import motions_of
 from .patient import Patient, patient_of, with_mesh_given
 from .prepare import Prepared, prepare_plan
 from .progress import Progress
@@ -93,6 +95,8 @@ def run_case(
     options = options or RunOptions()
     progress = progress or Progress()
     _ = case.planned_landmarks  # refused before any work where nothing is planned
+    if case.landmarks_after is None:
+        _check_given(options)
     with removed_if_empty(Path(folder)):
         folder = prepare_folder(folder)
         check_colours(case, options.record_colours)
@@ -107,15 +111,24 @@ def run_case(
         warnings = [
             *(check_case(case) if warnings is None else warnings),
             *curve_warnings(case.landmarks_before, case.planned_landmarks),
-            *(_rigid_warnings(case) if options.bones == "follow" else ()),
+            *(_rigid_warnings(case) if options.bones == "follow" and case.landmarks_after is not None else ()),
             *option_warnings(
                 (case.tissue, *(() if case.layers is None else case.layers.tissues(case.tissue))), options.gravity
             ),
         ]
+        if case.motions:
+            check_passing(case, motions_of(case), "motions")
         for warning in warnings:
             progress.message(f"warning: {warning}")
         with locked(folder):
             return _run(case, folder, options, progress, warnings=warnings, patient=patient, plan=plan)
+
+
+def _check_given(options: RunOptions) -> None:
+    """Raise InputError for options that need landmarks after surgery, where bones are moved without."""
+    for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
+        if asked:
+            raise InputError(f"{name}: needs landmarks_after.csv, and bones move by motions alone; leave it out")
 
 
 def _rigid_warnings(case: Case) -> list[str]:

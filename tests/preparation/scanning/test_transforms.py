@@ -4,7 +4,8 @@ import pytest
 from support.meshes import rotation
 from support.synthetic import sphere
 from warp_trunk.errors import InputError
-from warp_trunk.preparation.scanning import moved, read_transform
+from warp_trunk.io.transform_file import read_transform
+from warp_trunk.preparation.scanning import moved
 
 
 def matrix():

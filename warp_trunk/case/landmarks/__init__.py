@@ -1,12 +1,13 @@
 """Named points on bones, and the files of spreadsheets and of 3D Slicer that hold them."""
 
 from .files import landmark_file, read_landmarks
-from .landmarks import ASIS, VERTEBRA_POINTS, VERTEBRAE, Landmarks, bone_of
+from .landmarks import ASIS, NO_LANDMARKS, VERTEBRA_POINTS, VERTEBRAE, Landmarks, bone_of
 from .table import COLUMNS, write_landmarks
 
 __all__ = [
     "ASIS",
     "COLUMNS",
+    "NO_LANDMARKS",
     "VERTEBRAE",
     "VERTEBRA_POINTS",
     "Landmarks",

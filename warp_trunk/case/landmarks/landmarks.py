@@ -74,6 +74,10 @@ class Landmarks:
         return _vertebrae_of(self.names)
 
 
+NO_LANDMARKS = Landmarks((), np.zeros((0, 3)))
+"""Those of a part of the body without a spine."""
+
+
 @lru_cache(maxsize=16)
 def _vertebrae_of(names: tuple[str, ...]) -> tuple[str, ...]:
     found = {match.groups() for match in map(_VERTEBRA.match, names) if match}

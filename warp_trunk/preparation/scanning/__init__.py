@@ -4,7 +4,7 @@ from .alignment import Alignment, align_parts
 from .closing import ClosedSkin, CloseOptions, close_skin
 from .cutting import CutPlane
 from .parts import check_parts
-from .transforms import moved, read_transform
+from .transforms import moved
 
 __all__ = [
     "Alignment",
@@ -15,5 +15,4 @@ __all__ = [
     "check_parts",
     "close_skin",
     "moved",
-    "read_transform",
 ]

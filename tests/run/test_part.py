@@ -1,0 +1,97 @@
+"""A part of the body without a spine, from a case to its report."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.part_phantom import part_case
+from warp_trunk.case import write_case
+from warp_trunk.case.motions import Motion
+from warp_trunk.cli import main
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import enclosed_volume
+from warp_trunk.measures.part import agreement, swept_volumes
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.report import write_report
+from warp_trunk.results import read_result
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.run_case import run_case
+
+OPTIONS = RunOptions(
+    mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False),
+    simulation=SimulationOptions(increments=2),
+    device="cpu",
+    threads=1,
+)
+
+
+@pytest.fixture(scope="module")
+def front(tmp_path_factory):
+    """The front bone 6 mm forward."""
+    case = part_case(front=Motion(translation=(0.0, -6.0, 0.0)))
+    actual = Surface(case.skin.vertices + np.array([0.0, -1.0, 0.0]), case.skin.faces)
+    return run_case(replace(case, actual_skin=actual), tmp_path_factory.mktemp("part") / "out", OPTIONS)
+
+
+def test_skin_follows_the_bone_that_moves_and_stays_where_none_does(front):
+    assert front.status is RelaxStatus.CONVERGED
+    result = read_result(front.folder)
+    way = result.predicted_skin.vertices - result.skin_before.vertices
+    foremost, hindmost = result.skin_before.vertices[:, 1].argmin(), result.skin_before.vertices[:, 1].argmax()
+    assert -6.0 < way[foremost, 1] < -3.0
+    assert np.linalg.norm(way[hindmost]) < 0.5
+    assert result.landmarks_before.names == ()
+
+
+def test_where_all_bones_move_as_one_the_skin_does(tmp_path):
+    shift = (1.0, -2.0, 3.0)
+    case = part_case(**dict.fromkeys(part_case().bones, Motion(translation=shift)))
+    done = run_case(case, tmp_path / "out", replace(OPTIONS, record=False))
+    result = read_result(done.folder)
+    way = result.predicted_skin.vertices - result.skin_before.vertices
+    np.testing.assert_allclose(way, np.broadcast_to(shift, way.shape), atol=0.05)
+
+
+def test_its_report_speaks_of_no_vertebra(front, tmp_path):
+    page = write_report(front.folder, tmp_path)
+    text = re.sub('base64,[^"]*', "", page.read_text())
+    for word in ("Cobb", "vertebra", "hump", "BSR"):
+        assert word not in text
+    assert {path.stem for path in (tmp_path / "report").glob("*.png")} >= {"first", "second", "sections", "error"}
+
+
+def test_several_motions_share_a_patient(tmp_path, capsys):
+    write_case(tmp_path / "case", part_case(front=Motion(translation=(0.0, -1.0, 0.0))))
+    words = ["simulate", str(tmp_path / "case"), "--out", str(tmp_path / "out"), "--tets", "8000", "--no-record"]
+    for name, way in (("near", -1.0), ("far", -4.0)):
+        (tmp_path / f"{name}.toml").write_text(f"[front]\ntranslation = [0, {way}, 0]\n")
+        words += ["--motions", str(tmp_path / f"{name}.toml")]
+    assert main(words) == 0
+    ways = [read_result(tmp_path / "out" / name) for name in ("near", "far")]
+    moved = [np.abs(one.predicted_skin.vertices - one.skin_before.vertices).max() for one in ways]
+    assert moved[1] > 3.0 * moved[0]
+    assert capsys.readouterr().err.count("meshing the soft tissue") == 1
+
+
+def test_swept_volumes_are_those_between_the_skins():
+    skin = part_case().skin
+    rng = np.random.default_rng(3)
+    after = Surface(skin.vertices + rng.normal(size=skin.vertices.shape), skin.faces)
+    outward, inward = swept_volumes(skin, after)
+    assert outward - inward == pytest.approx((enclosed_volume(after) - enclosed_volume(skin)) / 1000.0, rel=1e-9)
+    grown = Surface(1.1 * (skin.vertices - [0, 0, 100]) + [0, 0, 100], skin.faces)
+    assert swept_volumes(skin, grown)[1] == 0.0
+
+
+def test_agreement_of_a_larger_ball_is_its_larger_radius():
+    skin = part_case().skin
+    for more, within in ((1.5, 100.0), (2.5, 0.0)):
+        larger = Surface((1.0 + more / 80.0) * (skin.vertices - [0, 0, 100]) + [0, 0, 100], skin.faces)
+        found, signed = agreement(larger, skin)
+        assert found.within_percent == pytest.approx(within)
+        np.testing.assert_allclose(signed, more, atol=0.1)
+        assert found.mean_mm == pytest.approx(more, abs=0.1)

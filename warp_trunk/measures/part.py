@@ -1,0 +1,63 @@
+"""What is measured on any part of the body, with a spine or without: the change of the skin, and its error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.geometry.normals import area_vectors, corner_areas
+
+from .skin_distance import same_skin
+
+if TYPE_CHECKING:
+    from warp_trunk.geometry.surface import Surface
+
+NEAR = 2.0
+"""Studies of the face report the share of the skin that is predicted nearer than this [mm]."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far a predicted skin is from the actual one, by area; cut planes are left out."""
+
+    within_percent: float
+    """Share of the skin nearer than `NEAR` [%]."""
+    mean_mm: float
+    """Mean distance."""
+    p95_mm: float
+    """95 % of the skin is nearer."""
+    largest_mm: float
+    """Largest distance."""
+
+
+def swept_volumes(before: Surface, after: Surface) -> tuple[float, float]:
+    """Volumes between two skins of the same triangles, outside the first and inside it [cm3], both positive.
+
+    Each triangle sweeps the integral of mean displacement times area vector over its straight way; the area vector
+    is quadratic in it, so that Simpson's rule is exact. Outward less inward is the change of the enclosed volume.
+    """
+    way = after.vertices - before.vertices
+    areas = [area_vectors(before.vertices + part * way, before.faces) for part in (0.0, 0.5, 1.0)]
+    mean = (areas[0] + 4.0 * areas[1] + areas[2]) / 6.0
+    swept = np.einsum("fi,fi->f", way[before.faces].mean(axis=1), mean) / 1000.0
+    return float(swept[swept > 0.0].sum()), float(-swept[swept < 0.0].sum())
+
+
+def agreement(predicted: Surface, actual: Surface) -> tuple[Agreement, np.ndarray]:
+    """How far a predicted skin is from the actual one [mm].
+
+    Returns:
+        The statistics, and the signed distance of each vertex, positive outside the actual skin, NaN where it has
+        no counterpart, shape (vertices,).
+    """
+    signed, counted = same_skin(predicted, actual)
+    size, area = np.abs(signed)[counted], corner_areas(predicted)[counted]
+    found = Agreement(
+        within_percent=100.0 * float(area[size <= NEAR].sum() / area.sum()),
+        mean_mm=float(np.average(size, weights=area)),
+        p95_mm=float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
+        largest_mm=float(size.max()),
+    )
+    return found, np.where(counted, signed, np.nan)

@@ -1,0 +1,104 @@
+"""Pictures of a part of the body without a spine: its skin, how far it moves, and sections where it moves most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.normals import area_vectors
+from warp_trunk.geometry.surface import Surface
+
+from .panels import panels, shaded
+from .relief import BEHIND, FRONT, LEFT, RIGHT, View, relief, seen_values, window
+from .skin_pictures import COARSE
+from .style import FAINT, Pose, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_VIEWS = {BEHIND: (0.0, 1.0), RIGHT: (-1.0, 0.0), FRONT: (0.0, -1.0), LEFT: (1.0, 0.0)}
+"""Where the viewer stands, x and y of LPS."""
+_PLANES = (("from the left", (1, 2), 0), ("from the front", (0, 2), 1), ("from above", (0, 1), 2))
+"""Of each section what is seen, the axes across and up, and the normal."""
+_REACH = 60.0
+"""Sections show what is nearer to the largest change than this [mm]."""
+
+
+def frame_of(skin: Surface) -> Landmarks:
+    """Two points that stand for the iliac spines, so that pictures are in the axes of the case."""
+    low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+    middle = (low[1] + high[1]) / 2.0
+    return Landmarks(("asis_left", "asis_right"), np.array([[high[0], middle, low[2]], [low[0], middle, low[2]]]))
+
+
+def changed_views(before: Surface, after: Surface) -> list[View]:
+    """The side from which most of the change of a skin is seen, by area that faces the viewer, and the one of its
+    two neighbours from which more is seen."""
+    way = np.linalg.norm(after.vertices - before.vertices, axis=1)[before.faces].mean(axis=1)
+    faces = area_vectors(before.vertices, before.faces)[:, :2]
+    seen = {view: float(np.maximum(faces @ side, 0.0) @ way) for view, side in _VIEWS.items()}
+    first = max(seen, key=seen.__getitem__)
+    return [first, max((view for view in seen if (view.turn - first.turn) % 2), key=seen.__getitem__)]
+
+
+def values_picture(pose: Pose, values: np.ndarray, view: View, label: str, *, signed: bool = False) -> Figure:
+    """A skin from one side, coloured by a number of each vertex, shape (vertices,), NaN for none."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    most = max(float(np.nanquantile(np.abs(values), 0.999)), 1e-3)
+    colours, norm = colormaps["PuOr_r" if signed else "YlOrRd"], Normalize(-most if signed else 0.0, most)
+    seen = window([(pose.skin, pose.landmarks)], COARSE, view)
+    shown = seen_values(pose.skin, pose.landmarks, seen, values, view)
+    painted = colours(norm(np.nan_to_num(shown)))[:, :, :3]
+    image = shaded(relief(pose.skin, pose.landmarks, seen, view), painted, 1.0 * np.isfinite(shown))
+    figure, plots = panels([pose], seen, view, [image], legend=0.8)
+    bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal")
+    bar.ax.set_xlabel(label, fontsize=8.5)
+    return figure
+
+
+def change_sections(poses: Sequence[Pose], bones: Sequence[Surface]) -> Figure:
+    """Skin and bone of every pose cut by the three planes through the largest change of the skin.
+
+    Args:
+        poses: before surgery, predicted, and the actual one where it is known.
+        bones: the bones before surgery and after, open or closed.
+    """
+    way = np.linalg.norm(poses[1].skin.vertices - poses[0].skin.vertices, axis=1)
+    at = poses[0].skin.vertices[way.argmax()]
+    figure = new_figure(7.6, 3.1, "constrained")
+    for axes, (title, across, normal) in zip(figure.subplots(1, 3), _PLANES, strict=True):
+        for number, pose in enumerate(poses):
+            _draw_cut(axes, pose.skin, at, across, normal, pose.look.colour, 1.3, pose.look.title)
+            if number < len(bones):
+                _draw_cut(axes, bones[number], at, across, normal, pose.look.colour, 0.7)
+        axes.set_title(f"{title}, at {'xyz'[normal]} = {at[normal]:.0f} mm", fontsize=8.5)
+        axes.set_xlim(at[across[0]] - _REACH, at[across[0]] + _REACH)
+        axes.set_ylim(at[across[1]] - _REACH, at[across[1]] + _REACH)
+        axes.set_xlabel(
+            "to the back [mm]" if normal == 0 else "to the patient's left [mm]", fontsize=8, color=FAINT
+        )
+        axes.set_aspect("equal")
+        axes.tick_params(labelsize=7)
+    handles = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=len(poses))
+    return figure
+
+
+def _draw_cut(
+    axes: Axes, surface: Surface, at: np.ndarray, across: tuple[int, int], normal: int, colour: str, width: float,
+    title: str | None = None,
+) -> None:  # fmt: skip
+    from matplotlib.collections import LineCollection
+    from trimesh import Trimesh
+    from trimesh.intersections import mesh_plane
+
+    mesh = Trimesh(surface.vertices, surface.faces, process=False)
+    lines = np.asarray(mesh_plane(mesh, np.eye(3)[normal], at)).reshape(-1, 2, 3)
+    axes.add_collection(LineCollection(list(lines[:, :, across]), colors=colour, linewidths=width, label=title))
