@@ -1,5 +1,6 @@
 """A part of the body without a spine, from a case to its report."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -7,13 +8,17 @@ import numpy as np
 import pytest
 
 from support.part_phantom import part_case
-from warp_trunk.case import write_case
+from warp_trunk.case import read_case, write_case
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.motions import Motion
+from warp_trunk.case.points import Points
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures.part import agreement, swept_volumes
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.report import write_report
@@ -95,3 +100,50 @@ def test_agreement_of_a_larger_ball_is_its_larger_radius():
         assert found.within_percent == pytest.approx(within)
         np.testing.assert_allclose(signed, more, atol=0.1)
         assert found.mean_mm == pytest.approx(more, abs=0.1)
+
+
+def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path):
+    marks = Landmarks(
+        ("tip", "lip", "bone", "still"),
+        np.array([[0.0, -80.0, 100.0], [0.0, -79.0, 108.0], [0.0, -63.0, 100.0], [25.0, 20.0, 100.0]]),
+    )
+    case = part_case(front=Motion(translation=(0.0, -6.0, 0.0)))
+    case = replace(case, points=Points(marks, {"tip": "bone", "lip": "still"}))
+    write_case(tmp_path / "case", case)
+    read = read_case(tmp_path / "case")
+    assert read.points.pairs == case.points.pairs
+    done = run_case(read, tmp_path / "out", replace(OPTIONS, record=False))
+    tip, lip, bone, still = done.summary.points
+    assert (tip.on, bone.on, still.on) == ("skin", "front", "core")
+    np.testing.assert_allclose(bone.way, [0.0, -6.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(still.way, 0.0, atol=1e-6)
+    result = read_result(done.folder)
+    foremost = result.skin_before.vertices[:, 1].argmin()
+    way = result.predicted_skin.vertices[foremost] - result.skin_before.vertices[foremost]
+    assert tip.ratio == pytest.approx(way[1] / -6.0, abs=0.02)
+    assert lip.ratio is None  # its bone stands still
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("tip,0,-60,100,", "mm from front, the nearest surface"),
+        ("tip,0,-80,100,bone", "'bone', which is not among the points"),
+        ("tip,0,-80,100,tip", "lies on skin and 'tip' on skin"),
+    ],
+)
+def test_points_that_lie_nowhere_or_compare_nothing_are_refused(tmp_path, row, says):
+    write_case(tmp_path, part_case(front=Motion(translation=(0.0, -1.0, 0.0))))
+    (tmp_path / "points.csv").write_text(f"name,x,y,z,bone_point\n{row}\n".replace("-60", "-71"))
+    with pytest.raises(InputError, match=says):
+        read_case(tmp_path)
+
+
+def test_a_prediction_is_judged_by_the_share_that_is_near(front, tmp_path, capsys):
+    actual = tmp_path / "actual.ply"
+    write_surface(actual, read_result(front.folder).predicted_skin)
+    assert main(["measure", str(front.folder), "--against", str(actual), "--out", str(tmp_path)]) == 0
+    record = json.loads((tmp_path / "measures.json").read_text())
+    assert record["against"]["within_percent"] == pytest.approx(100.0)
+    assert record["against"]["largest_mm"] < 0.01
+    assert (tmp_path / "measures.png").stat().st_size > 10_000

@@ -15,6 +15,7 @@ from warp_trunk.geometry.surface import Surface
 from .landmarks import Landmarks, bone_of
 from .layers import Layers
 from .motions import Motion, rigid_motions
+from .points import Points
 from .rib_shares import RibShares
 from .study import Study
 from .uncertainty import Uncertainty
@@ -60,6 +61,9 @@ class Case:
     """The same while she bends to her right."""
     motions: dict[str, Motion] = dataclasses.field(default_factory=dict)
     """How bones move that no landmarks hold, by name; all others that nothing is known of stand still."""
+
+    points: Points = dataclasses.field(default_factory=Points)
+    """Points on skin and bones that are followed."""
 
     @cached_property
     def planned_landmarks(self) -> Landmarks:

@@ -21,6 +21,8 @@ from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
 from .layer_table import read_layers
 from .motions import FILE as MOTIONS
 from .motions import Motion, read_motions
+from .points import FILE as POINTS
+from .points import Points, read_points
 
 
 def read_case(folder: str | Path, checks: CheckOptions | None = None, motions: str | Path | None = None) -> Case:
@@ -39,7 +41,8 @@ def read_checked_case(
 
     The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
     `landmarks_before.csv` and perhaps `landmarks_after.csv`, `landmarks_bending_left.csv`,
-    `landmarks_bending_right.csv`, `actual_skin.ply`, `bones_after/*.ply` and `motions.toml` (`read_motions`).
+    `landmarks_bending_right.csv`, `actual_skin.ply`, `bones_after/*.ply`, `motions.toml` (`read_motions`) and
+    `points.csv` (`read_points`).
     With motions, or all bones after surgery, it needs no landmarks.
     Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone is named after
     its file. No file is read that lies elsewhere, also where case.toml names it or a link leads to it.
@@ -85,6 +88,7 @@ def read_checked_case(
         rib_shares=header.ribs,
         bones_after={name: files.surface(f"bones_after/{name}", path) for name, path in bones_after.items()},
         motions=moved,
+        points=files.followed(),
         bending_left=files.points_if_there("landmarks_bending_left"),
         bending_right=files.points_if_there("landmarks_bending_right"),
     )
@@ -142,6 +146,14 @@ class _Files:
         if not found:
             raise InputError(f"{path}: names no bone; add a table for each bone that moves, or remove the file")
         return found
+
+    def followed(self) -> Points:
+        path = self.folder / POINTS
+        if not (path.exists() or path.is_symlink()):
+            return Points()
+        self.names["points"] = path
+        check_within(self.folder, path)
+        return read_points(path, self.header.axes, self.header.units)
 
     def stem(self, stem: str) -> Path | None:
         return surface_files(self.folder, stem).get(stem)

@@ -16,6 +16,8 @@ from .landmarks import write_landmarks
 from .layer_table import write_layers
 from .motions import FILE as MOTIONS
 from .motions import motions_text
+from .points import FILE as POINTS
+from .points import points_text
 
 
 def write_case(folder: str | Path, case: Case) -> None:
@@ -46,10 +48,15 @@ def write_case(folder: str | Path, case: Case) -> None:
             continue
         with atomic_write(folder / file) as unfinished:
             write_landmarks(unfinished, points)
-    (folder / MOTIONS).unlink(missing_ok=True)
-    if case.motions:
-        with atomic_write(folder / MOTIONS) as unfinished:
-            unfinished.write_text(motions_text(case.motions), encoding="utf-8")
+    texts = {
+        MOTIONS: motions_text(case.motions),
+        POINTS: points_text(case.points) if case.points.marks.names else "",
+    }
+    for file, text in texts.items():
+        (folder / file).unlink(missing_ok=True)
+        if text:
+            with atomic_write(folder / file) as unfinished:
+                unfinished.write_text(text, encoding="utf-8")
     header = CaseHeader(
         name=case.name,
         axes=Axes("LPS"),

@@ -22,6 +22,7 @@ from .frame_checks import check_frame
 from .landmark_places import check_motion, check_on_bones, check_palpated
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from .motion_checks import check_motions
+from .points import check_points
 from .vertebra_order import check_order
 from .vertebra_shape import check_shapes
 
@@ -120,6 +121,7 @@ def check_case(
     warnings += _check_both(case, options, source)
     check_bones_after(case, options.bone_changed, source.name)
     check_motions(case, source.name("motions"))
+    check_points(case, source.name("points"))
     return (*_posture(case), *warnings)
 
 

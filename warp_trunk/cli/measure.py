@@ -17,6 +17,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
 from warp_trunk.io.surface_files import read_surface
+from warp_trunk.report.part_pictures import write_distances
 from warp_trunk.results import read_result
 from warp_trunk.results.folder import PREDICTED_SKIN
 from warp_trunk.results.judging import check_writable, judged, write_record
@@ -62,6 +63,8 @@ class Measure:
                 record, text = judged(case, file, skin, actual, self.when)
         print(text)
         write_record(stem, record)
+        if actual is not None and not case.landmarks_before.names:
+            print(f"\nMap of distances: {write_distances(stem.with_name(f'{stem.name}.png'), skin, actual)}")
         print(f"\nWritten to {stem}.json and {stem}.csv")
         return OK
 

@@ -61,3 +61,13 @@ def agreement(predicted: Surface, actual: Surface) -> tuple[Agreement, np.ndarra
         largest_mm=float(size.max()),
     )
     return found, np.where(counted, signed, np.nan)
+
+
+def agreement_rows(agreed: Agreement) -> list[list[str]]:
+    """How far a predicted skin is from the actual one."""
+    return [
+        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed.within_percent:.0f}"],
+        ["Mean distance [mm]", f"{agreed.mean_mm:.2f}"],
+        ["95 % of the skin is nearer than [mm]", f"{agreed.p95_mm:.2f}"],
+        ["Largest distance [mm]", f"{agreed.largest_mm:.2f}"],
+    ]

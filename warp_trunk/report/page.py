@@ -9,13 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.comparison import DETECTABLE
+from warp_trunk.measures.part import agreement_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 
 from .band_rows import BAND_HEAD, SOURCE_HEAD, band_rows, source_rows
 from .modelled import modelled, not_modelled
 from .option_rows import option_rows, value_text
 from .sentences import glance, sentences
-from .tables import agreement_rows, change_rows, error_rows, head, measure_rows, rotation_rows
+from .tables import (
+    change_rows,
+    error_rows,
+    head,
+    measure_rows,
+    point_rows,
+    ratio_rows,
+    rotation_rows,
+)
 
 if TYPE_CHECKING:
     from warp_trunk.measures import SkinComparison
@@ -83,8 +92,6 @@ def part_page(
         "part.html",
         drawings,
         change_rows=change_rows(poses),
-        point_rows=[],
-        ratio_rows=[],
         error_rows=[] if agreed is None else agreement_rows(agreed),
         **_of_run(poses, summary, plan),
     )
@@ -97,6 +104,8 @@ def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[s
         "case": summary.case,
         "plan": plan,
         "warnings": summary.warnings,
+        "point_rows": point_rows(summary.points),
+        "ratio_rows": ratio_rows(summary.points),
         "virtual": summary.virtual,
         "converged": status is RelaxStatus.CONVERGED,
         "status": status.name,

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.measures import measure
+from warp_trunk.measures.part import agreement
 
 from .panels import panels, shaded
 from .relief import BEHIND, FRONT, LEFT, RIGHT, View, relief, seen_values, window
 from .skin_pictures import COARSE
-from .style import FAINT, Pose, new_figure
+from .style import FAINT, PREDICTED, RC, Pose, file_of, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,6 +65,22 @@ def values_picture(pose: Pose, values: np.ndarray, view: View, label: str, *, si
     bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal")
     bar.ax.set_xlabel(label, fontsize=8.5)
     return figure
+
+
+def write_distances(path: Path, predicted: Surface, actual: Surface) -> Path:
+    """Write a picture of the distances of a predicted skin from the actual one, seen from where most is seen."""
+    from matplotlib import rc_context
+
+    _, distance = agreement(predicted, actual)
+    way = area_vectors(predicted.vertices, predicted.faces)[:, :2]
+    size = np.nan_to_num(np.abs(distance))[predicted.faces].mean(axis=1)
+    view = max(_VIEWS, key=lambda view: float(np.maximum(way @ _VIEWS[view], 0.0) @ size))
+    frame = frame_of(predicted)
+    pose = Pose(PREDICTED, predicted, frame, measure(predicted, NO_LANDMARKS))
+    with rc_context(RC), atomic_write(path) as unfinished:
+        picture = values_picture(pose, distance, view, "distance [mm], orange outside", signed=True)
+        unfinished.write_bytes(file_of(picture, "png"))
+    return path
 
 
 def change_sections(poses: Sequence[Pose], bones: Sequence[Surface]) -> Figure:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.normals import corner_areas
-from warp_trunk.measures.part import NEAR, swept_volumes
+from warp_trunk.measures.part import swept_volumes
 
 from .curves import curve_changes
 
 if TYPE_CHECKING:
     from warp_trunk.measures import SkinComparison, TrunkMeasures
-    from warp_trunk.measures.part import Agreement
+    from warp_trunk.measures.points import FollowedPoint
 
     from .curves import CurveChange
     from .style import Pose
@@ -166,11 +166,14 @@ def change_rows(poses: Sequence[Pose]) -> list[Row]:
     ]
 
 
-def agreement_rows(agreed: Agreement) -> list[Row]:
-    """How far a predicted skin is from the actual one."""
+def point_rows(points: Sequence[FollowedPoint]) -> list[Row]:
+    """How far each point moves, in all and to the left, back and up."""
     return [
-        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed.within_percent:.0f}"],
-        ["Mean distance [mm]", f"{agreed.mean_mm:.2f}"],
-        ["95 % of the skin is nearer than [mm]", f"{agreed.p95_mm:.2f}"],
-        ["Largest distance [mm]", f"{agreed.largest_mm:.2f}"],
+        [point.name, point.on, f"{np.linalg.norm(point.way):.1f}", *(f"{part:+z.1f}" for part in point.way)]
+        for point in points
     ]
+
+
+def ratio_rows(points: Sequence[FollowedPoint]) -> list[Row]:
+    """How far soft tissue follows bone."""
+    return [[point.name, point.bone_point, f"{point.ratio:.2f}"] for point in points if point.ratio is not None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import os
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
+from warp_trunk.measures.part import agreement, agreement_rows
 from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
 from warp_trunk.measures.table import comparison_text, measures_text
 from warp_trunk.measures.volume import tissue_volume_change
@@ -64,7 +66,16 @@ def _measured(
     found = measure(skin, landmarks, case.skin if same and when == "after" else None)
     record: dict[str, Any] = {"case": case.name, "landmarks": when, "skin": measures_record(found)}
     text = [f"{case.name.strip()}: the skin with its landmarks {when} surgery", "", measures_text(found)]
+    if not landmarks.names:
+        change = found.skin_change_max
+        text = [
+            f"{case.name.strip()}: " + ("the skin" if change is None else f"the skin moves by {change:.1f} mm")
+        ]
     if actual is not None:
+        if not landmarks.names:
+            agreed, _ = agreement(skin, actual)
+            text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
+            return record | {"against": dataclasses.asdict(agreed)}, "\n".join(text)
         other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
         record |= {"actual": measures_record(other), "against": comparison_record(comparison)}
         text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.measures.cobb import curves_after
+from warp_trunk.measures.points import follow_points
 
 from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms
 from .versions import versions
@@ -72,6 +73,7 @@ def summarize(
         skin_quality=measured.quality,
         bands=bands,
         virtual=case.study.virtual,
+        points=follow_points(case, trunk, increments[-1].displacement),
     )
 
 

@@ -18,6 +18,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 from warp_trunk.measures import CobbAngle
+from warp_trunk.measures.points import FollowedPoint
 from warp_trunk.measures.skin_quality import SkinQuality
 
 from .bands import Bands
@@ -140,6 +141,8 @@ class Summary:
     """Whether the trunk was made by a computer: nobody's."""
     bands: Bands | None = None
     """How sure each number is; None where that was not asked for."""
+    points: tuple[FollowedPoint, ...] = ()
+    """How far the points of the case move."""
 
     def __post_init__(self) -> None:
         """Raises ValueError for a status that no relaxation has."""

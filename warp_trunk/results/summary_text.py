@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from warp_trunk.measures import CobbAngle, TrunkMeasures
 from warp_trunk.measures.cobb import curves_after
 
@@ -31,6 +33,11 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
         _skin(after),
+    ]
+    lines += [
+        f"{point.name} ({point.on}) moves by {np.linalg.norm(point.way):.1f} mm"
+        + ("" if point.ratio is None else f", {point.ratio:.2f} of the way of {point.bone_point}")
+        for point in summary.points
     ]
     if bsr.before:
         lines += _rotations(of, summary, before)

@@ -1,0 +1,104 @@
+"""Points of a case that are followed: on the skin, or on a bone; points.csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.io.file_access import read_text
+
+from .axes import Axes
+from .landmarks import NO_LANDMARKS, Landmarks
+from .landmarks.table import COLUMNS, read_rows
+
+if TYPE_CHECKING:
+    from warp_trunk.geometry.surface import Surface
+
+    from .case import Case
+
+FILE = "points.csv"
+"""The file of a case folder that names them."""
+PAIR = "bone_point"
+"""The column of the points on bone with which points on the skin are compared; it may be left out."""
+SKIN = "skin"
+_FAR = 5.0
+"""A point is on a surface that is nearer than this [mm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points before surgery, and which of them are compared."""
+
+    marks: Landmarks = NO_LANDMARKS
+    """Their names and places [mm]."""
+    pairs: dict[str, str] = field(default_factory=dict)
+    """Of points on the skin, the points on bone with which they are compared, by name."""
+
+    def owners(self, skin: Surface, bones: Mapping[str, Surface]) -> list[tuple[str, float]]:
+        """The surface on which each point lies, `SKIN` or the name of a bone, and how far it is from it [mm]."""
+        surfaces = {SKIN: skin, **bones}
+        if not self.marks.names:
+            return []
+        off = np.abs([SurfaceDistance(surface).at(self.marks.points) for surface in surfaces.values()])
+        nearest = off.argmin(axis=0)
+        return [(list(surfaces)[row], float(off[row, column])) for column, row in enumerate(nearest)]
+
+
+def read_points(path: Path, axes: Axes, units: str) -> Points:
+    """Read a table of name,x,y,z and, if there is one, `PAIR`, in the axes and units of a case.
+
+    Raises:
+        InputError: as `read_rows`.
+    """
+    names, points = read_rows(path, COLUMNS)
+    rows = csv.DictReader(io.StringIO(read_text(path, "points were expected")), skipinitialspace=True)
+    pairs = {row["name"].strip(): (row.get(PAIR) or "").strip() for row in rows if row["name"]}
+    return Points(
+        Landmarks(names, axes.points_to_lps(points, units)),
+        {name: other for name, other in pairs.items() if other},
+    )
+
+
+def points_text(points: Points) -> str:
+    """The text of points.csv, in LPS and mm, which `read_points` reads back; empty for no points."""
+    if not points.marks.names:
+        return ""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow([*COLUMNS, PAIR])
+    for name, point in zip(points.marks.names, points.marks.points.tolist(), strict=True):
+        writer.writerow([name, *map(repr, point), points.pairs.get(name, "")])
+    return file.getvalue()
+
+
+def check_points(case: Case, where: str) -> None:
+    """Check that points lie on the skin or a bone, and that a point of the skin is compared with one on bone.
+
+    Raises:
+        InputError: the first that does not.
+    """
+    names, pairs = case.points.marks.names, case.points.pairs
+    owners = dict(zip(names, case.points.owners(case.skin, case.bones), strict=True))
+    for name, (owner, off) in owners.items():
+        if off > _FAR:
+            raise InputError(
+                f"{where}: '{name}' is {off:.1f} mm from {owner}, the nearest surface, {_FAR:g} mm is allowed; "
+                "place it on the skin or on a bone"
+            )
+    for name, other in pairs.items():
+        if other not in owners:
+            raise InputError(f"{where}: '{name}' names '{other}', which is not among the points; add or rename it")
+        soft, hard = owners[name][0], owners[other][0]
+        if soft != SKIN or hard == SKIN:
+            raise InputError(
+                f"{where}: '{name}' lies on {soft} and '{other}' on {hard}; compare a point on the skin "
+                "with one on a bone"
+            )
