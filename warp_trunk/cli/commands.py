@@ -24,6 +24,7 @@ COMMANDS = {
     "landmarks": "FindLandmarks",
     "plan": "Plan",
     "make-case": "MakeCase",
+    "cut": "Cut",
     "simulate": "Simulate",
     "view": "View",
     "report": "Report",

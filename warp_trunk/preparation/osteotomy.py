@@ -1,0 +1,69 @@
+"""Cutting a closed bone into closed parts at a plane: an osteotomy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.linked_parts import linked_parts
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import components, enclosed_volume, manifold_fault
+
+from .scanning import CutPlane
+from .scanning.cutting import cut_within
+
+MOST_CHANGE = 0.005
+"""The parts together have the volume of the bone within this part of it."""
+
+
+def cut_bone(bone: Surface, plane: CutPlane, name: str = "bone") -> list[Surface]:
+    """Cut a closed bone at a plane; every part is closed by a flat face.
+
+    Args:
+        bone: the bone [mm].
+        plane: where; with a radius, only parts beyond it that come nearer to its point are cut off.
+        name: the file of the bone, for the error.
+
+    Returns:
+        What stays on the side that the normal points away from, then the parts beyond, from larger to smaller x.
+
+    Raises:
+        InputError: the bone is open, the plane misses it, its outline is too narrow to be closed, or the volume of
+            the parts is not that of the bone.
+    """
+    if fault := manifold_fault(bone):
+        raise InputError(f"{name}: a bone must be closed to be cut, but {fault}; mend it")
+    beyond = plane.distance(bone.vertices) > 0.0
+    inner = bone.faces[beyond[bone.faces].all(axis=1)]
+    part = linked_parts(inner[:, :2].reshape(-1), inner[:, 1:].reshape(-1), len(bone.vertices))
+    near = np.linalg.norm(bone.vertices - np.array(plane.point), axis=1) < plane.radius
+    off = beyond & np.isin(part, np.unique(part[beyond & near]))
+    if not off.any() or beyond.all():
+        raise InputError(f"{name}: {plane} does not cut it; move the plane, or give another radius")
+    ends = bone.vertices[bone.faces]
+    edge = float(np.median(np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2)))
+    kept = cut_within(bone, plane, ~beyond | off, edge)
+    x, y, z = (-value for value in plane.normal)
+    other = cut_within(bone, CutPlane(plane.point, (x, y, z)), np.ones(len(beyond), dtype=bool), edge)
+    parts = [kept, *_cut_off(other, bone.vertices[off])]
+    volume = enclosed_volume(bone)
+    change = sum(map(enclosed_volume, parts)) / volume - 1.0
+    if abs(change) > MOST_CHANGE:
+        raise InputError(
+            f"{name}: the parts have {100 * change:+.2f} % more volume than the bone, {100 * MOST_CHANGE:g} % is "
+            "allowed; move the plane, or give finer triangles"
+        )
+    return parts
+
+
+def _cut_off(surface: Surface, vertices: np.ndarray) -> list[Surface]:
+    """The connected parts that hold some of the vertices (n, 3), from larger to smaller x."""
+    from scipy.spatial import KDTree  # heavy
+
+    known = KDTree(vertices).query(surface.vertices)[0] < 1e-9
+    label = components(surface)
+    found = []
+    for number in np.unique(label[known]):
+        used, faces = np.unique(surface.faces[label[surface.faces[:, 0]] == number], return_inverse=True)
+        found.append(Surface(surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)))
+    return sorted(found, key=lambda part: -float(part.vertices[:, 0].mean()))
