@@ -50,7 +50,7 @@ def cut_bone(bone: Surface, plane: CutPlane, name: str = "bone") -> list[Surface
     change = sum(map(enclosed_volume, parts)) / volume - 1.0
     if abs(change) > MOST_CHANGE:
         raise InputError(
-            f"{name}: the parts have {100 * change:+.2f} % more volume than the bone, {100 * MOST_CHANGE:g} % is "
+            f"{name}: the parts have {100 * change:+z.2f} % more volume than the bone, {100 * MOST_CHANGE:g} % is "
             "allowed; move the plane, or give finer triangles"
         )
     return parts
