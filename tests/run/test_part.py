@@ -1,8 +1,11 @@
 """A part of the body without a spine, from a case to its report."""
 
 import json
+import os
 import re
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -147,3 +150,25 @@ def test_a_prediction_is_judged_by_the_share_that_is_near(front, tmp_path, capsy
     assert record["against"]["within_percent"] == pytest.approx(100.0)
     assert record["against"]["largest_mm"] < 0.01
     assert (tmp_path / "measures.png").stat().st_size > 10_000
+
+
+@pytest.mark.skipif(not os.environ.get("WARP_TRUNK_REGIONS"), reason="WARP_TRUNK_REGIONS names no folder")
+@pytest.mark.parametrize(("forward", "chin", "lip"), [(6.0, 0.97, 0.77), (-6.0, 0.96, 0.77)])
+def test_a_cut_jaw_takes_chin_and_lip_along(tmp_path, forward, chin, lip):
+    head = Path(os.environ["WARP_TRUNK_REGIONS"]) / "head"
+    shutil.copytree(head / "bones", tmp_path / "case" / "bones")
+    shutil.copy(head / "skin_mouth.ply", tmp_path / "case" / "skin.ply")
+    files = {
+        "case.toml": "",
+        "motions.toml": f"[mandible]\ntranslation = [0, {-forward}, 0]\n",
+        "points.csv": "name,x,y,z,bone_point\nchin,0,-184.7,1428,tooth\nlip,1.1,-187.5,1452.1,tooth\n"
+        "tooth,-4.6,-176.9,1453.4,\n",
+    }
+    for name, text in files.items():
+        (tmp_path / "case" / name).write_text(text)
+    words = ["--bone", "mandible", "--plane", "0", "-118", "1470", "0", "0", "1"]
+    assert main(["cut", str(tmp_path / "case"), *words, "--names", "mandible", "ramus_left", "ramus_right"]) == 0
+    assert main(["simulate", str(tmp_path / "case"), "--out", str(tmp_path / "out"), "--no-record"]) == 0
+    summary = read_result(tmp_path / "out").summary
+    assert (summary.status, summary.inverted_tets) == ("CONVERGED", 0)
+    assert [point.ratio for point in summary.points[:2]] == pytest.approx([chin, lip], abs=0.05)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.normals import corner_areas
+from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures.part import swept_volumes
 
 from .curves import curve_changes
@@ -163,6 +164,7 @@ def change_rows(poses: Sequence[Pose]) -> list[Row]:
         ["Skin that moves by more than 1 mm [cm²]", f"{corner_areas(poses[0].skin)[way > 1.0].sum() / 100.0:.0f}"],
         ["Volume gained outside the skin before [cm³]", f"{outward:.1f}"],
         ["Volume lost inside it [cm³]", f"{inward:.1f}"],
+        ["Pairs of triangles of the predicted skin that cross", f"{len(crossings(poses[1].skin))}"],
     ]
 
 
