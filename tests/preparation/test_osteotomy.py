@@ -56,4 +56,5 @@ def test_the_command_replaces_the_bone_and_keeps_the_whole_one(tmp_path, capsys)
     assert main([*words, "core", "core_upper"]) == 0
     parts = [read_surface(tmp_path / "bones" / f"{name}.ply") for name in ("core", "core_upper")]
     assert sum(map(enclosed_volume, parts)) == pytest.approx(enclosed_volume(whole), rel=5e-3)
+    assert main([*words[:5], "0", "20", "90", "0", "0", "-1", "--names", "core", "core_lower"]) == 0
     np.testing.assert_array_equal(read_surface(tmp_path / "bones_uncut" / "core.ply").vertices, whole.vertices)

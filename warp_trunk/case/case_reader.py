@@ -138,20 +138,18 @@ class _Files:
         return self.points(key) if path.exists() or path.is_symlink() else None
 
     def motions(self, given: Path | None) -> dict[str, Motion]:
-        path = given or self.folder / MOTIONS
+        self.names["motions"] = path = given or self.folder / MOTIONS
         if given is None and not (path.exists() or path.is_symlink()):
             return {}
-        self.names["motions"] = path
         found = read_motions(path, self.header.axes, None if given else self.folder)
         if not found:
             raise InputError(f"{path}: names no bone; add a table for each bone that moves, or remove the file")
         return found
 
     def followed(self) -> Points:
-        path = self.folder / POINTS
+        self.names["points"] = path = self.folder / POINTS
         if not (path.exists() or path.is_symlink()):
             return Points()
-        self.names["points"] = path
         check_within(self.folder, path)
         return read_points(path, self.header.axes, self.header.units)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,8 +46,12 @@ def check_motions(case: Case, where: str) -> None:
     """
     for bone, motion in case.motions.items():
         _check_one(case, bone, motion, f"{where}: [{bone}]")
-    motions = rigid_motions(case.motions)
-    for bone, motion in motions.items():
+    try:
+        TopologicalSorter({bone: motion.follows or () for bone, motion in case.motions.items()}).prepare()
+    except CycleError as error:
+        circle = " and ".join(error.args[1])
+        raise InputError(f"{where}: a bone follows itself, by {circle}; give one of them a motion") from None
+    for bone, motion in rigid_motions(case.motions).items():
         _check_size(case, bone, motion, f"{where}: [{bone}]")
 
 
@@ -68,13 +72,9 @@ def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
         )
     turn = motion.rotation
     numbers = [*motion.translation, *((turn.degrees, *turn.axis, *turn.point) if turn else ())]
-    if not all(map(math.isfinite, numbers)):
-        raise InputError(f"{where}: all numbers must be finite, not {numbers}; correct them")
+    if not all(map(math.isfinite, numbers)) or (turn is not None and not any(turn.axis)):
+        raise InputError(f"{where}: numbers must be finite, an axis must have a length; correct {numbers}")
     if turn is not None:
-        if not any(turn.axis):
-            raise InputError(
-                f"{where}: the axis of a rotation must have a length, not (0, 0, 0); give a direction"
-            )
         low, high = _box(case.skin)
         off = float(np.max([low - turn.point, turn.point - high]))
         if off > _FAR:
@@ -82,7 +82,7 @@ def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
                 f"{where}: turns about a point {off:.0f} mm outside the skin, {_FAR:g} mm is allowed; give it in "
                 "the frame of the case, in mm"
             )
-    _check_followed(case, bone, motion, where)
+    _check_followed(case, motion, where)
 
 
 def _check_bone(case: Case, bone: str, where: str) -> None:
@@ -92,7 +92,7 @@ def _check_bone(case: Case, bone: str, where: str) -> None:
         raise InputError(f"{where}: there is no bone '{bone}' among the {len(case.bones)} bones{hint}")
 
 
-def _check_followed(case: Case, bone: str, motion: Motion, where: str) -> None:
+def _check_followed(case: Case, motion: Motion, where: str) -> None:
     shares = motion.follows
     if shares is None:
         return
@@ -100,14 +100,6 @@ def _check_followed(case: Case, bone: str, motion: Motion, where: str) -> None:
         _check_bone(case, other, f"{where}: follows")
     if not shares or not all(share > 0.0 for share in shares.values()) or sum(shares.values()) > 1.0 + 1e-6:
         raise InputError(f"{where}: shares must be above 0 and 1 in all at most, not {dict(shares)}; correct them")
-    known, waiting = {bone}, list(shares)
-    while waiting:
-        other = waiting.pop()
-        if other == bone:
-            raise InputError(f"{where}: follows itself, by {' and '.join(shares)}; give one of them a motion")
-        if other not in known and other in case.motions:
-            waiting += case.motions[other].follows or ()
-        known.add(other)
 
 
 def _check_size(case: Case, bone: str, motion: RigidTransform, where: str) -> None:
@@ -141,12 +133,11 @@ def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) ->
     Raises:
         InputError: the first two bones that do, and where.
     """
-    moving = [bone for bone, motion in motions.items() if bone in case.motions and motion.as_exp_coords().any()]
-    others = list(case.bones)
-    distance = {other: SurfaceDistance(case.bones[other]) for other in others}
-    for bone in moving:
-        for other in others:
-            if other != bone and (found := _passed(case, motions, bone, distance[other], other)):
+    moving = [bone for bone in case.motions if motions[bone].as_exp_coords().any()]
+    for other, surface in case.bones.items():
+        distance = SurfaceDistance(surface)
+        for bone in moving:
+            if other != bone and (found := _passed(case, motions, bone, distance, other)):
                 deep, part, at = found
                 place = ", ".join(f"{x:.0f}" for x in at)
                 raise InputError(
@@ -163,10 +154,11 @@ def _passed(
     vertices = case.bones[bone].vertices
     relative = motions[other].inv() * motions[bone]
     way = float(np.linalg.norm(relative.apply(vertices) - vertices, axis=1).max())
-    near = _near(vertices, distance, way)
+    reach = 2.0 * way + _TOUCHING
+    near = vertices[((vertices > distance.lower - reach) & (vertices < distance.upper + reach)).all(axis=1)]
     if not len(near) or distance.at(near).min() < _TOUCHING:
         return None
-    for part in _parts(way):
+    for part in np.linspace(0.0, 1.0, math.ceil(way / _STEP) + 1)[1:]:
         there = type(relative).from_exp_coords(part * motions[bone].as_exp_coords()).apply(near)
         back = type(relative).from_exp_coords(part * motions[other].as_exp_coords()).inv()
         deep = -distance.at(back.apply(there))
@@ -174,18 +166,6 @@ def _passed(
         if deep[worst] > _DEEP:
             return float(deep[worst]), part, there[worst]
     return None
-
-
-def _near(vertices: np.ndarray, distance: SurfaceDistance, way: float) -> np.ndarray:
-    """The vertices that can reach the box of another bone."""
-    reach = 2.0 * way + _TOUCHING
-    inside = (vertices > distance.lower - reach) & (vertices < distance.upper + reach)
-    return vertices[inside.all(axis=1)]
-
-
-def _parts(way: float) -> Iterator[float]:
-    count = max(1, math.ceil(way / _STEP))
-    return (step / count for step in range(1, count + 1))
 
 
 def _box(surface: Surface) -> tuple[np.ndarray, np.ndarray]:

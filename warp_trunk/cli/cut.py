@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,8 +33,9 @@ class Cut:
     names: tuple[str, ...]
     """What to call the parts: the one that the normal points away from, then those beyond the plane, from larger
     to smaller x."""
-    radius: float | None = None
-    """Cut off only parts beyond the plane that come nearer to its point than this [mm]; all when left out."""
+    radius: float = math.inf
+    """Cut off only parts beyond the plane that come nearer to its point than this [mm]; all when left out.
+    A bone that is cut again stays whole in bones_uncut."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the parts in place of the bone."""
@@ -46,19 +47,16 @@ class Cut:
             if Path(name).name != name or name.startswith(".") or (name in files and name != self.bone):
                 raise InputError(f"--names: '{name}' is another bone, or cannot name a file; give another name")
         size, file = MILLIMETRES[header.units], files[self.bone]
-        x, y, z, *normal = self.plane
-        a, b, c = normal
-        radius = float("inf") if self.radius is None else self.radius / size
-        parts = cut_bone(
-            read_surface(file), CutPlane((x / size, y / size, z / size), (a, b, c), radius), str(file)
-        )
+        x, y, z, a, b, c = self.plane
+        plane = CutPlane((x / size, y / size, z / size), (a, b, c), self.radius / size)
+        parts = cut_bone(read_surface(file), plane, str(file))
         if len(parts) != len(self.names) or len(set(self.names)) < len(self.names):
             raise InputError(f"--names: {len(parts)} parts need as many different names, not {len(self.names)}")
         whole = self.case / "bones_uncut" / file.name
-        if whole.exists():
-            raise InputError(f"{whole}: is there already, from an earlier cut; move it away first")
         whole.parent.mkdir(exist_ok=True)
-        os.replace(file, whole)
+        file.unlink() if whole.exists() else file.rename(
+            whole
+        )  # the whole bone stays, not what an earlier cut left
         for name, part in zip(self.names, parts, strict=True):
             write_surface(file.with_name(f"{name}.ply"), part)
             print(f"{name}: {enclosed_volume(part) * size**3 / 1000.0:.2f} cm3")

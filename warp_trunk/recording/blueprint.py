@@ -36,8 +36,8 @@ def layout(
     """
     import rerun.blueprint as rrb
 
-    trunk = partial(_trunk, case)
-    aim = "Actual, after surgery" if target == "actual" else "Target: the planned spine"
+    trunk, bones = partial(_trunk, case), "spine" if before.bsr else "bones"
+    aim = "Actual, after surgery" if target == "actual" else f"Target: the planned {bones}"
 
     def third() -> Any:
         if target == "actual":
@@ -49,7 +49,7 @@ def layout(
         trunk("Before", "/before/bones", "/before/section", "/before/skin", glass="/before/skin"),
         trunk("Now", "/now/bones", "/now/section", skin, glass=skin, vertex_colors=drawing.SKIN),
         trunk(aim, "/target/bones", "/target/skin", glass="/target/skin"),
-        name="Spine through the skin",
+        name=f"{bones.capitalize()} through the skin",
     )
     coloured = [
         rrb.Vertical(
@@ -60,12 +60,11 @@ def layout(
         )
         for name in colours
     ]
+    of_spine = [_section(case, before), _bars(before)] if before.bsr else []
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Tabs(*coloured, through, active_tab=tab),
-            rrb.Horizontal(
-                _section(case, before), _bars(before), _plots(unit), _texts(), column_shares=[4, 4, 3, 5]
-            ),
+            rrb.Horizontal(*of_spine, _plots(unit), _texts(), column_shares=[*[4] * len(of_spine), 3, 5]),
             row_shares=[8, 5],
         ),
         *_panels(),
@@ -104,12 +103,12 @@ def _scale(name: ColourName) -> Any:
 
 
 def _behind_and_above(case: Case) -> Any:
-    """The eye from which a pane shows the whole back."""
+    """The eye from which a pane shows the whole back, or the front where there is no spine."""
     import rerun.blueprint as rrb
 
     low, high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
     centre, tall = (low + high) / 2.0, float((high - low)[[0, 2]].max())
-    away = np.array([0.0, 1.0, 0.25]) / np.hypot(1.0, 0.25)
+    away = np.array([0.0, 1.0 if case.landmarks_before.names else -1.0, 0.25]) / np.hypot(1.0, 0.25)
     distance = high[1] - centre[1] + 0.5 * tall / np.tan(FOV / 2.0)
     return rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,

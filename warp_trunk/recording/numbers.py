@@ -135,18 +135,18 @@ def table(
 
     three = (before, now, target)
     moved = "" if now.skin_change_max is None else f"{now.skin_change_max:.1f} mm"
-    rows = [
+    of_spine = [
         row("Back rotation, thoracic", [drawing.degrees(m.max_thoracic_bsr) for m in three]),
         row("Back rotation, lumbar", [drawing.degrees(m.max_lumbar_bsr) for m in three]),
         row("Cobb angles, from the top", [_cobb(m) for m in three]),
         row("Kyphosis T5 to T12", [_plain(m.kyphosis["T5-T12"], "°") for m in three]),
         row("Height of the spine", [_plain(m.spine_height and m.spine_height.height, " mm") for m in three]),
         row("Right shoulder higher by", [_plain(m.shoulders and m.shoulders.difference, " mm") for m in three]),
-        row("Skin moved by up to", ["", moved, ""]),
     ]
+    rows = [*(of_spine if before.bsr else []), row("Skin moved by up to", ["", moved, ""])]
     meaning = {
         "actual": "Actual: the skin after surgery as it was scanned.",
-        "target": "Target: the planned spine, with the skin where the spline alone carries it.",
+        "target": "Target: the planned bones, with the skin where their path alone carries it.",
     }
     head = [f"| | before | now, {100.0 * load_factor:.0f} % | {target_name} |", "|---|---:|---:|---:|"]
     return "\n".join([*head, *rows, "", f"{meaning[target_name]} {RESEARCH}"])

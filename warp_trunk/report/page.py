@@ -22,6 +22,7 @@ from .tables import (
     head,
     measure_rows,
     point_rows,
+    profile_rows,
     ratio_rows,
     rotation_rows,
 )
@@ -91,7 +92,7 @@ def part_page(
     return rendered(
         "part.html",
         drawings,
-        change_rows=change_rows(poses),
+        change_rows=[*change_rows(poses), *profile_rows(summary.points)],
         error_rows=[] if agreed is None else agreement_rows(agreed),
         **_of_run(poses, summary, plan),
     )

@@ -39,12 +39,13 @@ def frame_of(skin: Surface) -> Landmarks:
     return Landmarks(("asis_left", "asis_right"), np.array([[high[0], middle, low[2]], [low[0], middle, low[2]]]))
 
 
-def changed_views(before: Surface, after: Surface) -> list[View]:
-    """The side from which most of the change of a skin is seen, by area that faces the viewer, and the one of its
-    two neighbours from which more is seen."""
-    way = np.linalg.norm(after.vertices - before.vertices, axis=1)[before.faces].mean(axis=1)
-    faces = area_vectors(before.vertices, before.faces)[:, :2]
-    seen = {view: float(np.maximum(faces @ side, 0.0) @ way) for view, side in _VIEWS.items()}
+def changed_views(skin: Surface, size: np.ndarray) -> list[View]:
+    """The side from which most of a change of a skin is seen, and the neighbour from which more is seen.
+
+    Counted is the size of the change at each vertex, shape (vertices,), times the area that faces the viewer.
+    """
+    faces, of_face = area_vectors(skin.vertices, skin.faces)[:, :2], size[skin.faces].mean(axis=1)
+    seen = {view: float(np.maximum(faces @ side, 0.0) @ of_face) for view, side in _VIEWS.items()}
     first = max(seen, key=seen.__getitem__)
     return [first, max((view for view in seen if (view.turn - first.turn) % 2), key=seen.__getitem__)]
 
@@ -72,11 +73,8 @@ def write_distances(path: Path, predicted: Surface, actual: Surface) -> Path:
     from matplotlib import rc_context
 
     _, distance = agreement(predicted, actual)
-    way = area_vectors(predicted.vertices, predicted.faces)[:, :2]
-    size = np.nan_to_num(np.abs(distance))[predicted.faces].mean(axis=1)
-    view = max(_VIEWS, key=lambda view: float(np.maximum(way @ _VIEWS[view], 0.0) @ size))
-    frame = frame_of(predicted)
-    pose = Pose(PREDICTED, predicted, frame, measure(predicted, NO_LANDMARKS))
+    view = changed_views(predicted, np.nan_to_num(np.abs(distance)))[0]
+    pose = Pose(PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS))
     with rc_context(RC), atomic_write(path) as unfinished:
         picture = values_picture(pose, distance, view, "distance [mm], orange outside", signed=True)
         unfinished.write_bytes(file_of(picture, "png"))

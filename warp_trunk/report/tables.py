@@ -10,6 +10,7 @@ import numpy as np
 from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures.part import swept_volumes
+from warp_trunk.measures.profile import profile
 
 from .curves import curve_changes
 
@@ -179,3 +180,11 @@ def point_rows(points: Sequence[FollowedPoint]) -> list[Row]:
 def ratio_rows(points: Sequence[FollowedPoint]) -> list[Row]:
     """How far soft tissue follows bone."""
     return [[point.name, point.bone_point, f"{point.ratio:.2f}"] for point in points if point.ratio is not None]
+
+
+def profile_rows(points: Sequence[FollowedPoint]) -> list[Row]:
+    """The profile of a face before and as predicted, where its points are among those that are followed."""
+    was, will = (
+        profile({point.name: np.array(getattr(point, when)) for point in points}) for when in ("before", "after")
+    )
+    return [[name, f"{was[name]:.1f} → {will[name]:.1f}"] for name in was]

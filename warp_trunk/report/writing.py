@@ -100,7 +100,7 @@ def _write_part(folder: Path, out: Path, read: Result, poses: list[Pose]) -> Pat
     frame = frame_of(read.skin_before)
     poses = [replace(pose, landmarks=frame) for pose in poses]
     moved = np.linalg.norm(read.predicted_skin.vertices - read.skin_before.vertices, axis=1)
-    views = changed_views(read.skin_before, read.predicted_skin)
+    views = changed_views(read.skin_before, moved)
     trunk, displacement = read_trunk(folder / TRUNK)
     bones = [Surface(nodes, trunk.bone_faces) for nodes in (trunk.nodes, trunk.nodes + displacement)]
     agreed, distance = (

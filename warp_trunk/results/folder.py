@@ -156,18 +156,9 @@ def _write_found(folder: Path, trunk: TrunkMesh, last: Increment, found: FoundBa
 
 def _complete(folder: Path, names: Sequence[str], recording: Path | None) -> None:
     """Gives every file its own name, the summary last, after what an earlier simulation left is gone."""
-    made_of_it = (PAGE, f"{MEASURES}.json", f"{MEASURES}.csv")
-    for name in (
-        SUMMARY,
-        RECORDING,
-        ACTUAL_SKIN,
-        SKIN_SD,
-        PLAN,
-        MOTIONS,
-        LANDMARKS_BEFORE,
-        LANDMARKS_AFTER,
-        *made_of_it,
-    ):  # SUMMARY first: it says "whole"
+    made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
+    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
+    for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says "whole"
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
         picture.unlink()
