@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from virtual_patient import COBB, Drawn, draw, leaning, part_of, shaped, with_landmark_errors
+from virtual_patient import COBB, Drawn, curve_of, draw, leaning, part_of, shaped, with_landmark_errors
 
 from warp_trunk import (
     Case,
@@ -29,7 +29,6 @@ from warp_trunk import (
     RelaxOptions,
     RelaxStatus,
     RunOptions,
-    SpineCurve,
     Surface,
     make_case,
     predicted_skin,
@@ -137,7 +136,7 @@ def made(
     """
     skin = shaped(skin, drawn)
     bones = {bone: shaped(surface, drawn) for bone, surface in bones.items()}
-    curve = SpineCurve(kind=drawn.kind, cobb=drawn.cobb, apical_rotation=drawn.rotation, direction=drawn.direction)
+    curve = curve_of(drawn)
     poses: dict[str, Pose] = {name: "surgery"}
     if options.bending:
         poses[f"{name}_bending"] = "bending"

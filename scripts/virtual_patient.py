@@ -10,9 +10,17 @@ from typing import Literal
 
 import numpy as np
 
-from warp_trunk import Case, Landmarks, Surface
+from warp_trunk import Case, Landmarks, SpineCurve, Surface
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.case.study import Pose
+from warp_trunk.preparation.deformity.published_curves import (
+    KYPHOSIS,
+    LOWER_SHARE,
+    SECONDARY_ROTATION,
+    T1_OFFSET,
+    UPPER_SHARE,
+    Kind,
+)
 
 KINDS = {"thoracic": 0.74, "double_major": 0.14, "thoracolumbar": 0.12}
 """Shares of curves among operated adolescents: half are Lenke 1 and every type occurs (1912 patients, Sponseller
@@ -22,12 +30,10 @@ LEFT = 0.1
 COBB = (35.0, 90.0)
 """Uniform, so that all sizes are judged alike; operated curves have 46 to 78 degrees in the mean of a type (the
 same study)."""
-ROTATION = (0.32, 0.08)
-"""Apical rotation over Cobb: 22 over 68 degrees in the mean (Brink et al. 2017); its deviation is assumed."""
+ROTATION_SD = 4.0
+"""Deviation of the apical rotation from its published mean for Cobb angle and kyphosis [degrees]; assumed."""
 SIZE = 0.04
 """Standard deviation of height, width and depth, each by itself; that of stature at one age."""
-KYPHOSIS = 10.0
-"""Standard deviation of what is added to the thoracic kyphosis [degrees]; assumed."""
 CORRECTION = (0.70, 0.10)
 """Part of the curve that surgery takes away: 71 % in the mean (Mattila et al. 2013); its deviation is assumed."""
 FAT = (6.0, 1.5)
@@ -44,7 +50,7 @@ MONTHS = (3.0, 24.0)
 class Drawn:
     """One virtual patient."""
 
-    kind: Literal["thoracic", "thoracolumbar", "double_major"]
+    kind: Kind
     direction: Literal["right", "left"]
     cobb: float
     rotation: float
@@ -52,6 +58,10 @@ class Drawn:
     width: float
     depth: float
     kyphosis: float
+    secondary_rotation: float
+    upper_share: float | None
+    lower_share: float | None
+    t1_offset: float | None
     correction: float
     fat: float
     months: float
@@ -65,22 +75,35 @@ def draw(
     random: np.random.Generator, *, cobb: tuple[float, float], truth: Mapping[str, float], bending: bool
 ) -> Drawn:
     """One patient, with a Cobb angle between two and constants that are given in the place of drawn ones."""
-    kind = random.choice(list(KINDS), p=list(KINDS.values()))
+    kind: Kind = random.choice(list(KINDS), p=list(KINDS.values()))
     angle = float(random.uniform(*cobb))
     constants = {
-        "poisson_ratio": float(random.uniform(0.43, 0.48)),
+        "poisson_ratio": float(random.uniform(0.32, 0.47)),
         "fat.youngs_modulus": float(2.5 * 1.5 ** random.standard_normal()),
-        "ribs.recovery": float(random.uniform(0.6, 1.0)),
+        "ribs.recovery": float(random.uniform(0.55, 0.95)),
     }
+    thoracic = kind == "thoracic"
+    kyphosis = float(np.clip(random.normal(*KYPHOSIS), 0.0, 60.0))
+    mean = SpineCurve(kind=kind, cobb=angle, kyphosis=kyphosis)
+
+    def share(published: tuple[float, float]) -> float | None:
+        return float(np.clip(random.normal(*published), 0.1, 0.9)) if thoracic else None
+
     return Drawn(
         kind=kind,
         direction="left" if random.random() < LEFT else "right",
         cobb=angle,
-        rotation=angle * max(0.05, float(random.normal(*ROTATION))),
+        rotation=float(np.clip(mean.rotation + random.normal(0.0, ROTATION_SD), 0.0, 60.0)),
         height=float(random.normal(1.0, SIZE)),
         width=float(random.normal(1.0, SIZE)),
         depth=float(random.normal(1.0, SIZE)),
-        kyphosis=float(random.normal(0.0, KYPHOSIS)),
+        kyphosis=kyphosis,
+        secondary_rotation=float(
+            np.clip(mean.secondary + random.normal(0.0, SECONDARY_ROTATION[1]), 0.0, 2.0 * mean.secondary)
+        ),
+        upper_share=share(UPPER_SHARE),
+        lower_share=share(LOWER_SHARE),
+        t1_offset=float(random.normal(*T1_OFFSET)) if thoracic else None,
         correction=float(np.clip(random.normal(*CORRECTION), 0.4, 0.95)),
         fat=float(np.clip(random.normal(*FAT), 2.0, 12.0)),
         months=float(random.uniform(*MONTHS)),
@@ -95,19 +118,23 @@ def part_of(drawn: Drawn, pose: Pose) -> float:
 
 
 def shaped(surface: Surface, drawn: Drawn) -> Surface:
-    """A part of the straight trunk in the size and with the kyphosis of a patient.
-
-    A bump from front to back over the height of the thorax adds to the kyphosis what its slopes turn at both ends.
-    """
-    x, y, z = (surface.vertices * [drawn.width, drawn.depth, drawn.height]).T
-    low, high = THORAX[0] * drawn.height, THORAX[1] * drawn.height
-    along = np.clip((z - low) / (high - low), 0.0, 1.0)
-    amplitude = math.radians(drawn.kyphosis) * (high - low) / (2.0 * math.pi)
-    return Surface(np.column_stack([x, y + amplitude * np.sin(math.pi * along) ** 2, z]), surface.faces)
+    """A part of the straight trunk in the size of a patient."""
+    return Surface(surface.vertices * [drawn.width, drawn.depth, drawn.height], surface.faces)
 
 
-THORAX = (1070.0, 1360.0)
-"""Heights of T12 and T1 in the anatomy [mm], between which kyphosis is added."""
+def curve_of(drawn: Drawn) -> SpineCurve:
+    """The curve of a patient."""
+    fields = (
+        "kind",
+        "cobb",
+        "direction",
+        "kyphosis",
+        "secondary_rotation",
+        "upper_share",
+        "lower_share",
+        "t1_offset",
+    )
+    return SpineCurve(apical_rotation=drawn.rotation, **{name: getattr(drawn, name) for name in fields})
 
 
 def leaning(landmarks: Landmarks, degrees: float) -> Landmarks:

@@ -36,7 +36,7 @@ def coupled(before: SpineCurve, after: SpineCurve) -> dict[str, float]:
 def test_where_rotation_is_corrected_as_the_curve_is_all_of_the_turn_goes_with_it(direction, fraction) -> None:
     curve = SpineCurve(cobb=50.0, direction=direction)
     found, whole = coupled(curve, curve.corrected(fraction)), rotations(curve)
-    assert abs(whole["T8"]) == pytest.approx(16.0, abs=1.0)
+    assert abs(whole["T8"]) == pytest.approx(17.8, abs=1.0)
     for level in LEVELS:
         assert found[level] == pytest.approx(-fraction * whole[level], abs=0.3)
 
@@ -59,15 +59,15 @@ def test_a_curve_that_gets_worse_turns_its_vertebrae_further() -> None:
 def test_curves_of_one_spine_have_their_own_parts() -> None:
     curve = SpineCurve(kind="double_major", cobb=50.0)
     before, after = spine(curve), spine(curve.corrected(0.5))
-    thoracic = {f"T{number}" for number in range(1, 12)}
+    thoracic = {f"T{number}" for number in range(1, 11)}
     mixed = Landmarks(
         before.names,
         np.where([[name.split("_")[0] in thoracic] for name in before.names], after.points, before.points),
     )
     found = coupled_turns(before, mixed)
-    assert {"T9", "L2"} <= {one.apex for one in cobb_angles(before)}
-    assert abs(found["T9"]) > np.radians(2.0)
-    assert abs(found["L2"]) < np.radians(1.5)
+    assert {"T8", "L1"} <= {one.apex for one in cobb_angles(before)}
+    assert abs(found["T8"]) > np.radians(2.0)
+    assert abs(found["L1"]) < np.radians(1.5)
 
 
 def without(name: str, *curves: SpineCurve) -> list[Landmarks]:

@@ -61,7 +61,7 @@ def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
 
 def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
     bones = {name: bone for name, bone in BONES.items() if name != "sternum"}
-    shares = RibShares(turn=0.5, tilt=0.2, recovery=0.6)
+    shares = RibShares(turn=0.5, tilt=0.2, recovery=0.6, upper=0.0)
     motions = follow(bones, CURVED, shares)
     for rib in ("rib_left_06", "rib_right_03"):
         motion, moving = motions[rib], CURVED[vertebra(rib)]
@@ -190,6 +190,24 @@ def test_a_correction_puts_the_costal_margin_back_in_order(cobb: float) -> None:
     grown = np.abs(apart(curved, still) - apart(BONES, still)).mean()
     left = np.abs(apart(curved, corrected) - apart(BONES, still)).mean()
     assert left < 0.6 * grown
+
+
+def test_outer_ends_of_the_highest_ribs_stay_more_level_than_t1() -> None:
+    """A part of the tilt the other way makes up for the heads, which the tilt lifts by different heights."""
+    bones = {name: bone for name, bone in BONES.items() if name != "sternum"}
+    tilt = RigidTransform.from_rotation(Rotation.from_euler("y", 8.0, degrees=True))
+    way = {"T1": split(tilt, bones["T1"].vertices.mean(axis=0), np.array([0.0, 0.0, 1.0]))}
+
+    def uneven(upper: float) -> float:
+        motions = follow(bones, way, RibShares(upper=upper))
+        rise = []
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            rib = bones[f"rib_{side}_01"].vertices
+            outer = rib[(sign * rib[:, 0]).argmax()]
+            rise.append(motions[f"rib_{side}_01"].apply(outer)[2] - outer[2])
+        return abs(rise[0] - rise[1])
+
+    assert uneven(-0.5) < 0.75 * uneven(0.0)
 
 
 def test_less_recovery_turns_the_ribs_less() -> None:

@@ -93,7 +93,7 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "rule"),
     [
-        (("--uiv", "T4"), "the curves are 21 degrees T1 to T5 with apex T3, 60 degrees T5 to T12"),
+        (("--uiv", "T4"), "the curves are 26 degrees T1 to T5 with apex T3, 60 degrees T5 to T12"),
         (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correctoin=0.5"), "did you mean 'curve.correction'?"),
         (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction"), "must be a name, = and a number"),
         (

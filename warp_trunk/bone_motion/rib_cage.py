@@ -185,7 +185,9 @@ def _turned(vertebra: VertebraMotion, rib: _Rib, shares: RibShares, depth: float
         shares.recovery * shares.turn * (vertebra.turn - vertebra.direct) + shares.direct * vertebra.direct + lag
     )
     below = 0.0 if growing else max(0.0, (rib.number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS))
-    rotation = vertebra.share(turn=turn, tilt=shares.recovery * shares.tilt + below * shares.floating)
+    above = max(0.0, (_TRUE_RIBS - rib.number) / (_TRUE_RIBS - 1))
+    tilt = shares.recovery * shares.tilt + below * shares.floating + above * shares.upper
+    rotation = vertebra.share(turn=turn, tilt=tilt)
     facet = vertebra.motion.apply(rib.head)
     behind = vertebra.without((1.0 - shares.direct) * vertebra.direct, rib.head) - facet
     goal = facet + behind * min(1.0, _FACET / max(float(np.linalg.norm(behind)), 1e-9))

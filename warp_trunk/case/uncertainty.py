@@ -36,7 +36,7 @@ class Uncertainty:
     """Factor of the stiffness of faces in itmsm."""
     theta: float = 3.0
     """Factor of the stiffness of tetrahedra in itmsm."""
-    poisson_ratio: float = 0.03
+    poisson_ratio: float = 0.06
     """Of Poisson's ratio of a continuum."""
     youngs_modulus: float = 1.6
     """Factor of the Young's modulus of each layer by itself."""
@@ -93,7 +93,7 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "ribs": "assumed; half of what the choice of how ribs move changes (docs/ribs.md)",
         "epsilon": "range over which itmsm stays as near to a continuum (docs/constants.md)",
         "theta": "range over which itmsm stays as near to a continuum (docs/constants.md)",
-        "poisson_ratio": "assumed; soft tissue is simulated with 0.4 to 0.49",
+        "poisson_ratio": "assumed; soft tissue is simulated with 0.3 to 0.49",
         "youngs_modulus": "129 ± 88 and 56 ± 16 kPa of skin, 3.0 ± 1.2 of fat (sources in case/layers.py)",
         "skin_rigidity": "0.12 to 1.5 N mm by suction and torsion (docs/model.md)",
         "skin_thickness": "2.54 and 1.91 mm of adults, 1.3 mm of children (sources in case/layers.py)",

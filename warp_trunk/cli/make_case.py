@@ -10,7 +10,8 @@ from typing import Literal
 from warp_trunk.case import write_case
 from warp_trunk.case.places import refuse_case
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.preparation.deformity import MeasuredSpine, SpineCurve, make_case, read_measured_spine
+from warp_trunk.preparation.deformity.published_curves import KYPHOSIS
 from warp_trunk.run.progress import Progress
 
 from .bone_folder import read_bones
@@ -33,7 +34,16 @@ class MakeCase:
     cobb: float = 60.0
     """Cobb angle [degrees]."""
     rotation: float | None = None
-    """Axial rotation of the apical vertebra [degrees]; 0.32 of the Cobb angle when left out."""
+    """Axial rotation of the apical vertebra [degrees]; from Cobb angle and kyphosis as in patients when left
+    out."""
+    kyphosis: float = KYPHOSIS[0]
+    """Kyphosis from T5 to T12 [degrees]; 24 ± 14 in patients."""
+    lumbar_rotation: float | None = None
+    """Opposite axial rotation at the apex of the secondary curve [degrees]; 0.25 of its Cobb angle when left
+    out."""
+    spine: Path | None = None
+    """Impose this measured spine in place of a published curve: a table name,x,y,z of body centre and pedicles of
+    each level (T4_body, T4_left_pedicle, T4_right_pedicle) in mm and LPS."""
     direction: Literal["right", "left"] = "right"
     """The side to which the curve is convex; of a double major, its thoracic curve."""
     correction: float = 0.7
@@ -41,18 +51,28 @@ class MakeCase:
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the case folder."""
-        curve = SpineCurve(
-            kind=self.curve, cobb=self.cobb, apical_rotation=self.rotation, direction=self.direction
-        )
+        curve = read_measured_spine(self.spine) if self.spine is not None else self._published()
         refuse_case(self.out)
         with Progress() as progress:
             with progress.stage("load", f"reading the skin and the bones of {self.bones}"):
                 bones = read_bones(self.bones)
                 skin = read_surface(self.skin)
-            with progress.stage("make", f"imposing a {self.curve} curve of {self.cobb:g} degrees"):
+            with progress.stage("make", f"imposing {curve}"):
                 case = make_case(skin, bones, curve, self.correction)
             with progress.stage("write", f"writing {self.out}"):
                 write_case(self.out, case)
+        if isinstance(curve, MeasuredSpine) and curve.continued:
+            print(f"{self.spine} has no {curve.continued[0]} to {curve.continued[-1]}: the curve fades out there")
         print(f"Case '{case.name}' written to {self.out}")
         print(f"Simulate it: {next_command('simulate', self.out)}")
         return OK
+
+    def _published(self) -> SpineCurve:
+        return SpineCurve(
+            kind=self.curve,
+            cobb=self.cobb,
+            apical_rotation=self.rotation,
+            direction=self.direction,
+            kyphosis=self.kyphosis if self.cobb > 0.0 else None,
+            secondary_rotation=self.lumbar_rotation,
+        )

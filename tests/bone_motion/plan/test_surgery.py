@@ -71,7 +71,8 @@ def rotation(landmarks: Landmarks, level: str) -> float:
         for side in ("left", "right")
     )
     line, pelvis = (left - right)[:2], (landmarks.point("asis_left") - landmarks.point("asis_right"))[:2]
-    return math.degrees(math.acos(line @ pelvis / math.hypot(*line) / math.hypot(*pelvis)))
+    cosine = line @ pelvis / math.hypot(*line) / math.hypot(*pelvis)
+    return math.degrees(math.acos(min(1.0, cosine)))  # rounding
 
 
 def plumb(landmarks: Landmarks) -> np.ndarray:
@@ -274,7 +275,6 @@ def test_curve_that_grows_is_told() -> None:
     ("plan", "rule"),
     [
         (Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="L3", correction=0.5),)), "outside the fusion"),
-        (Plan(uiv="T4", liv="L5", curves=(CurvePlan(apex="L5", correction=0.5),)), "in no curve of this spine"),
         (
             Plan(
                 uiv="T4",

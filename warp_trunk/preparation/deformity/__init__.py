@@ -2,6 +2,7 @@
 
 from .deformity import correct, impose
 from .imposed_case import make_case
+from .measured_spine import MeasuredSpine, read_measured_spine
 from .spine_curve import SpineCurve
 
-__all__ = ["SpineCurve", "correct", "impose", "make_case"]
+__all__ = ["MeasuredSpine", "SpineCurve", "correct", "impose", "make_case", "read_measured_spine"]

@@ -12,23 +12,27 @@ from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 
+from .guiding_skin import guiding_skin
 from .rib_cage import guiding_points
-from .spine_curve import Pose, SpineCurve, vertebra_poses
+from .spine_curve import Curve, Pose, vertebra_poses
 
 _PELVIS = ("hip_left", "hip_right", "sacrum")
 _GROWN = 30.0
 """How freely ribs and skin grow away from where the spine alone would take them: the nugget of the spline [mm].
 With it, ribs crowded on the concave side keep their gaps, and bend by 4 mm in the median."""
 
+_ON_SKIN = 5.0
+"""The same for guiding points on the skin, which are where patients' measured skin is [mm]."""
+
 
 def impose(
-    skin: Surface, bones: Mapping[str, Surface], landmarks: Landmarks, curve: SpineCurve
+    skin: Surface, bones: Mapping[str, Surface], landmarks: Landmarks, curve: Curve
 ) -> tuple[Surface, dict[str, Surface], Landmarks]:
     """Straight anatomy with the curve: skin, bones and landmarks as they are before surgery.
 
     Vertebrae move rigidly and the pelvis stays. Ribs and sternum follow the spine by the shares that also
     correct it (`bone_motion.rib_cage`). A curve grows for years, and bone with it: one smoothing spline through
-    landmarks and points of the bones so moved carries ribs, sternum, skin and all else.
+    landmarks, points of the bones so moved and a few of the skin carries ribs, sternum, skin and all else.
 
     Args:
         skin: closed surface of the straight trunk.
@@ -44,13 +48,14 @@ def impose(
     moved = _move(landmarks, poses)
     before, after = guiding_points(bones, poses, landmarks.points)
     freely = np.where((before == after).all(axis=1), 0.0, _GROWN)  # the pelvis stays
+    on_skin, carried_to = guiding_skin(skin, landmarks, poses, curve.shoulders)
     spline = fit_spline(
-        np.vstack([landmarks.points, before]),
-        np.vstack([moved.points, after]),
-        np.concatenate([np.zeros(len(landmarks.points)), freely]),
+        np.vstack([landmarks.points, before, on_skin]),
+        np.vstack([moved.points, after, carried_to]),
+        np.concatenate([np.zeros(len(landmarks.points)), freely, np.full(len(on_skin), _ON_SKIN)]),
     )
 
-    what = f"a {curve.kind} curve of {curve.cobb:g} degrees Cobb with {curve.rotation:g} degrees of rotation"
+    what = f"a curve {curve}"
     everything = np.vstack([skin.vertices, *(bone.vertices for bone in bones.values())])
     volume = np.linalg.det(spline.jacobian(everything))
     if volume.min() <= 0.0:
@@ -78,7 +83,7 @@ def impose(
     return carried_skin, carried, moved
 
 
-def correct(straight: Landmarks, curve: SpineCurve, fraction: float) -> Landmarks:
+def correct(straight: Landmarks, curve: Curve, fraction: float) -> Landmarks:
     """Landmarks after a surgery that takes away a fraction of the curve.
 
     Each vertebra goes rigidly from its pose in the curve to its pose in the corrected one: the same as going

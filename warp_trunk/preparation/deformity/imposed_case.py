@@ -8,12 +8,11 @@ import numpy as np
 
 from warp_trunk.case import Case
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import find_landmarks
 from .deformity import correct, impose
-from .spine_curve import VERTEBRAE, SpineCurve
+from .spine_curve import VERTEBRAE, Curve
 
 STRAIGHT = 5.0
 """A spine with a larger Cobb angle is not straight [degrees]."""
@@ -23,7 +22,7 @@ _TURN = 1.4
 def make_case(
     skin: Surface,
     bones: Mapping[str, Surface],
-    curve: SpineCurve,
+    curve: Curve,
     correction: float,
     name: str | None = None,
 ) -> Case:
@@ -43,12 +42,11 @@ def make_case(
             a curve that folds the trunk (`impose`), or a fraction outside [0, 1].
     """
     check_straight(bones)
-    skin = without_slivers(skin)
     straight = find_landmarks(bones).complete()
     after = correct(straight, curve, correction)
     deformed, moved, before = impose(skin, bones, straight, curve)
     return Case(
-        name=name or f"{curve.kind} {curve.cobb:g} degrees, {100 * correction:g} % corrected",
+        name=name or f"{curve}, {100 * correction:g} % corrected",
         skin=deformed,
         bones=moved,
         landmarks_before=before,

@@ -3,83 +3,194 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
+from warp_trunk.measures.sagittal import sagittal_angle
+from warp_trunk.measures.spine import spine_of
+
+from .published_curves import (
+    CURVES,
+    KYPHOSIS,
+    SECONDARY_ROTATION,
+    Kind,
+    secondary_share,
+    thoracic_rotation,
+    tilts_of,
+)
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.measures.spine import Spine
 
-_ROTATION_PER_COBB = 0.32
-"""Apical axial rotation over Cobb angle: 22 over 68 degrees, means of 62 upright patients before surgery
-(thoracic curves; Brink et al. 2017, Scoliosis and Spinal Disorders 12:6, PMC5320720)."""
+LEVELS = len(VERTEBRAE)
 
-# Coronal tilt at vertebrae over the Cobb angle, from the sacrum (0) up: where it turns, and with which share.
-# "+" and "-" are end vertebrae, p and p - 1, where p is found so that T1 stands over the sacrum; numbers are
-# compensating tilts. A positive tilt leans to the convex side going up. Of 106 patients with a main thoracic curve
-# of 55 degrees the upper one had 27 ± 8; T1 leaned by 3 ± 6 degrees away from the convex side, and clavicles by
-# 3 ± 3 (BMC Musculoskeletal Disorders 2014;15:366).
-_TILTS: dict[str, dict[str, float | str]] = {
-    "thoracic": {"L4": -0.10, "T12": "+", "T5": "-", "T1": -0.10},
-    "thoracolumbar": {"L3": "+", "T10": "-", "T5": 0.10, "T1": 0.0},
-    "double_major": {"L4": "-", "T12": "+", "T5": "-", "T1": -0.10},
-}
-# Axial rotation over that of the main apex. The lumbar curve of a double major turns the other way, and less:
-# 11 over 44 degrees in the same patients.
-_ROTATIONS: dict[str, dict[str, float]] = {
-    "thoracic": {"L2": 0.0, "T8": 1.0, "T3": 0.0},
-    "thoracolumbar": {"L5": 0.0, "T12": 1.0, "T8": 0.0},
-    "double_major": {"L5": 0.0, "L2": -0.78, "T12": 0.0, "T8": 1.0, "T3": 0.0},
-}
+
+@dataclass(frozen=True, eq=False)
+class SpineAngles:
+    """How the vertebrae T1 to L5 are turned from the straight spine, each shape (17,) [rad]."""
+
+    tilt: np.ndarray
+    """In the coronal plane, positive towards +x going up."""
+    pitch: np.ndarray
+    """In the sagittal plane, positive forward going up."""
+    turn: np.ndarray
+    """About the vertebra's own axis, positive from +x to +y."""
+    top: float | None = None
+    """Where the middle of T1 comes to lie beside its place in the straight spine, along +x [mm]; where the tilts
+    take it when left out."""
+
+
+class Curve(Protocol):
+    """A deformed spine that can be imposed on a straight one."""
+
+    def angles(self, straight: Spine) -> SpineAngles:
+        """The turns of each vertebra from the straight spine."""
+        ...
+
+    def corrected(self, fraction: float) -> Curve:
+        """What is left when a fraction in [0, 1] of Cobb angle and axial rotation is taken away."""
+        ...
+
+    @property
+    def shoulders(self) -> float:
+        """How much higher the right shoulder stands than the left [mm]."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpineCurve:
-    """A scoliosis by the numbers a clinic gives; end vertebrae T5 to T12, T10 to L3, or T5 to T12 to L4."""
+    """A scoliosis by the numbers a clinic gives, in the mean shape of patients with such a curve.
 
-    kind: Literal["thoracic", "thoracolumbar", "double_major"] = "thoracic"
-    """Where the curve is; a double major has a thoracic and an opposite lumbar curve of one Cobb angle."""
+    The shapes and their sources stand in `published_curves`.
+    """
+
+    kind: Kind = "thoracic"
+    """Where the main curve is; end vertebrae T5 to T12, T10 to L4, or T5 to T11 with a lumbar curve to L4."""
     cobb: float = 60.0
-    """Angle in the coronal plane between the end vertebrae [deg], 0 to 120."""
+    """Angle of the main curve in the coronal plane [deg], 0 to 120."""
     apical_rotation: float | None = None
-    """Axial rotation of the apical vertebra, its body towards the convex side [deg], 0 to 60; 0.32 of the
-    Cobb angle when left out."""
+    """Axial rotation of the apical vertebra, its body towards the convex side [deg], 0 to 60; when left out
+    0.26 kyphosis + 0.34 Cobb - 5.4 (thoracic; Sullivan et al. 2017) or 0.32 of the Cobb angle (thoracolumbar)."""
     direction: Literal["right", "left"] = "right"
-    """The patient's side to which the curve is convex; of a double major, its thoracic curve."""
+    """The patient's side to which the main curve is convex."""
+    kyphosis: float | None = None
+    """Kyphosis from T5 to T12 [deg], -20 to 80; that of the straight spine when left out."""
+    secondary_rotation: float | None = None
+    """Opposite rotation at the apex of the secondary curve [deg], -30 to 60; 0.25 of its Cobb angle when left
+    out."""
+    upper_share: float | None = None
+    """Cobb angle of the curve above the main one over that of the main one, 0 to 1; that of the mean shape when
+    left out."""
+    lower_share: float | None = None
+    """The same for the curve below it."""
+    t1_offset: float | None = None
+    """How far T1 stands to the convex side of its place above L5 [mm], -100 to 100; where the tilts take it when
+    left out."""
 
     def __post_init__(self) -> None:
-        for field, allowed in (("kind", tuple(_TILTS)), ("direction", ("right", "left"))):
+        for field, allowed in (("kind", tuple(CURVES)), ("direction", ("right", "left"))):
             if getattr(self, field) not in allowed:
                 raise InputError(
                     f"curve: '{field}' must be one of {', '.join(allowed)}, not {getattr(self, field)!r}"
                 )
-        for field, most in (("cobb", 120.0), ("apical_rotation", 60.0)):
+        for field, (least, most, unit) in _LIMITS.items():
             value = getattr(self, field)
-            if value is not None and not 0.0 <= value <= most:
-                raise InputError(f"curve: '{field}' must be 0 to {most:g} degrees, not {value}")
+            if value is not None and not least <= value <= most:
+                raise InputError(f"curve: '{field}' must be {least:g} to {most:g}{unit}, not {value}")
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.cobb:g} degrees"
 
     @property
     def rotation(self) -> float:
         """Axial rotation of the apical vertebra, given or by default [deg]."""
-        return _ROTATION_PER_COBB * self.cobb if self.apical_rotation is None else self.apical_rotation
+        if self.apical_rotation is not None:
+            return self.apical_rotation
+        ratio = CURVES[self.kind].rotation_per_cobb
+        if ratio is not None:
+            return ratio * self.cobb
+        return thoracic_rotation(self.cobb, KYPHOSIS[0] if self.kyphosis is None else self.kyphosis)
+
+    @property
+    def secondary(self) -> float:
+        """Opposite axial rotation at the apex of the secondary curve, given or by default [deg]."""
+        if self.secondary_rotation is not None:
+            return self.secondary_rotation
+        return SECONDARY_ROTATION[0] * self.cobb * secondary_share(CURVES[self.kind], self._tilts())
+
+    @property
+    def shoulders(self) -> float:
+        """How much higher the right shoulder stands than the left [mm]."""
+        return (1.0 if self.direction == "right" else -1.0) * CURVES[self.kind].shoulder * self.cobb
 
     def corrected(self, fraction: float) -> SpineCurve:
         """The curve that is left when a fraction in [0, 1] of Cobb angle and rotation is taken away.
 
+        The kyphosis stays, and T1 comes back above L5 by the same fraction.
+
         Raises:
             InputError: a fraction outside [0, 1].
         """
-        if not 0.0 <= fraction <= 1.0:
-            raise InputError(f"correction: the fraction must be between 0 and 1, not {fraction}")
-        left = 1.0 - fraction
-        return replace(self, cobb=left * self.cobb, apical_rotation=left * self.rotation)
+        left = left_after(fraction)
+        return replace(
+            self,
+            cobb=left * self.cobb,
+            apical_rotation=left * self.rotation,
+            secondary_rotation=left * self.secondary,
+            t1_offset=None if self.t1_offset is None else left * self.t1_offset,
+        )
+
+    def angles(self, straight: Spine) -> SpineAngles:
+        """The turns of each vertebra from the straight spine."""
+        from scipy.interpolate import PchipInterpolator
+
+        side = -1.0 if self.direction == "right" else 1.0
+        levels = np.arange(LEVELS)
+        parts = CURVES[self.kind].rotation
+        nodes = [VERTEBRAE.index(level) for level in parts]
+        main, secondary = np.array(list(parts.values())).T
+        turn = PchipInterpolator(nodes, self.rotation * main - self.secondary * secondary)(levels)
+        pitch = np.zeros(LEVELS)
+        if self.kyphosis is not None:
+            own = sagittal_angle(straight, "T5", "T12")
+            if own is None:
+                raise InputError("landmarks: the kyphosis needs both endplates of T5 and T12; give them")
+            more = self.kyphosis - own
+            pitch = more * PchipInterpolator([0, 4, 11, 16], [1.0, 1.0, 0.0, 0.0])(levels)
+        return SpineAngles(
+            tilt=side * np.radians(self.cobb * self._tilts()),
+            pitch=np.radians(pitch),
+            turn=side * np.radians(turn),
+            top=None if self.t1_offset is None else side * self.t1_offset,
+        )
+
+    def _tilts(self) -> np.ndarray:
+        return tilts_of(CURVES[self.kind], self.upper_share, self.lower_share)
+
+
+_LIMITS = {
+    "cobb": (0.0, 120.0, " degrees"),
+    "apical_rotation": (0.0, 60.0, " degrees"),
+    "kyphosis": (-20.0, 80.0, " degrees"),
+    "secondary_rotation": (-30.0, 60.0, " degrees"),
+    "upper_share": (0.0, 1.0, ""),
+    "lower_share": (0.0, 1.0, ""),
+    "t1_offset": (-100.0, 100.0, " mm"),
+}
+
+
+def left_after(fraction: float) -> float:
+    """What is left of a curve when a fraction of it is taken away; InputError where that is not in [0, 1]."""
+    if not 0.0 <= fraction <= 1.0:
+        raise InputError(f"correction: the fraction must be between 0 and 1, not {fraction}")
+    return 1.0 - fraction
 
 
 @dataclass(frozen=True)
@@ -88,6 +199,8 @@ class Pose:
 
     tilt: float
     """Rotation in the coronal plane, positive towards +x going up [rad]."""
+    pitch: float
+    """Rotation in the sagittal plane, positive forward going up [rad]."""
     rotation: float
     """Rotation about the vertebra's own axis, positive from +x to +y [rad]."""
     axis: np.ndarray
@@ -99,16 +212,19 @@ class Pose:
 
     @property
     def matrix(self) -> np.ndarray:
-        """The rotation (3, 3): about the vertebra's own axis first, then in the coronal plane."""
+        """The rotation (3, 3): about the vertebra's own axis, then in the sagittal and in the coronal plane."""
         c, s = math.cos(self.tilt), math.sin(self.tilt)
         lean = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        if self.pitch:
+            c, s = math.cos(self.pitch), math.sin(self.pitch)
+            lean = lean @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         K = np.cross(np.eye(3), self.axis)  # K x = axis × x
         return lean @ (np.eye(3) + math.sin(self.rotation) * K + (1.0 - math.cos(self.rotation)) * (K @ K))
 
     @property
     def still(self) -> bool:
         """Whether the vertebra does not move at all."""
-        return self.tilt == 0.0 and self.rotation == 0.0 and bool((self.before == self.after).all())
+        return self.tilt == self.pitch == self.rotation == 0.0 and bool((self.before == self.after).all())
 
     @property
     def motion(self) -> RigidTransform:
@@ -125,12 +241,12 @@ class Pose:
         return (points - self.before) @ self.matrix.T + self.after
 
 
-def vertebra_poses(straight: Landmarks, curve: SpineCurve) -> dict[str, Pose]:
+def vertebra_poses(straight: Landmarks, curve: Curve) -> dict[str, Pose]:
     """The motion of each vertebra T1 to L5 that gives a straight spine the curve.
 
-    Body centres keep their place from front to back and their distances along the spine; what was height
-    becomes arc length in the coronal plane, so that a curved spine is shorter. Each body tilts with the
-    tangent of the arc, and turns about its own axis. The foot of L5 stays where it is.
+    Body centres keep their distances along the spine, so that a curved spine is shorter. Each body turns with the
+    tangent of the centre line, and about its own axis. The foot of L5 stays where it is, and T1 stays as far
+    forward as it was: where the pitches would take it elsewhere, the spine leans as a whole above the sacrum.
 
     Args:
         straight: landmarks of an upright spine without coronal deformity, with both endplates of T1 to L5.
@@ -142,61 +258,51 @@ def vertebra_poses(straight: Landmarks, curve: SpineCurve) -> dict[str, Pose]:
     ends = _endplates(straight)
     centres = ends.mean(axis=1)  # (17, 3), T1 first
     foot = ends[-1, 1]
-    heights = dict(zip(VERTEBRAE, centres[:, 2], strict=True))
     if not (np.diff([*centres[:, 2], foot[2]]) < 0.0).all():
         raise InputError("landmarks: vertebral bodies must lie one above the other, T1 highest, L5 lowest")
 
     from scipy.interpolate import PchipInterpolator
+    from scipy.optimize import brentq
 
-    s = np.linspace(foot[2], heights["T1"], 2001)
-    side = -1.0 if curve.direction == "right" else 1.0
-    tilts = side * _tilts(curve, heights, s)
-    ds = s[1] - s[0]
-    slopes = np.column_stack([np.sin(tilts), np.cos(tilts) - 1.0])
-    x, drop = np.vstack([[0.0, 0.0], np.cumsum((slopes[1:] + slopes[:-1]) / 2, axis=0) * ds]).T
+    angles = curve.angles(spine_of(straight))
+    nodes = np.vstack([foot, centres[::-1]])
+    z = np.linspace(foot[2], centres[0, 2], 2001)
+    along = np.gradient(PchipInterpolator(nodes[:, 2], nodes[:, 1])(z), z)  # dy/dz of the straight centre line
+    lean = np.clip((z - foot[2]) / (centres[-3, 2] - foot[2]), 0.0, 1.0)  # the whole of it above L3
 
-    shares = _ROTATIONS[curve.kind]
-    nodes = [foot[2], *(heights[name] for name in shares)]
-    values = [0.0, *shares.values()]
-    if "T1" not in shares:
-        nodes, values = [*nodes, heights["T1"]], [*values, 0.0]
-    turns = side * math.radians(curve.rotation) * PchipInterpolator(nodes, values)(s)
+    def profile(values: np.ndarray) -> np.ndarray:
+        return PchipInterpolator(nodes[:, 2], [0.0, *values[::-1]])(z)
+
+    tilts, pitches, turns = profile(angles.tilt), profile(angles.pitch), profile(angles.turn)
+
+    def displaced(tilts: np.ndarray, pitches: np.ndarray) -> np.ndarray:
+        """How far each point of the centre line is from its place in the straight spine [mm], shape (z, 3)."""
+        y = along * np.cos(pitches) - np.sin(pitches)
+        up = along * np.sin(pitches) + np.cos(pitches)
+        slope = np.column_stack([np.sin(tilts) * up, y - along, np.cos(tilts) * up - 1.0])
+        step = (slope[1:] + slope[:-1]) / 2 * (z[1] - z[0])
+        return np.vstack([np.zeros(3), np.cumsum(step, axis=0)])
+
+    if angles.pitch.any():
+        pitches += lean * brentq(lambda p: displaced(tilts, pitches + p * lean)[-1, 1], -1.2, 1.2)
+    if angles.top is not None:
+        top = angles.top
+        tilts += lean * brentq(lambda t: displaced(tilts + t * lean, pitches)[-1, 0] - top, -0.6, 0.6)
+    way = displaced(tilts, pitches)
 
     poses = {}
-    for name, (top, bottom), centre in zip(VERTEBRAE, ends, centres, strict=True):
-        axis = (top - bottom) * [0.0, 1.0, 1.0]
-        at = [np.interp(centre[2], s, f) for f in (tilts, turns, x, drop)]
+    for name, (top_end, bottom), centre in zip(VERTEBRAE, ends, centres, strict=True):
+        axis = (top_end - bottom) * [0.0, 1.0, 1.0]
+        at = [float(np.interp(centre[2], z, f)) for f in (tilts, pitches, turns, *way.T)]
         poses[name] = Pose(
-            tilt=float(at[0]),
-            rotation=float(at[1]),
+            tilt=at[0],
+            pitch=at[1],
+            rotation=at[2],
             axis=axis / np.linalg.norm(axis),
             before=centre,
-            after=centre + np.array([at[2], 0.0, at[3]]),
+            after=centre + np.array(at[3:]),
         )
     return poses
-
-
-def _tilts(curve: SpineCurve, heights: Mapping[str, float], s: np.ndarray) -> np.ndarray:
-    """Tilt to the convex side at heights s, from the foot up [radians], such that T1 stands above the foot.
-
-    Args:
-        curve: the deformity.
-        heights: of the vertebral centres, by name.
-        s: where, evenly, shape (heights,).
-    """
-    from scipy.interpolate import PchipInterpolator
-
-    def profile(p: float) -> np.ndarray:
-        share = {"+": p, "-": p - 1.0}
-        nodes = {name: share[v] if isinstance(v, str) else v for name, v in _TILTS[curve.kind].items()}
-        z = [s[0], *(heights[name] for name in nodes)]
-        return math.radians(curve.cobb) * PchipInterpolator(z, [0.0, *nodes.values()])(s)
-
-    low, high = 0.0, 1.0  # a larger p leans T1 further to the convex side
-    for _ in range(60):
-        p = (low + high) / 2
-        low, high = (low, p) if np.sin(profile(p)).sum() > 0.0 else (p, high)
-    return profile(low)
 
 
 def _endplates(landmarks: Landmarks) -> np.ndarray:

@@ -1,0 +1,274 @@
+"""Predictions on several bodies with curves as published, and a drawn cohort beside published means.
+
+    python scripts/compare_bodies.py ANATOMY BODIES > table.md
+    python scripts/compare_bodies.py ANATOMY BODIES --patients 60
+
+ANATOMY holds skin.ply and bones/ of a straight trunk, BODIES a folder of such folders. Without `--patients` each
+body gets the mean thoracic, thoracolumbar and double major curve and plans of 65 % and 40 %; with it, bodies,
+curves and plans are drawn. Every number is measured as `simulate` measures it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+from virtual_patient import Drawn, curve_of, draw
+
+from warp_trunk import (
+    InputError,
+    MeshOptions,
+    RunOptions,
+    SpineCurve,
+    make_case,
+    predicted_skin,
+    read_surface,
+    simulate,
+)
+from warp_trunk.bone_motion.articulation import bone_motions
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
+from warp_trunk.bone_motion.rib_cage import ends
+from warp_trunk.case import Case
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures.cobb import curves_after, vertebral_tilt
+from warp_trunk.measures.spine import spine_of
+from warp_trunk.preparation.deformity.published_curves import Kind
+from warp_trunk.run.patient import Patient, patient_of
+from warp_trunk.run.prepare import prepare_plan
+
+LEVELS = ("T4", "T5", "T6", "T7", "T8", "T9", "T10", "T11", "T12", "L1", "L2", "L3", "L4")
+CURVES: dict[Kind, float] = {"thoracic": 50.0, "thoracolumbar": 50.0, "double_major": 60.0}
+FUSED: dict[Kind, tuple[str, str, tuple[str, ...]]] = {
+    "thoracic": ("T4", "L1", ("T8",)),
+    "thoracolumbar": ("T10", "L3", ("L1",)),
+    "double_major": ("T4", "L4", ("T8", "L2")),
+}
+"""Upper and lower fused vertebra, and the apices of the corrected curves."""
+DEROTATION = 0.4 / 0.65
+"""Part of the apical rotation that is taken away, over that of the Cobb angle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What is compared."""
+
+    anatomy: tyro.conf.Positional[Path]
+    """Folder with skin.ply and bones/."""
+    bodies: tyro.conf.Positional[Path]
+    """Folder of such folders."""
+    patients: int = 0
+    """How many patients are drawn; 0 compares the mean curves on each body."""
+    seed: int = 1
+    """Of all draws."""
+    tets: int = 150_000
+    """Tetrahedra of each mesh."""
+    increments: int = 4
+    """Parts in which a correction is applied."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one surgery changes."""
+
+    before: TrunkMeasures
+    after: TrunkMeasures
+    status: RelaxStatus
+    inverted: int
+    cobb: tuple[float, float]
+    """Of the largest curve before and after [degrees]."""
+    tilt: tuple[float, float]
+    """Of T1, positive to the left [degrees]."""
+    ribs: tuple[float, float]
+    """Rib-vertebra angle difference at the apex, concave less convex [degrees]."""
+    apical: tuple[float, float]
+    """Axial rotation of the apex [degrees]."""
+
+    @property
+    def worst(self) -> str:
+        """The level at which the back is turned most before."""
+        return max(LEVELS, key=lambda level: abs(self.before.bsr.get(level) or 0.0))
+
+    @property
+    def hump(self) -> tuple[float, float]:
+        """Rotation of the back there, before and after [degrees]."""
+        return tuple(abs(one.bsr[self.worst] or math.nan) for one in (self.before, self.after))  # pyright: ignore
+
+    @property
+    def hump_over_cobb(self) -> float:
+        """The part of the hump that goes, over that of the Cobb angle."""
+        (hump, hump_left), (cobb, cobb_left) = self.hump, self.cobb
+        return (1.0 - hump_left / hump) / (1.0 - cobb_left / cobb)
+
+    @property
+    def away(self) -> dict[str, float]:
+        """Levels at which the back turns further from zero, and by how much [degrees]."""
+        change = {
+            level: abs(self.after.bsr[level] or 0.0) - abs(self.before.bsr[level] or 0.0) for level in LEVELS
+        }
+        return {level: more for level, more in change.items() if more > 1.0}
+
+
+def main(options: Options) -> None:
+    """Prints the table."""
+    folders = [options.anatomy, *sorted(path for path in options.bodies.iterdir() if (path / "bones").is_dir())]
+    if options.patients:
+        _cohort(folders, options)
+    else:
+        _bodies(folders, options)
+
+
+def _bodies(folders: list[Path], options: Options) -> None:
+    print(
+        "| body | curve | plan [%] | hump / Cobb | shoulders [mm] | turned away by more than 1 degree | inverted |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for folder in folders:
+        skin, bones = _read(folder)
+        for kind, cobb in CURVES.items():
+            case = make_case(skin, bones, SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0), 0.65)
+            patient = patient_of(case, _run(options))
+            for correction in (0.65, 0.4):
+                one = operated(patient, _plan(kind, correction))
+                shoulders = [side.difference for m in (one.before, one.after) if (side := m.shoulders)]
+                away = ", ".join(f"{level} {more:.1f}" for level, more in one.away.items()) or "none"
+                status = "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
+                print(
+                    f"| {folder.name} | {kind} {cobb:.0f} | {100 * correction:.0f} | {one.hump_over_cobb:.2f} "
+                    f"| {shoulders[0]:.0f} to {shoulders[1]:.0f} | {away}{status} | {one.inverted} |",
+                    flush=True,
+                )
+
+
+def _cohort(folders: list[Path], options: Options) -> None:
+    random = np.random.default_rng(options.seed)
+    trunks = [_read(folder) for folder in folders]
+    found: list[Outcome] = []
+    while len(found) < options.patients:
+        skin, bones = trunks[random.integers(len(trunks))]
+        drawn = draw(random, cobb=(45.0, 75.0), truth={}, bending=False)
+        try:
+            found.append(_drawn(drawn, skin, bones, options))
+        except InputError as error:
+            print(f"drawn again: {error}", file=sys.stderr, flush=True)
+    rows = {
+        "Cobb angle [degrees]": [one.cobb for one in found],
+        "rotation of the back where it is largest [degrees]": [one.hump for one in found],
+        "axial rotation of the apex [degrees]": [one.apical for one in found],
+        "shoulder of the convex side higher by [mm]": list(_to_convex(found)),
+        "tilt of T1 [degrees]": [(abs(a), abs(b)) for a, b in (one.tilt for one in found)],
+        "rib-vertebra angle difference [degrees]": [one.ribs for one in found],
+    }
+    print("| measure | before | after | change [%] |")
+    print("|---|---|---|---|")
+    for name, pairs in rows.items():
+        values = np.array(pairs)
+        mean, deviation = np.nanmean(values, axis=0), np.nanstd(values, axis=0)
+        change = 100.0 * (mean[1] / mean[0] - 1.0)
+        cells = [f"{m:.1f} ± {d:.1f}" for m, d in zip(mean, deviation, strict=True)]
+        print(f"| {name} | {cells[0]} | {cells[1]} | {change:.0f} |")
+    heights = [
+        b.height - a.height for one in found if (a := one.before.spine_height) and (b := one.after.spine_height)
+    ]
+    print(f"| height of the spine gained [mm] | | {np.mean(heights):.1f} ± {np.std(heights):.1f} | |")
+    print(f"\n{sum(one.status is RelaxStatus.CONVERGED for one in found)} of {len(found)} converged.")
+
+
+def _drawn(drawn: Drawn, skin: Surface, bones: dict[str, Surface], options: Options) -> Outcome:
+    case = make_case(skin, bones, curve_of(drawn), drawn.correction)
+    return operated(patient_of(case, _run(options)), _plan(drawn.kind, drawn.correction))
+
+
+def operated(patient: Patient, plan: Plan) -> Outcome:
+    """One surgery simulated and measured."""
+    landmarks = patient.case.landmarks_before
+    case = dataclasses.replace(patient.case, landmarks_after=plan_surgery(patient.case, plan).landmarks_after)
+    prepared = prepare_plan(patient, case)
+    *_, last = simulate(prepared.model, prepared.bone_path, patient.options.simulation, relaxer=patient.relaxer)
+    before = measure(case.skin, landmarks)
+    after = measure(predicted_skin(case, prepared.trunk, last.displacement), case.planned_landmarks)
+    largest = max(range(len(before.cobb)), key=lambda i: before.cobb[i].angle)
+    left = curves_after(before.cobb, case.planned_landmarks)[largest]
+    curve = before.cobb[largest]
+    tilts = [float(vertebral_tilt(spine_of(m).endplates)[0]) for m in (landmarks, case.planned_landmarks)]
+    apical = [abs(m.axial_rotation[curve.apex] or math.nan) for m in (before, after)]
+    return Outcome(
+        before,
+        after,
+        last.relaxation.status,
+        last.relaxation.inverted_tets,
+        (curve.angle, math.nan if left is None else abs(left)),
+        (tilts[0], tilts[1]),
+        _rib_vertebra_angles(case, curve.apex, curve.convex),
+        (apical[0], apical[1]),
+    )
+
+
+def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, float]:
+    """Rib-vertebra angle of the concave side less that of the convex one, in the coronal plane [degrees].
+
+    The line of a rib is taken from its head to its outermost point; NaN for an apex without ribs.
+    """
+    if not apex.startswith("T"):
+        return math.nan, math.nan
+    motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, shares=case.rib_shares)
+    found = []
+    for after in (False, True):
+        angles = {}
+        marks = case.planned_landmarks if after else case.landmarks_before
+        spine = spine_of(marks)
+        axis = np.subtract(*spine.endplates[spine.levels.index(apex)])
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            rib = case.bones[name := f"rib_{side}_{int(apex[1:]):02d}"].vertices
+            line = np.array([ends(rib, case.bones[apex].vertices)[0], rib[(sign * rib[:, 0]).argmax()]])
+            if after:
+                line = motions[name].apply(line)
+            along = line[1] - line[0]
+            angles[side] = math.degrees(
+                math.acos(-(along[[0, 2]] @ axis[[0, 2]]) / math.hypot(*along[[0, 2]]) / math.hypot(*axis[[0, 2]]))
+            )
+        concave = "left" if convex == "right" else "right"
+        found.append(angles[concave] - angles[convex])
+    return found[0], found[1]
+
+
+def _to_convex(found: list[Outcome]) -> Iterator[tuple[float, float]]:
+    for one in found:
+        if one.before.shoulders and one.after.shoulders:
+            sign = 1.0 if max(one.before.cobb, key=lambda curve: curve.angle).convex == "right" else -1.0
+            yield sign * one.before.shoulders.difference, sign * one.after.shoulders.difference
+
+
+def _plan(kind: Kind, correction: float) -> Plan:
+    upper, lower, apices = FUSED[kind]
+    return Plan(
+        uiv=upper,
+        liv=lower,
+        curves=tuple(
+            CurvePlan(apex=apex, correction=correction, derotation=min(1.0, DEROTATION * correction))
+            for apex in apices
+        ),
+    )
+
+
+def _run(options: Options) -> RunOptions:
+    return RunOptions(
+        mesh=MeshOptions(tets=options.tets), simulation=SimulationOptions(increments=options.increments)
+    )
+
+
+def _read(folder: Path) -> tuple[Surface, dict[str, Surface]]:
+    bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
+    return read_surface(folder / "skin.ply"), bones
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options, description=__doc__))

@@ -1,0 +1,74 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.errors import InputError
+from warp_trunk.measures.spine import spine_of
+from warp_trunk.preparation.deformity import SpineCurve, correct, read_measured_spine
+from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
+from warp_trunk.preparation.phantom import straight_trunk
+
+STRAIGHT = straight_trunk()[2]
+CURVE = SpineCurve(cobb=50.0)
+
+
+def written(folder: Path, levels: tuple[str, ...] = VERTEBRAE, edit: str = "") -> Path:
+    """Body centres and pedicles of a curved spine as a table."""
+    spine = spine_of(correct(STRAIGHT, CURVE, 0.0))
+    lines = ["name,x,y,z"]
+    for level in levels:
+        row = spine.levels.index(level)
+        points = (spine.endplates[row].mean(axis=0), *spine.pedicles[row])
+        for part, point in zip(("body", "left_pedicle", "right_pedicle"), points, strict=True):
+            lines.append(f"{level}_{part}," + ",".join(f"{value:.3f}" for value in point))
+    path = folder / "spine.csv"
+    path.write_text("\n".join([*lines, edit] if edit else lines) + "\n")
+    return path
+
+
+def test_curve_is_found_again_in_its_points(tmp_path: Path) -> None:
+    found = vertebra_poses(STRAIGHT, read_measured_spine(written(tmp_path)))
+    true = vertebra_poses(STRAIGHT, CURVE)
+    for level in VERTEBRAE[1:-1]:
+        assert np.degrees(found[level].tilt - true[level].tilt) == pytest.approx(0.0, abs=3.0), level
+        assert np.degrees(found[level].rotation - true[level].rotation) == pytest.approx(0.0, abs=3.0), level
+    apart = [found[level].after - true[level].after for level in VERTEBRAE]
+    assert np.linalg.norm(apart, axis=1).max() < 6.0
+
+
+def test_levels_above_the_highest_fade_out(tmp_path: Path) -> None:
+    spine = read_measured_spine(written(tmp_path, VERTEBRAE[4:]))
+    assert spine.continued == ("T1", "T2", "T3", "T4")
+    assert (np.diff(np.abs(spine.tilt[:5])) > 0.0).all()
+    assert (np.diff(np.abs(spine.turn[:5])) > 0.0).all()
+
+
+def test_correction_leaves_its_part_and_the_profile(tmp_path: Path) -> None:
+    spine = read_measured_spine(written(tmp_path))
+    left = spine.corrected(0.7)
+    np.testing.assert_allclose(left.tilt, 0.3 * spine.tilt)
+    np.testing.assert_allclose(left.pitch, spine.pitch)
+    with pytest.raises(InputError, match="between 0 and 1"):
+        spine.corrected(1.5)
+
+
+@pytest.mark.parametrize(
+    ("levels", "edit", "rule"),
+    [
+        (VERTEBRAE[12:], "", "at least 8 levels"),
+        (VERTEBRAE[:12], "", "down to L5"),
+        (VERTEBRAE, "T4_body,1,two,3", "line 53"),
+        (VERTEBRAE, "T4_body,1,nan,3", "finite"),
+        (VERTEBRAE, "T4_body,1,2,9999", "one above the other"),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path: Path, levels: tuple[str, ...], edit: str, rule: str) -> None:
+    with pytest.raises(InputError, match=rule):
+        read_measured_spine(written(tmp_path, levels, edit))
+
+
+def test_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        read_measured_spine(tmp_path / "none.csv")
