@@ -75,7 +75,7 @@ def test_broken_motions_are_refused_in_one_line(part_folder, refused, tmp_path, 
 
 def test_options_that_need_landmarks_are_refused(part_folder, refused, tmp_path):
     (part_folder / "motions.toml").write_text(FRONT + "translation = [0, -1, 0]\n")
-    for option in (["--bands"], ["--bones", "spline"]):
+    for option in (["--bands"], ["--bones", "spline"], ["--align-pelvis"]):
         refused(["simulate", str(part_folder), "--out", str(tmp_path / "out"), *option], option[0], "leave it out")
 
 

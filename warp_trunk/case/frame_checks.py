@@ -70,6 +70,8 @@ def align_pelvis(case: Case) -> Case:
     """
     names = case.landmarks_before.names
     held = [i for i, name in enumerate(names) if name in ASIS or name.startswith(tuple(f"{b}_" for b in PELVIS))]
+    if not held:
+        raise InputError("--align-pelvis: needs landmarks of the pelvis, before and after surgery; leave it out")
     after = case.planned_landmarks
     back = fit_rigid(after.points[held], case.landmarks_before.points[held])
 
