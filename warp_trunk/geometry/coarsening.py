@@ -132,6 +132,13 @@ def _used(work: _Working, middle: np.ndarray) -> Surface:
     return Surface(work.vertices[used] + middle, faces.reshape(-1, 3).astype(np.int32))
 
 
+def _without_area(surface: Surface) -> bool:
+    """Whether a triangle is a line or a point, which the checks of a case refuse."""
+    corners = surface.vertices[surface.faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return not len(area) or float(area.min()) <= 1e-12 * float(area.max())
+
+
 def without_slivers(surface: Surface) -> Surface:
     """Collapse the shorter edges of thin triangles of a closed oriented 2-manifold that has `slivers`.
 
@@ -139,7 +146,7 @@ def without_slivers(surface: Surface) -> Surface:
     an angle of less than 5 degrees are collapsed, as far as the surface stays a 2-manifold and no other triangle
     turns over or becomes thin; those whose edges may not be collapsed stay.
     """
-    if not len(slivers(surface)) or manifold_fault(surface) is not None:
+    if _without_area(surface) or not len(slivers(surface)) or manifold_fault(surface) is not None:
         return surface
     middle = surface.vertices.mean(axis=0)
     work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int32))
