@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Aim = Literal["hump", "bsr"]
 MOST = 9
 """Relaxations of a search, that of the plan as given included."""
-ENOUGH = 2e-3
+ENOUGH = 2e-4
 """Part of the aim by which a step must be expected to lower it."""
 STEP = 1e-3
 """Change of a share to either side for what it does to landmarks, a closed formula to 1e-5 of it."""

@@ -14,7 +14,7 @@ def test_a_tube_of_circles_is_a_cylinder_with_cones():
         ones * [0.0, 1.0, 0.0],
         np.full(4, 5.0),
         np.full(4, 5.0),
-        around=200,
+        around=100,
     )
     check_solid(surface, "tube")
     # a cylinder of height 10 and two cones of height 3, all of radius 5
@@ -59,10 +59,10 @@ def test_a_stack_of_half_discs_is_a_frustum():
         x[[0, -1]] = 0.0
         return np.stack([x, radius * np.sin(angle), np.full(count, z)], axis=1)
 
-    ends = np.array([[[0.0, 0.0, 30.0]], [[0.0, 0.0, 0.0]]])
-    surface = stack([ends[0], half_loop(10.0, 30.0, 150), half_loop(20.0, 0.0, 211), ends[1]])
+    ends = np.array([[[0.0, 0.0, 10.0]], [[0.0, 0.0, 0.0]]])
+    surface = stack([ends[0], half_loop(10.0, 10.0, 60), half_loop(20.0, 0.0, 85), ends[1]])
     check_solid(surface, "stack")
-    frustum = np.pi * 30.0 / 3.0 * (10.0**2 + 10.0 * 20.0 + 20.0**2)
+    frustum = np.pi * 10.0 / 3.0 * (10.0**2 + 10.0 * 20.0 + 20.0**2)
     assert enclosed_volume(surface) == pytest.approx(frustum, rel=1e-3)
 
 
