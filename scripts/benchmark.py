@@ -24,12 +24,12 @@ from pathlib import Path
 from typing import get_args
 
 from benchmarking import curves, outside, scaling, scenes, tables, throughput
+from benchmarking.marked import write_into
 from benchmarking.plot import plot
 from benchmarking.prepare import as_simulated, load_case, mesh_case
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.process import be_quiet, empty_kernel_cache, fresh
 from benchmarking.record import Record, Setting, read_records, write_records
-from marked import write_into
 
 from warp_trunk import InputError, RelaxOptions, RunOptions, SimulationOptions
 from warp_trunk.engine.energies.by_name import EnergyName

@@ -2,8 +2,7 @@
 
 Usage: python scripts/voxelise_case.py CASE OUT [--spacing 1.5 1.5 1.5] [--turned 0 0 0] [--mirrored]
 
-Writes OUT/labels.nii.gz, OUT/masks/vertebrae_T8.nii.gz and so on (with a body.nii.gz), and OUT/body.nii.gz. With
-`scripts/check_import.py` it tells what `warp-trunk import` makes of them.
+Writes OUT/labels.nii.gz, OUT/masks/vertebrae_T8.nii.gz and so on (with a body.nii.gz), and OUT/body.nii.gz.
 """
 
 from __future__ import annotations

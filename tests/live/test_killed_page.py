@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from live_client import Client
 
+from support.live_client import Client
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.recording.viewer import free_port
 

@@ -13,6 +13,7 @@ import benchmark
 import numpy as np
 import pytest
 from benchmarking.curves import curve, points
+from benchmarking.marked import replaced
 from benchmarking.outside import OUTSIDE
 from benchmarking.plot import plot
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
@@ -21,7 +22,6 @@ from benchmarking.scaling import exponent, increments_table, measure_size, size_
 from benchmarking.scenes import scenes_table
 from benchmarking.tables import comparison, curves, long_table, seconds_to, short_table
 from benchmarking.throughput import batch_table, drawn_paths, measure_batches
-from marked import replaced
 
 from support.small_trunk import small_case
 from support.there import there

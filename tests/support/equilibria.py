@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from finite_elements.linear import superlu
-from finite_elements.neo_hookean import NeoHookean
-from finite_elements.newton import equilibrium
-from finite_elements.solid import Solid, weight
 
+from support.finite_elements.linear import superlu
+from support.finite_elements.neo_hookean import NeoHookean
+from support.finite_elements.newton import equilibrium
+from support.finite_elements.solid import Solid, weight
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finite_elements.solid import tet_mesh
 from skfem import Basis, ElementTetP1
 
 from support.equilibria import SOLVERS, Found
 from support.exact_solutions import Exact, affine, all_around, brick, hanging, pulled, sheared, swollen, the_ends
+from support.finite_elements.solid import tet_mesh
 from support.meshes import rotation
 
 pytestmark = pytest.mark.parametrize("solver", SOLVERS)

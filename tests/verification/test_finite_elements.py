@@ -4,14 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from finite_elements.invariants import Law
-from finite_elements.neo_hookean import Isochoric, NeoHookean, WithoutLogarithm
 
 from support.equilibria import SOLVERS
+from support.finite_elements.neo_hookean import NeoHookean
 from support.meshes import block, block_with_bone, rotate, rotation
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-
-LAWS = (NeoHookean, WithoutLogarithm, Isochoric)
 
 
 def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
@@ -56,14 +53,9 @@ def deformations() -> np.ndarray:
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
-@pytest.mark.parametrize("law", LAWS)
-def test_stress_and_tangent_by_differences(deformations: np.ndarray, law: type[Law], nu: float) -> None:
-    material, step = law(10.0, nu), 1e-5
-    inverted = np.linalg.det(deformations.T) < 0.1
-    assert 0 < inverted.sum() < 10
-    if law is Isochoric:  # it knows no inverted tetrahedra
-        assert np.isinf(material.energy(deformations)[np.linalg.det(deformations.T) < 0.0]).all()
-        deformations = deformations[..., ~inverted]
+def test_stress_and_tangent_by_differences(deformations: np.ndarray, nu: float) -> None:
+    material, step = NeoHookean(10.0, nu), 1e-5
+    assert 0 < (np.linalg.det(deformations.T) < 0.0).sum() < 10
     stress, tangent = material.stress(deformations), material.tangent(deformations)
     for k, l in np.ndindex(3, 3):  # noqa: E741
         ahead, behind = deformations.copy(), deformations.copy()
@@ -77,10 +69,9 @@ def test_stress_and_tangent_by_differences(deformations: np.ndarray, law: type[L
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
-@pytest.mark.parametrize("law", LAWS)
-def test_hookes_law_at_rest(law: type[Law], nu: float) -> None:
+def test_hookes_law_at_rest(nu: float) -> None:
     """A small strain e gives the stress E / (1 + nu) (e + nu / (1 - 2 nu) tr e), a small rotation none."""
-    rng, material, rest = np.random.default_rng(1), law(10.0, nu), np.eye(3)[:, :, None]
+    rng, material, rest = np.random.default_rng(1), NeoHookean(10.0, nu), np.eye(3)[:, :, None]
     assert material.energy(rest) == pytest.approx(0.0, abs=1e-14)
     np.testing.assert_allclose(material.stress(rest), 0.0, atol=1e-13)
     gradient = rng.normal(size=(3, 3))

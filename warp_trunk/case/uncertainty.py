@@ -91,8 +91,8 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "rotation": "assumed; mean apical rotation after surgery of two techniques is 9.7 and 15.3 degrees (Tang "
         "et al. 2015)",
         "ribs": "assumed; half of what the choice of how ribs move changes (docs/ribs.md)",
-        "epsilon": "range over which itmsm stays as near to a continuum (docs/constants.md)",
-        "theta": "range over which itmsm stays as near to a continuum (docs/constants.md)",
+        "epsilon": "range over which itmsm stays as near to a continuum (docs/model.md)",
+        "theta": "range over which itmsm stays as near to a continuum (docs/model.md)",
         "poisson_ratio": "assumed; soft tissue is simulated with 0.3 to 0.49",
         "youngs_modulus": "129 ± 88 and 56 ± 16 kPa of skin, 3.0 ± 1.2 of fat (sources in case/layers.py)",
         "skin_rigidity": "0.12 to 1.5 N mm by suction and torsion (docs/model.md)",

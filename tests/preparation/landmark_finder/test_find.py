@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from support.blocks import VERTEBRA, blocks, moved, skeleton, spine_and_hips
+from support.known_landmarks import CURVES, compare, imposed
+from support.known_landmarks import spine_and_hips as real_spine_and_hips
 from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks, read_surface
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, bone_of
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -187,9 +189,7 @@ def test_real_anatomy() -> None:
 
 
 def test_curves_imposed_on_real_anatomy() -> None:
-    from check_landmarks import CURVES, compare, imposed, spine_and_hips
-
-    bones = spine_and_hips(anatomy())
+    bones = real_spine_and_hips(anatomy())
     straight = find_landmarks(bones).complete()
     for curve in CURVES:
         errors = compare(*imposed(bones, straight, curve))

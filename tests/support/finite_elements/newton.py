@@ -104,7 +104,6 @@ class _Descent:
         self._solid, self._factorise = solid, factorise
         self._free = np.flatnonzero(~held)
         self._numbers = np.concatenate([self._free + component * len(start) for component in range(3)])
-        self._places = solid.basis.mesh.p.T[self._free]
 
     def curvature(self, positive: bool) -> Solve | None:
         """The factors of the stiffness here, or of its positive part; nothing where there are none."""
@@ -112,7 +111,7 @@ class _Descent:
         matrix = self._solid.stiffness(self.displacement, positive)[self._numbers][:, self._numbers]
         self.clock.assembled()
         try:
-            return self._factorise(matrix, self._places)
+            return self._factorise(matrix)
         except ArithmeticError:
             return None
         finally:
