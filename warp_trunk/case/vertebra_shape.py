@@ -13,7 +13,7 @@ from .vertebra_order import exchanged, orders
 REFUSED, WARNED = 6.0, 4.6
 """How far off the place that the other five give it a landmark may be, over the misfit (root mean square) of the
 other vertebrae. 99.9 and 99 % of vertebrae are nearer, whose landmarks have the errors that the papers state
-before and after surgery (2.1 +- 1.5 mm; docs/clinic.md)."""
+before and after surgery (2.1 +- 1.5 mm; docs/from_films.md)."""
 REFUSED_RANGE, WARNED_RANGE = (8.0, 16.5), (4.0, 12.5)
 """Within these it is held [mm]: better landmarks than any reconstruction's are not asked to be perfect, nor may
 worse than the papers' excuse each other."""
