@@ -31,9 +31,11 @@ from benchmarking.problem import Problem, read_problem, solve_truth, write_probl
 from benchmarking.process import be_quiet, empty_kernel_cache, fresh
 from benchmarking.record import Record, Setting, read_records, write_records
 
-from warp_trunk import InputError, RelaxOptions, RunOptions, SimulationOptions
+from warp_trunk import InputError, RunOptions
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.parallel import choose_device
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
 
 Add = Callable[[str, object, str], argparse.ArgumentParser]
 """Adds a command: its name, what it calls with what is given, and what it does in words."""

@@ -21,27 +21,20 @@ import numpy as np
 import tyro
 from virtual_patient import Drawn, curve_of, draw
 
-from warp_trunk import (
-    InputError,
-    MeshOptions,
-    RunOptions,
-    SpineCurve,
-    make_case,
-    predicted_skin,
-    read_surface,
-    simulate,
-)
+from warp_trunk import InputError, RunOptions, SpineCurve, make_case, read_surface
 from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.cobb import curves_after, vertebral_tilt
 from warp_trunk.measures.spine import spine_of
+from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity.published_curves import Kind
+from warp_trunk.results import predicted_skin
 from warp_trunk.run.patient import Patient, patient_of
 from warp_trunk.run.prepare import prepare_plan
 

@@ -22,28 +22,18 @@ import numpy as np
 import tyro
 from virtual_patient import COBB, Drawn, curve_of, draw, leaning, part_of, shaped, with_landmark_errors
 
-from warp_trunk import (
-    Case,
-    InputError,
-    MeshOptions,
-    RelaxOptions,
-    RelaxStatus,
-    RunOptions,
-    Surface,
-    make_case,
-    predicted_skin,
-    prepare,
-    read_surface,
-    simulate,
-    write_case,
-)  # fmt: skip
+from warp_trunk import Case, InputError, RunOptions, Surface, make_case, read_surface, write_case
 from warp_trunk.case import check_case
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.study import Pose, Study
 from warp_trunk.case.tissue_file import with_constants
-from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.results import predicted_skin
+from warp_trunk.run.prepare import prepare
 
 SCANNER = 1.4
 """Root mean square error of the scanned skin [mm], accuracy of both papers' scanner over a mannequin ..."""

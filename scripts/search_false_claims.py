@@ -28,19 +28,13 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
-from warp_trunk import (
-    BonePath,
-    InputError,
-    Relaxation,
-    Relaxer,
-    RelaxOptions,
-    RelaxStatus,
-    SimulationOptions,
-    Tissue,
-    TrunkMesh,
-    build_model,
-    simulate,
-)
+from warp_trunk import InputError, Tissue
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 

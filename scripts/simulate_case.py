@@ -2,7 +2,10 @@
 
 import sys
 
-from warp_trunk import measure, predicted_skin, prepare, read_case, simulate, write_result
+from warp_trunk import measure, read_case
+from warp_trunk.engine.simulation import simulate
+from warp_trunk.results import predicted_skin, write_result
+from warp_trunk.run.prepare import prepare
 
 case = read_case(sys.argv[1])
 prepared = prepare(case)

@@ -8,8 +8,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from warp_trunk import RelaxOptions, RelaxStatus
-from warp_trunk.engine.relaxation import Method
+from warp_trunk.engine.relaxation import Method, RelaxOptions, RelaxStatus
 
 from .outside import OUTSIDE, outside_curve
 from .problem import Problem, read_problem

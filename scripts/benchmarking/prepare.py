@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from warp_trunk import Case, MeshOptions, RunOptions, build_trunk, phantom_case, read_case
+from warp_trunk import Case, RunOptions, phantom_case, read_case
+from warp_trunk.meshing import MeshOptions, build_trunk
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.run.paths import find_path
 

@@ -10,23 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk import (
-    BonePath,
-    InputError,
-    Landmarks,
-    RelaxOptions,
-    RelaxStatus,
-    SimulationOptions,
-    Surface,
-    Tissue,
-    TrunkMesh,
-    back_surface_rotation,
-    build_model,
-    simulate,
-    spline_path,
-)
-from warp_trunk.bone_motion.bone_path import RigidBones
+from warp_trunk import InputError, Landmarks, Surface, Tissue
+from warp_trunk.bone_motion.bone_path import BonePath, RigidBones, spline_path
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.measures import back_surface_rotation
 
 TRUTH_TOLERANCE = 1e-6
 """Estimated distance from equilibrium of the solution that errors are measured against [mm]."""

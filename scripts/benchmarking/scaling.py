@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk import InputError, Landmarks, RelaxOptions, RelaxStatus, Surface
+from warp_trunk import InputError, Landmarks, Surface
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 
 from .prepare import load_case, mesh_case
 from .problem import Problem, compare_skins, read_problem, write_problem

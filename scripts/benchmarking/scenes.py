@@ -14,20 +14,14 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warp_trunk import (
-    Case,
-    Increment,
-    Model,
-    Recording,
-    SimulationOptions,
-    Surface,
-    TrunkMeasures,
-    build_model,
-    measure,
-    simulate,
-)
+from warp_trunk import Case, Surface, measure
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.state import State
+from warp_trunk.measures import TrunkMeasures
+from warp_trunk.recording import Recording
 
 from .problem import Problem
 from .record import Setting

@@ -9,18 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warp_trunk import (
-    BonePath,
-    Increment,
-    Landmarks,
-    Model,
-    Relaxer,
-    RelaxOptions,
-    RelaxStatus,
-    SimulationOptions,
-    simulate,
-    spline_path,
-)
+from warp_trunk import Landmarks
+from warp_trunk.bone_motion.bone_path import BonePath, spline_path
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 
 from .problem import Problem
 from .record import Setting

@@ -8,16 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_trunk import (
-    BonePath,
-    Model,
-    Relaxation,
-    RelaxOptions,
-    RelaxStatus,
-    SimulationOptions,
-    build_model,
-    simulate,
-)
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions, simulate
 
 from .problem import Problem
 from .record import Setting

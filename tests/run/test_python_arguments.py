@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from support.small_case import small_case
-from warp_trunk import InputError, SimulationOptions, build_trunk, measure
+from warp_trunk import InputError, measure
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.meshing import build_trunk
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,9 @@ from benchmarking.throughput import batch_table, drawn_paths, measure_batches
 
 from support.small_trunk import small_case
 from support.there import there
-from warp_trunk import InputError, RelaxOptions, SimulationOptions
+from warp_trunk import InputError
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 ASKED_FOR = {

@@ -13,8 +13,10 @@ from benchmarking.record import Setting
 from benchmarking.tables import short_table
 
 from support.small_trunk import small_case
-from warp_trunk import RunOptions, prepare, simulate
+from warp_trunk import RunOptions
+from warp_trunk.engine.simulation import simulate
 from warp_trunk.run.options import SKIN_RIGIDITY
+from warp_trunk.run.prepare import prepare
 
 
 def test_a_problem_of_bones_that_follow(tmp_path: Path) -> None:
