@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import nrrd
 import numpy as np
 import pytest
+import SimpleITK
 from label_maps.voxelise import write_labels
 
 from support.biplanar import biplanar
 from support.draws import Draws, fresh_seeds
+from support.label_maps import write_nrrd
 from support.mutations import damaged
 from support.report_results import write_small_result
 from support.small_case import small_case
@@ -76,17 +77,13 @@ def volume_file(path: Path) -> None:
 def image_file(path: Path) -> None:
     labels = np.zeros((6, 7, 8), dtype=np.int16)
     labels[2:4, 3:5, 3:6] = 5
+    affine = np.diag([2.0, 2.0, 2.0, 1.0])
     if path.name.endswith(".nrrd"):
-        header: dict[str, Any] = {
-            "space": "LPS",
-            "space directions": 2.0 * np.eye(3),
-            "space origin": np.zeros(3),
-            "Segment0_Name": "T8",
-            "Segment0_LabelValue": "5",
-        }
-        nrrd.write(str(path), labels, header)
+        write_nrrd(path, labels, affine, {"Segment0_Name": "T8", "Segment0_LabelValue": "5"})
+    elif path.name.endswith(".mha"):
+        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(labels), str(path), useCompression=True)
     else:
-        write_labels(path, labels, np.diag([2.0, 2.0, 2.0, 1.0]), {5: "vertebrae_T8"})
+        write_labels(path, labels, affine, {5: "vertebrae_T8"})
 
 
 def labelled_file(path: Path) -> None:
@@ -141,6 +138,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
     "labels .nii": ("a.nii", image_file, read_labels),
     "labels .nii.gz": ("a.nii.gz", image_file, read_labels),
     "labels .seg.nrrd": ("a.seg.nrrd", image_file, read_labels),
+    "labels .mha": ("a.mha", image_file, read_labels),
     "scan .nii.gz": ("a.nii.gz", image_file, read_scan),
     "label table": ("a.csv", text_file("number,name\n5,vertebrae_T8\n"), lambda path: label_table(str(path))),
     "trunk.vtu": ("a.vtu", volume_file, read_trunk),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -67,26 +69,52 @@ def write_masks(folder: Path) -> Path:
     return folder
 
 
+def write_nrrd(
+    path: Path, values: np.ndarray, affine: np.ndarray, keys: Mapping[str, str] = {}, **fields: str | None
+) -> Path:
+    """An NRRD, packed by gzip; of four dimensions the first numbers the layers.
+
+    Args:
+        path: the file.
+        values: shape (i, j, k) or (layers, i, j, k).
+        affine: from voxels to the axes of the file's space, (4, 4).
+        keys: key/value pairs of the header, such as Segment0_Name.
+        fields: other fields of the header than those of the image, with _ for a blank; None leaves one out.
+    """
+    more = values.ndim - 3
+    vectors = ["({})".format(",".join(map(repr, vector.tolist()))) for vector in affine[:3].T]
+    header: dict[str, str | None] = {
+        "type": {"float32": "float", "float64": "double"}.get(values.dtype.name, values.dtype.name),
+        "dimension": str(values.ndim),
+        "space": "left-posterior-superior",
+        "sizes": " ".join(map(str, values.shape)),
+        "space directions": " ".join(["none"] * more + vectors[:3]),
+        "kinds": " ".join(["list"] * more + ["domain"] * 3),
+        "endian": "little",
+        "encoding": "gzip",
+        "space origin": vectors[3],
+    }
+    header |= {name.replace("_", " "): value for name, value in fields.items()}
+    lines = [f"{name}: {value}" for name, value in header.items() if value is not None]
+    lines += [f"{name}:={value}" for name, value in keys.items()]
+    body = values.tobytes(order="F")
+    body = gzip.compress(body, 1) if header["encoding"] == "gzip" else body
+    path.write_bytes("\n".join(["NRRD0004", *lines, "", ""]).encode() + body)
+    return path
+
+
 def write_seg_nrrd(path: Path, space: str = "left-posterior-superior") -> Path:
     """The same as a segmentation of 3D Slicer: two layers, each bone a segment with a name."""
-    import nrrd
-
     values, affine = labels()
     own = sorted(set(np.unique(values).tolist()) - {0})
     layers = np.stack([np.where(values == own[0], 1, 0), np.where(values == own[0], 0, values)]).astype(np.uint8)
-    signs = np.array([-1.0, -1.0, 1.0]) if space.startswith("right") else np.ones(3)
-    header: dict[str, Any] = {
-        "space": space,
-        "kinds": ["list", "domain", "domain", "domain"],
-        "space directions": np.vstack([np.full(3, np.nan), affine[:3, :3].T * signs]),
-        "space origin": affine[:3, 3] * signs,
-    }
+    keys = {}
     for number, value in enumerate(own):
-        header[f"Segment{number}_Name"] = NAMES[value]
-        header[f"Segment{number}_LabelValue"] = str(1 if number == 0 else value)
-        header[f"Segment{number}_Layer"] = str(int(number > 0))
-    nrrd.write(str(path), layers, header)
-    return path
+        keys[f"Segment{number}_Name"] = NAMES[value]
+        keys[f"Segment{number}_LabelValue"] = str(1 if number == 0 else value)
+        keys[f"Segment{number}_Layer"] = str(int(number > 0))
+    signs = [-1.0, -1.0, 1.0, 1.0] if space.startswith("right") else np.ones(4)
+    return write_nrrd(path, layers, np.diag(signs) @ affine, keys, space=space)
 
 
 def mask_of(surface: Surface, spacing: tuple[float, float, float], turn: np.ndarray | None = None) -> Mask:

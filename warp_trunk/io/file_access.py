@@ -19,8 +19,8 @@ MOST_TEXT = 100_000_000
 _LIMIT = threading.Lock()
 
 
-def read_bytes(path: Path, expected: str, most: int = MOST_TEXT) -> bytes:
-    """The content of a file.
+def check_file(path: Path, expected: str, most: int = MOST_TEXT) -> int:
+    """The size of a file [bytes].
 
     Raises:
         InputError: it is missing, is no regular file (a pipe or a device would never end), is larger than
@@ -30,15 +30,22 @@ def read_bytes(path: Path, expected: str, most: int = MOST_TEXT) -> bytes:
         if not path.is_file():
             what = "is no regular file" if path.exists() else "there is no such file"
             raise InputError(f"{path}: {what}; {expected}")
-        size = path.stat().st_size
-        if size > most:
-            raise InputError(f"{path}: has {size / 1e6:.0f} MB, {most / 1e6:.0f} MB is the most; {expected}")
-        return path.read_bytes()
+        with path.open("rb"):
+            size = path.stat().st_size
     except (OSError, ValueError) as error:  # ValueError: a name with a null character
         if isinstance(error, InputError):
             raise
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{path}: cannot be opened ({reason}); {expected}") from error
+    if size > most:
+        raise InputError(f"{path}: has {size / 1e6:.0f} MB, {most / 1e6:.0f} MB is the most; {expected}")
+    return size
+
+
+def read_bytes(path: Path, expected: str, most: int = MOST_TEXT) -> bytes:
+    """The content of a file; InputError as `check_file`."""
+    check_file(path, expected, most)
+    return path.read_bytes()
 
 
 def read_text(path: Path, expected: str, most: int = MOST_TEXT) -> str:
