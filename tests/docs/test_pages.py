@@ -1,0 +1,66 @@
+"""Pages agree with the program: links, commands, and tables of constants."""
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from warp_trunk.case.rib_shares import RANGES, RibShares
+from warp_trunk.case.uncertainty import Uncertainty
+from warp_trunk.cli.commands import COMMANDS
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+OUTSIDE = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+
+
+def rows(page: str) -> dict[str, list[str]]:
+    """Rows of the tables of a page, cells without Markdown, by each name in backticks in their first cell."""
+    found = {}
+    for line in (ROOT / "docs" / page).read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        for name in re.findall(r"`(\w+)`", cells[0]) if line.startswith("|") else []:
+            found[name] = cells
+    return found
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of the headings of a page, as GitHub and MkDocs name them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), flags=re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", OUTSIDE, ids=lambda page: page.name)
+def test_links_beside_the_site_lead_to_a_file_and_a_heading(page: Path) -> None:
+    links = re.findall(r"\]\((?!https?:)([^)#]*)#?([^)]*)\)", page.read_text())
+    assert links
+    for file, anchor in links:
+        assert (ROOT / file).is_file(), file
+        assert not anchor or anchor in anchors(ROOT / file), f"{file}#{anchor}"
+
+
+@pytest.mark.parametrize("page", [*PAGES, *OUTSIDE], ids=lambda page: page.name)
+def test_no_page_names_a_folder_of_a_machine(page: Path) -> None:
+    assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", page.read_text())
+
+
+def test_readme_names_every_command() -> None:
+    table = (ROOT / "README.md").read_text().split("| command |")[1]
+    assert [name for name in COMMANDS if f"`{name}`" not in table] == []
+
+
+def test_shares_of_the_page_are_those_of_the_program() -> None:
+    table = rows("ribs.md")
+    for field in fields(RibShares):
+        least, most = RANGES[field.name]
+        assert table[field.name][1:3] == [f"{field.default:g}", f"{least:g} to {most:g}"]
+
+
+def test_uncertainties_of_the_page_are_those_of_the_program() -> None:
+    table = rows("how_sure.md")
+    for name in (field.name for field in fields(Uncertainty)):
+        first, defaults = table[name][:2]
+        position = re.findall(r"`(\w+)`", first).index(name)
+        value = re.findall(r"[\d.]+", defaults)[position]
+        assert float(value) == getattr(Uncertainty(), name)
