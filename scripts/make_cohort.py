@@ -14,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,18 +23,17 @@ import numpy as np
 import tyro
 from virtual_patient import COBB, Drawn, curve_of, draw, leaning, part_of, shaped, with_landmark_errors
 
-from warp_trunk import Case, InputError, RunOptions, Surface, make_case, read_surface, write_case
+from warp_trunk import Case, InputError, RunOptions, Surface, make_case, read_surface, simulate, write_case
 from warp_trunk.case import check_case
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.study import Pose, Study
 from warp_trunk.case.tissue_file import with_constants
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
-from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.meshing import MeshOptions
-from warp_trunk.results import predicted_skin
-from warp_trunk.run.prepare import prepare
+from warp_trunk.run.progress import Progress
 
 SCANNER = 1.4
 """Root mean square error of the scanned skin [mm], accuracy of both papers' scanner over a mannequin ..."""
@@ -165,12 +165,13 @@ def truth(case: Case, options: Options) -> Surface:
         energy="neo-hookean",
         layers="depth",
         bones="follow",
+        record=False,
     )
-    prepared = prepare(case, run)
-    *_, last = simulate(prepared.model, prepared.bone_path, run.simulation)
-    if last.relaxation.status is not RelaxStatus.CONVERGED:
-        raise InputError(f"truth: ended {last.relaxation.status.name}")
-    return predicted_skin(case, prepared.trunk, last.displacement)
+    with open(os.devnull, "w") as nowhere:
+        result = simulate(case, options=run, progress=Progress(nowhere), warnings=())
+    if not result.converged:
+        raise InputError(f"truth: ended {result.status.name}")
+    return result.skin
 
 
 def scanned(skin: Surface, random: np.random.Generator) -> Surface:

@@ -6,7 +6,12 @@ _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
 
 class InputError(ValueError):
-    """Something given to the program breaks a stated rule; the command line ends with status 2."""
+    """Something given to the program breaks a stated rule; the command line ends with status 2.
+
+    >>> wt.simulate(case, tets=-1)
+    Traceback (most recent call last):
+    warp_trunk.errors.InputError: mesh: 'tets' must be a number from 4 to 5e+07, not -1
+    """
 
     def __str__(self) -> str:
         """One line, also where a name or a value in it holds line breaks or what no terminal can show."""

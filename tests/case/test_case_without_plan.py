@@ -11,7 +11,7 @@ from warp_trunk.case import check_case, read_case, write_case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 
 
 def unplanned():
@@ -43,7 +43,7 @@ def test_simulate_says_that_plan_makes_them(tmp_path: Path, capsys: pytest.Captu
 
 def test_python_says_the_same(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="warp-trunk plan"):
-        run_case(unplanned(), tmp_path / "result")
+        simulate(unplanned(), folder=tmp_path / "result")
 
 
 def test_side_bending_comes_back(tmp_path: Path) -> None:

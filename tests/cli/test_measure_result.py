@@ -20,7 +20,7 @@ def result(tmp_path_factory):
 def test_a_result_needs_no_case(result, tmp_path, capsys):
     assert main(["measure", str(result), "--out", str(tmp_path / "m")]) == 0
     found = read_result(result)
-    expected = measure(found.predicted_skin, found.landmarks_after).bsr["T4"]
+    expected = measure(found.skin, found.landmarks_after).bsr["T4"]
     assert f"{expected:+.1f}" in capsys.readouterr().out
     assert main(["measure", str(result / "skin_before.ply"), "--out", str(tmp_path / "m")]) == 0
     assert "landmarks before surgery" in capsys.readouterr().out

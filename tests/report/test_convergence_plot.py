@@ -8,7 +8,7 @@ from matplotlib.text import Annotation
 
 from support.report_results import write_small_result
 from warp_trunk.report.convergence_plot import convergence_plot
-from warp_trunk.results.reading import read_result
+from warp_trunk.results.result import read_result
 
 
 @pytest.mark.parametrize(

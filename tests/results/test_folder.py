@@ -17,7 +17,7 @@ from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.results import Summary, predicted_skin, prepare_folder, read_result, read_summary, write_result
+from warp_trunk.results import Summary, predicted_skin, prepare_folder, read_result, read_summary, result_of
 from warp_trunk.results.summary import StepSummary
 
 WHOLE = {
@@ -37,7 +37,7 @@ def simulated():
 
 def test_folder_holds_the_predicted_skin_in_its_order(simulated, tmp_path):
     case, trunk, _, increments = simulated
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
     skin = read_surface(tmp_path / "predicted_skin.ply")
     np.testing.assert_array_equal(skin.faces, case.skin.faces)
     moved = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
@@ -46,7 +46,7 @@ def test_folder_holds_the_predicted_skin_in_its_order(simulated, tmp_path):
 
 def test_trunk_is_at_rest_with_its_displacement(simulated, tmp_path):
     _, trunk, _, increments = simulated
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
     mesh = meshio.read(tmp_path / "trunk.vtu")
     np.testing.assert_array_equal(mesh.points, trunk.nodes)
     np.testing.assert_array_equal(mesh.point_data["displacement"], increments[-1].displacement)
@@ -54,7 +54,9 @@ def test_trunk_is_at_rest_with_its_displacement(simulated, tmp_path):
 
 def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
     _, trunk, _, _ = simulated
-    summary = write_result(tmp_path, *simulated, parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0})
+    summary = (
+        result_of(*simulated, parameters={"tets": 7}, seconds={"mesh": 1.5, "total": 3.0}).save(tmp_path).summary
+    )
     assert read_summary(tmp_path) == summary
     assert set(json.loads((tmp_path / "summary.json").read_text())) == set(Summary.__dataclass_fields__)
     assert summary.status == "CONVERGED"
@@ -75,7 +77,7 @@ def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
 
 
 def test_rotation_before_and_after_by_level(simulated, tmp_path):
-    bsr = write_result(tmp_path, *simulated).bsr_deg
+    bsr = result_of(*simulated).save(tmp_path).summary.bsr_deg
     assert bsr.before == pytest.approx({"T4": 0.0, "T8": 0.0, "T12": 0.0, "L3": 0.0}, abs=1e-9)
     assert bsr.after["T4"] == pytest.approx(14.0 * 360.0 / 420.0, abs=0.05)
     assert bsr.actual is None
@@ -84,7 +86,7 @@ def test_rotation_before_and_after_by_level(simulated, tmp_path):
 def test_actual_skin_is_measured(simulated, tmp_path):
     case, trunk, model, increments = simulated
     known = replace(case, actual_skin=case.skin)
-    bsr = write_result(tmp_path, known, trunk, model, increments).bsr_deg
+    bsr = result_of(known, trunk, model, increments).save(tmp_path).summary.bsr_deg
     assert bsr.actual == pytest.approx(bsr.before, abs=1e-9)
 
 
@@ -97,7 +99,7 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
         [0.0, 0.0, 500.0 * name.startswith("T4")] for name in case.landmarks_before.names
     ]
     missing = replace(case, landmarks_after=replace(case.landmarks_after, points=above))
-    write_result(tmp_path, missing, trunk, model, [replace(increments[-1], relaxation=relaxation)])
+    result_of(missing, trunk, model, [replace(increments[-1], relaxation=relaxation)]).save(tmp_path)
 
     def refuse(constant):
         raise AssertionError(constant)
@@ -111,13 +113,13 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
 def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_path):
     (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
     (tmp_path / "actual_skin.ply").write_bytes(b"of another patient")
-    write_result(tmp_path, *simulated, plan='uiv = "T4"\n')
+    result_of(*simulated, plan='uiv = "T4"\n').save(tmp_path)
     assert read_result(tmp_path).plan == 'uiv = "T4"\n'
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
     assert read_result(tmp_path).plan is None
     assert {path.name for path in tmp_path.iterdir()} == WHOLE
     (tmp_path / "recording.partial.rrd").write_bytes(b"new")
-    write_result(tmp_path, *simulated, recording=tmp_path / "recording.partial.rrd")
+    result_of(*simulated, recording=tmp_path / "recording.partial.rrd").save(tmp_path)
     assert (tmp_path / "recording.rrd").read_bytes() == b"new"
     assert not (tmp_path / "recording.partial.rrd").exists()
 
@@ -126,7 +128,7 @@ def test_steps_of_every_relaxation_are_told_by_term_and_time(simulated, tmp_path
     case, trunk, model, increments = simulated
     step = RelaxStep(increments[0].relaxation.energy, math.inf, 0.5, 12, 0.1)
     watched = replace(increments[0], relaxation=replace(increments[0].relaxation, history=(step,)))
-    rows = write_result(tmp_path, case, trunk, model, [watched, increments[-1]]).increments
+    rows = result_of(case, trunk, model, [watched, increments[-1]]).save(tmp_path).summary.increments
     assert rows[0].history == (
         StepSummary(
             energy={"distance": 1.0, "area": 2.0, "volume": 3.0, "total": 6.0},
@@ -141,7 +143,7 @@ def test_steps_of_every_relaxation_are_told_by_term_and_time(simulated, tmp_path
 
 def test_no_summary_stands_beside_files_that_are_being_changed(simulated, tmp_path, monkeypatch):
     """Killed between two moves, the folder must not look whole."""
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
 
     move = os.replace
 
@@ -152,12 +154,12 @@ def test_no_summary_stands_beside_files_that_are_being_changed(simulated, tmp_pa
 
     monkeypatch.setattr(os, "replace", killed)
     with pytest.raises(KeyboardInterrupt):
-        write_result(tmp_path, *simulated)
+        result_of(*simulated).save(tmp_path)
     assert not (tmp_path / "summary.json").exists()
 
 
 def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, monkeypatch):
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 
     write = Path.write_bytes
@@ -170,7 +172,7 @@ def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, m
     monkeypatch.setattr(Path, "write_bytes", full)
     case, trunk, model, increments = simulated
     with pytest.raises(OSError, match="No space"):
-        write_result(tmp_path, case, trunk, model, increments[:1])
+        result_of(case, trunk, model, increments[:1]).save(tmp_path)
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
 
 
@@ -189,7 +191,7 @@ def test_full_disk_is_refused_before_any_work(tmp_path, monkeypatch):
 
 def test_numbers_and_paths_of_any_kind_are_written(simulated, tmp_path):
     odd = {"theta": np.float32(2.0), "steps": np.int64(3), "mesh": Path("a") / "b.vtu", "far": math.nan}
-    read = write_result(tmp_path, *simulated, parameters=odd).parameters
+    read = result_of(*simulated, parameters=odd).save(tmp_path).summary.parameters
     assert {name: read[name] for name in odd} == {
         "theta": 2.0, "steps": 3, "mesh": str(Path("a") / "b.vtu"), "far": None,
     }  # fmt: skip
@@ -198,7 +200,7 @@ def test_numbers_and_paths_of_any_kind_are_written(simulated, tmp_path):
 def test_no_increment_and_no_summary_are_named(simulated, tmp_path):
     case, trunk, model, _ = simulated
     with pytest.raises(InputError, match="increments"):
-        write_result(tmp_path, case, trunk, model, [])
+        result_of(case, trunk, model, []).save(tmp_path)
     with pytest.raises(InputError, match=r"summary\.json"):
         read_summary(tmp_path)
     (tmp_path / "summary.json").write_text("{")
@@ -216,12 +218,12 @@ def test_predicted_skin_does_not_pick_up_the_rounding_of_the_mesher(simulated):
 
 def test_what_was_made_of_an_earlier_result_does_not_stand_beside_the_next(simulated, tmp_path):
     """A report of another prediction than the one beside it would be believed."""
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
     (tmp_path / "report").mkdir()
     made = ["report.html", "report/back.png", "predicted_skin_measures.json", "predicted_skin_measures.csv"]
     for name in (*made, "notes.txt", "report/notes.txt"):
         (tmp_path / name).write_text("of the first")
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
     assert [name for name in made if (tmp_path / name).exists()] == []
     assert (tmp_path / "notes.txt").exists()
     assert (tmp_path / "report" / "notes.txt").exists()

@@ -11,7 +11,7 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
-from warp_trunk.results import predicted_skin, read_result, write_result
+from warp_trunk.results import predicted_skin, read_result, result_of
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def simulated():
 
 @pytest.fixture
 def folder(simulated, tmp_path):
-    write_result(tmp_path, *simulated)
+    result_of(*simulated).save(tmp_path)
     return tmp_path
 
 
@@ -34,8 +34,8 @@ def test_all_of_it_comes_back_to_the_last_bit(simulated, folder):
     result = read_result(folder)
     predicted = predicted_skin(case, trunk, increments[-1].displacement)
     np.testing.assert_array_equal(result.skin_before.vertices, case.skin.vertices)
-    np.testing.assert_array_equal(result.predicted_skin.vertices, predicted.vertices)
-    np.testing.assert_array_equal(result.predicted_skin.faces, case.skin.faces)
+    np.testing.assert_array_equal(result.skin.vertices, predicted.vertices)
+    np.testing.assert_array_equal(result.skin.faces, case.skin.faces)
     assert result.landmarks_after.names == case.landmarks_after.names
     np.testing.assert_array_equal(result.landmarks_before.points, case.landmarks_before.points)
     np.testing.assert_array_equal(result.landmarks_after.points, case.landmarks_after.points)
@@ -47,7 +47,7 @@ def test_actual_skin_comes_back(simulated, tmp_path):
     case, trunk, model, increments = simulated
     actual = Surface(case.skin.vertices * 1.1, case.skin.faces[::-1])
     known = replace(case, actual_skin=actual)
-    write_result(tmp_path, known, trunk, model, increments)
+    result_of(known, trunk, model, increments).save(tmp_path)
     read = read_result(tmp_path).actual_skin
     assert read is not None
     np.testing.assert_array_equal(read.vertices, actual.vertices)
@@ -70,7 +70,7 @@ def test_missing_and_damaged_files_are_named(folder, name):
 
 def test_missing_actual_skin_is_named(simulated, tmp_path):
     case, trunk, model, increments = simulated
-    write_result(tmp_path, replace(case, actual_skin=case.skin), trunk, model, increments)
+    result_of(replace(case, actual_skin=case.skin), trunk, model, increments).save(tmp_path)
     (tmp_path / "actual_skin.ply").unlink()
     with pytest.raises(InputError, match=r"actual_skin\.ply: is missing"):
         read_result(tmp_path)

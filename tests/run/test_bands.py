@@ -15,7 +15,7 @@ from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.results import predicted_skin, read_result, write_result
+from warp_trunk.results import predicted_skin, read_result, result_of
 from warp_trunk.results.bands import FoundBands
 from warp_trunk.run.bands import find_bands
 from warp_trunk.run.options import RunOptions
@@ -100,19 +100,19 @@ def test_a_factor_and_its_inverse_are_the_same_source() -> None:
 def test_a_result_keeps_them(tmp_path: Path) -> None:
     prepared, last = simulated()
     found = bands_of(mesh_rotation=0.3, mesh_length=0.4)
-    write_result(tmp_path / "with", CASE, prepared.trunk, prepared.model, [last], found=found)
+    result_of(CASE, prepared.trunk, prepared.model, [last], found=found).save(tmp_path / "with")
     back = read_result(tmp_path / "with")
     assert back.summary.bands == found.bands
     assert back.skin_sd is not None
     np.testing.assert_allclose(back.skin_sd, 0.4)
-    write_result(tmp_path / "with", CASE, prepared.trunk, prepared.model, [last])
+    result_of(CASE, prepared.trunk, prepared.model, [last]).save(tmp_path / "with")
     assert read_result(tmp_path / "with").skin_sd is None
     assert not (tmp_path / "with" / "skin_sd.csv").exists()
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     prepared, last = simulated()
-    write_result(tmp_path, CASE, prepared.trunk, prepared.model, [last], found=bands_of())
+    result_of(CASE, prepared.trunk, prepared.model, [last], found=bands_of()).save(tmp_path)
     for content in ("sd_mm\n1.0\n", "sd_mm\nwide\n"):
         (tmp_path / "skin_sd.csv").write_text(content)
         with pytest.raises(InputError, match=r"skin_sd.csv: must have one number for each of \d+ vertices"):

@@ -39,7 +39,7 @@ def patient(tolerance: float = 0.01) -> Patient:
 
 @cache
 def found(aim: Aim = "bsr") -> BestPlan:
-    return best_plan(Search(CASE, PLAN, aim, BOUNDS), patient())
+    return best_plan(CASE, PLAN, BOUNDS, aim, patient=patient())
 
 
 @pytest.mark.parametrize("aim", ["bsr", "hump"])
@@ -69,7 +69,7 @@ def test_it_is_better_than_every_plan_of_a_grid_in_few_relaxations() -> None:
 
 def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
     bounds = (Bound(apex="T8", target="correction", low=0.1, high=0.3),)
-    best = best_plan(Search(CASE, PLAN, "bsr", bounds), patient(), most=3)
+    best = best_plan(CASE, PLAN, bounds, "bsr", patient=patient(), most=3)
     assert best.given.shares == (0.5,)
     assert best.best is best.given  # less correction flattens less
     assert best.gain == best.gain_sd == 0.0

@@ -27,7 +27,7 @@ from warp_trunk.meshing import MeshOptions
 from warp_trunk.report import write_report
 from warp_trunk.results import read_result
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 
 OPTIONS = RunOptions(
     mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False),
@@ -42,13 +42,15 @@ def front(tmp_path_factory):
     """The front bone 6 mm forward."""
     case = part_case(front=Motion(translation=(0.0, -6.0, 0.0)))
     actual = Surface(case.skin.vertices + np.array([0.0, -1.0, 0.0]), case.skin.faces)
-    return run_case(replace(case, actual_skin=actual), tmp_path_factory.mktemp("part") / "out", OPTIONS)
+    return simulate(
+        replace(case, actual_skin=actual), folder=tmp_path_factory.mktemp("part") / "out", options=OPTIONS
+    )
 
 
 def test_skin_follows_the_bone_that_moves_and_stays_where_none_does(front):
     assert front.status is RelaxStatus.CONVERGED
     result = read_result(front.folder)
-    way = result.predicted_skin.vertices - result.skin_before.vertices
+    way = result.skin.vertices - result.skin_before.vertices
     foremost, hindmost = result.skin_before.vertices[:, 1].argmin(), result.skin_before.vertices[:, 1].argmax()
     assert -6.0 < way[foremost, 1] < -3.0
     assert np.linalg.norm(way[hindmost]) < 0.5
@@ -58,9 +60,9 @@ def test_skin_follows_the_bone_that_moves_and_stays_where_none_does(front):
 def test_where_all_bones_move_as_one_the_skin_does(tmp_path):
     shift = (1.0, -2.0, 3.0)
     case = part_case(**dict.fromkeys(part_case().bones, Motion(translation=shift)))
-    done = run_case(case, tmp_path / "out", replace(OPTIONS, record=False))
+    done = simulate(case, folder=tmp_path / "out", options=replace(OPTIONS, record=False))
     result = read_result(done.folder)
-    way = result.predicted_skin.vertices - result.skin_before.vertices
+    way = result.skin.vertices - result.skin_before.vertices
     np.testing.assert_allclose(way, np.broadcast_to(shift, way.shape), atol=0.05)
 
 
@@ -80,7 +82,7 @@ def test_several_motions_share_a_patient(tmp_path, capsys):
         words += ["--motions", str(tmp_path / f"{name}.toml")]
     assert main(words) == 0
     ways = [read_result(tmp_path / "out" / name) for name in ("near", "far")]
-    moved = [np.abs(one.predicted_skin.vertices - one.skin_before.vertices).max() for one in ways]
+    moved = [np.abs(one.skin.vertices - one.skin_before.vertices).max() for one in ways]
     assert moved[1] > 3.0 * moved[0]
     assert capsys.readouterr().err.count("meshing the soft tissue") == 1
 
@@ -115,14 +117,14 @@ def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path
     write_case(tmp_path / "case", case)
     read = read_case(tmp_path / "case")
     assert read.points.pairs == case.points.pairs
-    done = run_case(read, tmp_path / "out", replace(OPTIONS, record=False))
+    done = simulate(read, folder=tmp_path / "out", options=replace(OPTIONS, record=False))
     tip, lip, bone, still = done.summary.points
     assert (tip.on, bone.on, still.on) == ("skin", "front", "core")
     np.testing.assert_allclose(bone.way, [0.0, -6.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(still.way, 0.0, atol=1e-6)
     result = read_result(done.folder)
     foremost = result.skin_before.vertices[:, 1].argmin()
-    way = result.predicted_skin.vertices[foremost] - result.skin_before.vertices[foremost]
+    way = result.skin.vertices[foremost] - result.skin_before.vertices[foremost]
     assert tip.ratio == pytest.approx(way[1] / -6.0, abs=0.02)
     assert lip.ratio is None  # its bone stands still
 
@@ -144,7 +146,7 @@ def test_points_that_lie_nowhere_or_compare_nothing_are_refused(tmp_path, row, s
 
 def test_a_prediction_is_judged_by_the_share_that_is_near(front, tmp_path, capsys):
     actual = tmp_path / "actual.ply"
-    write_surface(actual, read_result(front.folder).predicted_skin)
+    write_surface(actual, read_result(front.folder).skin)
     assert main(["measure", str(front.folder), "--against", str(actual), "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "measures.json").read_text())
     assert record["against"]["within_percent"] == pytest.approx(100.0)

@@ -18,7 +18,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import Patient, patient_of
 from warp_trunk.run.prepare import prepare_plan
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 
 CASE, TRUNK = small_case()
 OPTIONS = RunOptions(
@@ -47,7 +47,7 @@ def test_every_plan_gives_the_bits_of_a_run_on_its_own(options: RunOptions, tmp_
         case = replace(planned(shift), tissue=stiff.tissue)
         alone = patient_of(case, options, TRUNK)
         for name, ready in (("kept", kept), ("alone", alone)):
-            run_case(case, tmp_path / f"{name} {number}", options, warnings=(), patient=ready)
+            simulate(case, folder=tmp_path / f"{name} {number}", options=options, warnings=(), patient=ready)
         for file in ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv"):
             kept_file, alone_file = (tmp_path / f"{name} {number}" / file for name in ("kept", "alone"))
             assert kept_file.read_bytes() == alone_file.read_bytes()
@@ -62,7 +62,7 @@ def test_what_an_earlier_process_found_of_her_changes_no_bit(
     monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "cache"))
     for name in ("first", "again"):
         patient = patient_of(planned(12.0), options, TRUNK)
-        run_case(planned(12.0), tmp_path / name, options, warnings=(), patient=patient)
+        simulate(planned(12.0), folder=tmp_path / name, options=options, warnings=(), patient=patient)
         sag_free = options.gravity != 0.0  # rest is then found anew, and nothing kept of it
         assert (patient.set_up is None) == sag_free
         assert sag_free or (patient.set_up is not None and patient.set_up.memo.is_new == (name == "first"))
@@ -71,7 +71,9 @@ def test_what_an_earlier_process_found_of_her_changes_no_bit(
 
 
 def test_the_time_of_making_her_ready_is_in_no_plans_summary(patient: Patient, tmp_path: Path) -> None:
-    seconds = run_case(planned(5.0), tmp_path, OPTIONS, warnings=(), patient=patient).summary.seconds
+    seconds = simulate(
+        planned(5.0), folder=tmp_path, options=OPTIONS, warnings=(), patient=patient
+    ).summary.seconds
     assert seconds["mesh"] is None
     assert seconds["relax"] is not None
     assert seconds["total"] is not None
@@ -101,4 +103,10 @@ def test_a_copy_of_the_patient_is_the_patient(patient: Patient) -> None:
 
 def test_other_options_than_the_patients_are_refused(patient: Patient, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="other options"):
-        run_case(planned(5.0), tmp_path, replace(OPTIONS, energy="neo-hookean"), warnings=(), patient=patient)
+        simulate(
+            planned(5.0),
+            folder=tmp_path,
+            options=replace(OPTIONS, energy="neo-hookean"),
+            warnings=(),
+            patient=patient,
+        )

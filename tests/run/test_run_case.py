@@ -24,11 +24,11 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import read_trunk
-from warp_trunk.results import read_result
+from warp_trunk.results import Result, read_result
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
-from warp_trunk.run.run_case import RunResult, run_case
+from warp_trunk.run.simulate import simulate
 
 FILES = {
     "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",
@@ -71,12 +71,14 @@ def mesh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def simulated(
     case: Case, out: Path, mesh: Path, progress: Progress | None = None, *, max_steps: int = 100, **more: Any
-) -> RunResult:
+) -> Result:
     """Three increments on one thread; the spline bends the only bone, which tells tissues apart."""
     simulation = SimulationOptions(increments=3, relax=RelaxOptions(max_steps=max_steps, tolerance=1e-2))
     given: dict[str, Any] = {"bones": "spline", **more}
     options = RunOptions(simulation=simulation, device="cpu", threads=1, from_mesh=mesh, **given)
-    return run_case(case, out, options, progress, warnings=())  # the box has fewer bones than a case needs
+    return simulate(
+        case, folder=out, options=options, progress=progress, warnings=()
+    )  # the box has fewer bones than a case needs
 
 
 def test_its_boundary_is_the_skin_and_the_summary_says_so(case: Case, mesh: Path, tmp_path: Path) -> None:
@@ -121,7 +123,7 @@ def test_sag_and_the_times_of_stages_are_in_the_summary(case: Case, mesh: Path, 
 @pytest.mark.parametrize("bands", [False, True])
 def test_bands_are_told_where_they_are_asked_for(case: Case, mesh: Path, tmp_path: Path, bands: bool) -> None:
     result = simulated(case, tmp_path, mesh, record=False, bands=bands)
-    summary, told = result.summary, plain(tmp_path, result.summary, result.before, result.after).splitlines()
+    summary, told = result.summary, plain(result).splitlines()
     known = {} if summary.bands is None else summary.bands.bsr_deg
     rows = {row.partition(" ")[0]: row for row in told}
     assert [level for level in summary.bsr_deg.after if " and " in rows[level]] == list(known)

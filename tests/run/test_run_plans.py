@@ -15,8 +15,7 @@ from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.report.plans import read_plans
-from warp_trunk.run.options import RunOptions
-from warp_trunk.run.run_plans import run_plans
+from warp_trunk.run.simulate import simulate
 
 COARSE = ("--tets", "60000", "--bone-edge-length", "12", "--increments", "1", "--no-record", "--tolerance", "0.5")
 TEXT = 'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = {correction}\n'
@@ -88,10 +87,10 @@ def test_one_that_cannot_be_is_refused_before_any_is_simulated(
     assert not (folder / "results").exists()
 
 
-def test_what_run_plans_is_asked_for_in_vain(tmp_path: Path) -> None:
+def test_plans_that_cannot_be_simulated_are_refused(tmp_path: Path) -> None:
     case = whole_phantom()
-    with pytest.raises(InputError, match="'plans' is empty"):
-        run_plans(case, {}, tmp_path)
+    with pytest.raises(InputError, match="there is no plan"):
+        simulate(case, {}, folder=tmp_path)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
     with pytest.raises(InputError, match="--live: shows one simulation"):
-        run_plans(case, {"a": plan, "b": plan}, tmp_path, RunOptions(live=True))
+        simulate(case, {"a": plan, "b": plan}, folder=tmp_path, live=True)

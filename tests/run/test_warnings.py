@@ -16,7 +16,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.results import read_result
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warnings import curve_warnings, ending_warnings, option_warnings
 
 LAST = made_up_increments(small_case()[1])[-1].relaxation
@@ -79,7 +79,7 @@ def test_warnings_reach_console_summary_and_viewer(tmp_path, capsys):
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(max_steps=2)),
     )
     moved = ("landmarks_after: 'asis_left' moves by 7.0 mm.",)
-    result = run_case(case, tmp_path / "out", options, warnings=moved)
+    result = simulate(case, folder=tmp_path / "out", options=options, warnings=moved)
     warnings = read_result(tmp_path / "out").summary.warnings
     assert [text.split(":")[0] for text in warnings[:2]] == ["landmarks_after", "gravity"]
     assert result.summary.warnings == warnings
@@ -93,7 +93,7 @@ def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
     case, _ = small_case()
     nowhere = replace(case.landmarks_before, points=np.zeros_like(case.landmarks_before.points))
     with pytest.raises(InputError, match="landmarks_before: landmarks may not all lie in one plane"):
-        run_case(replace(case, landmarks_before=nowhere), tmp_path / "out")
+        simulate(replace(case, landmarks_before=nowhere), folder=tmp_path / "out")
 
 
 def test_a_result_never_lands_in_a_case(tmp_path, capsys):

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warp_trunk.engine import simulation
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.io.trunk_file import write_trunk
-from warp_trunk.run import increments
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 
 from .small_trunk import boned_case
 
@@ -77,13 +77,13 @@ def killed_at_move(number: int) -> None:
 
 def telling(pipe: int) -> None:
     """Has this process write to the pipe when its first increment begins."""
-    simulate = increments.simulate
+    simulate = simulation.simulate
 
     def told(*arguments: Any, **more: Any) -> Any:
         os.write(pipe, b"!")
         return simulate(*arguments, **more)
 
-    increments.simulate = told
+    simulation.simulate = told
 
 
 def start(run: Callable[[], object]) -> int:
@@ -126,18 +126,20 @@ def main(folder: Path, seed: int, moments: int) -> None:
     import rerun  # noqa: F401  here once, not in every fork; its threads begin with a recording, there
     import scipy.sparse  # noqa: F401  likewise
 
-    def simulate(name: str, **changes: Any) -> None:
-        run_case(case, folder / name, options(mesh, **changes), Progress(quiet), warnings=())
+    def simulated(name: str, **changes: Any) -> None:
+        simulate(
+            case, folder=folder / name, options=options(mesh, **changes), progress=Progress(quiet), warnings=()
+        )
 
     wp.config.log_level = wp.LOG_WARNING
-    simulate("warm", record=False)
+    simulated("warm", record=False)
 
     def run(name: str, kind: str, when: float) -> None:
         if kind == "move":
             killed_at_move(int(when))
-        simulate(name)
+        simulated(name)
 
-    child = start(lambda: simulate("whole"))
+    child = start(lambda: simulated("whole"))
     began = time.perf_counter()
     assert status(child) == 0
     taken = time.perf_counter() - began
@@ -159,7 +161,7 @@ def main(folder: Path, seed: int, moments: int) -> None:
             "ended": ended,
             "files": sorted(left),
             "half written": [file for file in left if left[file] != whole[file]],
-            "next": status(forked(partial(simulate, name))),
+            "next": status(forked(partial(simulated, name))),
         }
         now = contents(folder / name)
         row["different"] = [file for file in whole if now.get(file) != whole[file]]

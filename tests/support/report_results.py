@@ -10,7 +10,7 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.results import write_result
+from warp_trunk.results import result_of
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
 from .small_trunk import made_up_increments, small_case
@@ -59,8 +59,7 @@ def write_small_result(
             replace(marks, points=marks.points + up) for marks in (case.landmarks_before, case.planned_landmarks)
         ]
         case = replace(case, landmarks_before=lifted[0], landmarks_after=lifted[1])
-    write_result(
-        folder,
+    result_of(
         replace(case, name=name),
         trunk,
         result_model(),
@@ -68,7 +67,7 @@ def write_small_result(
         parameters={"tolerance": 0.01},
         warnings=warnings,
         found=found,
-    )
+    ).save(folder)
     return folder
 
 

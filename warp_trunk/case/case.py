@@ -26,7 +26,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A patient, and a planned correction where there is one, in LPS axes and mm."""
+    """A patient, and a planned correction where there is one, in LPS axes and mm.
+
+    >>> case = wt.phantom_case()
+    >>> "T8" in case.bones and "T8_left_pedicle_inferior" in case.landmarks_before.names
+    True
+    """
 
     name: str
     """What to call the case in results."""

@@ -26,7 +26,12 @@ from .points import Points, read_points
 
 
 def read_case(folder: str | Path, checks: CheckOptions | None = None, motions: str | Path | None = None) -> Case:
-    """Read and check a case folder; `read_checked_case` also tells what is doubtful in it."""
+    """Read and check a case folder; `read_checked_case` also tells what is doubtful in it.
+
+    >>> wt.write_case(folder / "patient", case)
+    >>> wt.read_case(folder / "patient").name == case.name
+    True
+    """
     return read_checked_case(folder, checks, motions=motions)[0]
 
 

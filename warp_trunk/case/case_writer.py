@@ -26,6 +26,10 @@ def write_case(folder: str | Path, case: Case) -> None:
     Bones come back in the order of their names. `case.toml` is written last and an earlier one removed first, so
     that a folder with one is whole.
 
+    >>> wt.write_case(folder / "written", case)
+    >>> sorted(path.name for path in (folder / "written").iterdir())
+    ['bones', 'case.toml', 'landmarks_after.csv', 'landmarks_before.csv', 'skin.ply']
+
     Raises:
         InputError: the folder holds surfaces that are not part of the case and would be read with it, or a
             bone's name cannot be a file's.

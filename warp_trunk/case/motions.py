@@ -41,7 +41,12 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 class Motion(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """How a bone moves from before to after surgery, in LPS and mm: a rotation and then a translation, or a
-    transform, or shares of the motions of other bones."""
+    transform, or shares of the motions of other bones.
+
+    >>> forward = wt.Motion(translation=(0.0, -6.0, 0.0))  # 6 mm, for -y is the front
+    >>> dataclasses.replace(case, motions={"sternum": forward}).motions["sternum"].translation
+    (0.0, -6.0, 0.0)
+    """
 
     translation: Vector = (0.0, 0.0, 0.0)
     """After the rotation [mm]."""
@@ -73,6 +78,10 @@ def read_motions(path: str | Path, axes: Axes | None = None, within: Path | None
         transform = "zygomatic_left.tfm"
 
     Lengths are in mm. A transform is the name of a file beside this one (`read_transform`), or a 4x4 matrix.
+
+    >>> _ = (folder / "motions.toml").write_text("[sternum]\\ntranslation = [0.0, -6.0, 0.0]")
+    >>> wt.read_motions(folder / "motions.toml")["sternum"].translation
+    (0.0, -6.0, 0.0)
 
     Args:
         path: the file.

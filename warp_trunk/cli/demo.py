@@ -14,7 +14,7 @@ from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 
 from .ending import report_ending
 from .simulation import COMMON
@@ -39,5 +39,5 @@ class Demo:
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()
-            result = run_case(case, self.out, self.options, progress, warnings=())
+            result = simulate(case, folder=self.out, options=self.options, progress=progress, warnings=())
         return report_ending(result)

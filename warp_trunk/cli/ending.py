@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.results import RECORDING
+from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
-from warp_trunk.run.run_case import RunResult
 
 from .exit_status import NOT_CONVERGED, OK
 from .next_command import next_command
 
 
-def report_ending(result: RunResult, name: str = "") -> int:
+def report_ending(result: Result, name: str = "") -> int:
     """Prints how a run ended, with its name among several, and what to do next; returns the exit status."""
-    print(plain(result.folder, result.summary, result.before, result.after, name))
-    if (result.folder / RECORDING).is_file():
+    print(plain(result, name))
+    if result.recording is not None:
         print(f"See it: {next_command('view', result.folder)}")
     print(f"Page for the browser and the printer: {next_command('report', result.folder)}")
-    return OK if result.status is RelaxStatus.CONVERGED else NOT_CONVERGED
+    return OK if result.converged else NOT_CONVERGED

@@ -16,7 +16,7 @@ from warp_trunk.io.exchange import ENDINGS, write_volume
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.results import read_summary
-from warp_trunk.results.folder import TRUNK
+from warp_trunk.results.result import TRUNK
 
 from .exit_status import OK
 

@@ -19,9 +19,8 @@ from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.report.part_pictures import write_distances
 from warp_trunk.results import read_result
-from warp_trunk.results.folder import PREDICTED_SKIN
 from warp_trunk.results.judging import check_writable, judged, write_record
-from warp_trunk.results.reading import read_summary
+from warp_trunk.results.result import PREDICTED_SKIN, read_summary
 from warp_trunk.results.summary import SUMMARY
 from warp_trunk.run.progress import Progress
 

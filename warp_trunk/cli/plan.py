@@ -13,20 +13,18 @@ from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import plan_surgery, read_plan
-from warp_trunk.bone_motion.plan.bounds import bounds_of_text
 from warp_trunk.bone_motion.plan.plan_file import curve_of_text
 from warp_trunk.bone_motion.plan.planned_folder import check_planned_folder, write_planned_case
 from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_text
-from warp_trunk.case import Case, read_case
+from warp_trunk.case import read_case
 from warp_trunk.case.places import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles
-from warp_trunk.run.best_plan import BestPlan, Search, best_plan
+from warp_trunk.run.best_plan import best_plan
 from warp_trunk.run.best_plan_text import best_plan_text
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import patient_of, with_mesh_given
 from warp_trunk.run.progress import Progress
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 
 from .crossing_file import crossings_written
 from .ending import report_ending
@@ -96,7 +94,9 @@ class Plan:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
             intention = self._intention(case.landmarks_before)
-            found = None if self.aim is None else self._best(case, intention, progress)
+            found = None
+            if self.aim is not None:
+                found = best_plan(case, intention, self.within, self.aim, options=self.options, progress=progress)
             surgery = plan_surgery(case, intention if found is None else found.plan)
             with progress.stage("write", f"writing {self.out}"):
                 planned = write_planned_case(self.out, case, surgery)
@@ -109,17 +109,9 @@ class Plan:
                 return OK
             out = Path("results") / self.out.resolve().name
             with crossings_written(out):
-                result = run_case(planned, out, self.options, progress)
-        print(f"\n{back_text(result.before, result.after)}\n")
+                result = simulate(planned, folder=out, options=self.options, progress=progress)
+        print(f"\n{back_text(result.measures_before, result.measures)}\n")
         return report_ending(result)
-
-    def _best(self, case: Case, intention: SurgicalPlan, progress: Progress) -> BestPlan:
-        """The best plan within the bounds."""
-        bounds = tuple(bound for text in self.within for bound in bounds_of_text(text))
-        search = Search(case, intention, self.aim or "hump", bounds)
-        search.check()
-        case, given = with_mesh_given(case, self.options, progress)
-        return best_plan(replace(search, case=case), patient_of(case, self.options, given, progress), progress)
 
     def _open_page(self) -> int:
         from warp_trunk.live.opening import check_packages, plan_live

@@ -14,10 +14,10 @@ from warp_trunk.bone_motion.plan.planned_folder import plan_files
 from warp_trunk.case import Case, read_checked_case
 from warp_trunk.errors import InputError
 from warp_trunk.recording import load_rerun
+from warp_trunk.results import Result
 from warp_trunk.run.patient import patient_of, with_mesh_given
 from warp_trunk.run.progress import Progress
-from warp_trunk.run.run_case import run_case
-from warp_trunk.run.run_plans import run_plans
+from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
 from .crossing_file import crossings_written
@@ -62,7 +62,7 @@ class Simulate(SimulationArguments):
             with crossings_written(out):
                 if plans:
                     return self._run_plans(case, plans, out, progress)
-                result = run_case(case, out, self.options, progress, warnings=warnings)
+                result = simulate(case, folder=out, options=self.options, progress=progress, warnings=warnings)
         return report_ending(result)
 
     def _run_motions(self, out: Path, arguments: Sequence[str], progress: Progress) -> int:
@@ -82,18 +82,20 @@ class Simulate(SimulationArguments):
         for name, (case, warnings) in cases.items():
             planned = replace(self.refined(case, arguments), skin=first.skin, name=f"{case.name}, motions {name}")
             with progress.of(f"motions {name}"):
-                done = run_case(planned, out / name, self.options, progress, warnings=warnings, patient=patient)
+                done = simulate(planned, folder=out / name, progress=progress, warnings=warnings, patient=patient)
             ends.append(report_ending(done, f"motions {name}"))
             print()
         return max(ends)
 
     def _run_plans(self, case: Case, plans: dict[str, SurgicalPlan], out: Path, progress: Progress) -> int:
         """Simulates each plan; prints how each ended, and the status of the first that did not converge."""
-        ends, folders = [], []
-        for done in run_plans(case, plans, out, self.options, progress):
-            ends.append(report_ending(done.result, f"plan {done.name}"))
-            folders.append(done.result.folder)
+        ends: list[int] = []
+
+        def report(name: str, result: Result) -> None:
+            ends.append(report_ending(result, f"plan {name}"))
             print()
-        if len(folders) > 1:
-            print(f"Side by side: {next_command('report', *folders)}")
+
+        simulate(case, plans, folder=out, options=self.options, progress=progress, on_result=report)
+        if len(plans) > 1:
+            print(f"Side by side: {next_command('report', *(out / name for name in plans))}")
         return max(ends)

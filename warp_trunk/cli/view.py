@@ -8,12 +8,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from warp_trunk.errors import InputError
 from warp_trunk.recording import view, view_in_browser
-from warp_trunk.results import RECORDING, partial
-
-_BEGINS = b"RRF"
-"""How a recording of Rerun begins; its viewer would open much else."""
+from warp_trunk.results.result import find_recording
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,16 +26,3 @@ class View:
         recording = find_recording(self.result)
         show = view_in_browser if self.web else view
         return show(recording)
-
-
-def find_recording(result: Path) -> Path:
-    """The recording in a result folder, also one that was cut short; InputError where there is none."""
-    if result.is_file():
-        with result.open("rb") as file:
-            if not file.read(len(_BEGINS)) == _BEGINS:
-                raise InputError(f"{result}: is no recording; give a result folder or the {RECORDING} in it")
-        return result
-    for path in (result / RECORDING, partial(result / RECORDING)):
-        if path.is_file():
-            return path
-    raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")

@@ -17,11 +17,11 @@ from warp_trunk.measures import measure
 from warp_trunk.results import fingerprint_of, read_result
 from warp_trunk.results.fingerprint import Fingerprint, surface_digest
 from warp_trunk.results.fingerprint import difference as first_difference
-from warp_trunk.results.folder import MEASURES, PREDICTED_SKIN
 from warp_trunk.results.judging import judged, write_record
+from warp_trunk.results.result import MEASURES, PREDICTED_SKIN
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
-from warp_trunk.run.run_case import run_case
+from warp_trunk.run.simulate import simulate
 from warp_trunk.run.starting import start_warp
 
 from .record import FAILED, JUDGED, CaseRow, Judged, LevelRow, read_judged, write_judged
@@ -98,7 +98,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
     out.mkdir(parents=True, exist_ok=True)
     (out / JUDGED).unlink(missing_ok=True)
     with (out / LOG).open("a", encoding="utf-8") as log, Progress(log) as progress:
-        result = run_case(case, out, options.run, progress, warnings=warnings)
+        result = simulate(case, folder=out, options=options.run, progress=progress, warnings=warnings)
         with progress.stage("judge", "judging by the actual skin"):
             row = _row(case, folder, out, result.summary)
         write_judged(out, Judged(made_from=made_from, row=row))
@@ -118,7 +118,7 @@ def _made_from(case: Case, options: RunOptions, simulation: Fingerprint) -> Fing
 def _row(case: Case, folder: Path, out: Path, summary: Summary) -> CaseRow:
     """The row of a case whose result is whole."""
     result = read_result(out)
-    record, _ = judged(case, out / PREDICTED_SKIN, result.predicted_skin, case.actual_skin, "after")
+    record, _ = judged(case, out / PREDICTED_SKIN, result.skin, case.actual_skin, "after")
     write_record(out / MEASURES, record)
     curves = summary.cobb_deg
     main = max(range(len(curves.before)), key=lambda i: curves.before[i].angle, default=None)

@@ -21,7 +21,12 @@ is 0.12; 2.5 mm of 0.85 MPa give 1.5.
 
 @dataclass(frozen=True, kw_only=True)
 class Tissue:
-    """Constants of a tissue: epsilon and theta of the energy itmsm, the modulus and ratio of a continuum."""
+    """Constants of a tissue: epsilon and theta of the energy itmsm, the modulus and ratio of a continuum.
+
+    >>> soft = dataclasses.replace(case, tissue=wt.Tissue(youngs_modulus=5.0))
+    >>> soft.tissue.poisson_ratio
+    0.45
+    """
 
     epsilon: float = 1.0
     """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""

@@ -14,7 +14,12 @@ FARTHEST = 1e7
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles in patient axes (LPS: +x left, +y back, +z up)."""
+    """Triangles in patient axes (LPS: +x left, +y back, +z up).
+
+    >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> len(wt.Surface(corners, np.array([[0, 1, 2]], dtype=np.int32)).faces)
+    1
+    """
 
     vertices: np.ndarray
     """Positions [mm], shape (vertices, 3), float64."""

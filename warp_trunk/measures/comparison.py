@@ -66,6 +66,10 @@ def compare_skins(predicted: Surface, actual: Surface, landmarks: Landmarks) -> 
     Both must be closed and in one frame; they need not share vertices or triangles, nor be cut at the same
     neck, arms and thighs (`skin_distance`). Nothing is registered here: a difference in posture counts.
 
+    >>> errors = wt.compare_skins(result.skin, result.skin, result.landmarks_after)  # against itself
+    >>> errors.distance["back"].mean
+    0.0
+
     Args:
         predicted: the simulated skin [mm].
         actual: the skin as scanned after surgery [mm].

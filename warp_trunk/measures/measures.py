@@ -119,6 +119,12 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
     Cheap enough for every increment of a simulation; hump heights and flanks are worked out when they are asked
     for.
 
+    >>> measures = wt.measure(case.skin, case.landmarks_before)
+    >>> [f"{curve.angle:.0f} degrees from {curve.upper} to {curve.lower}" for curve in measures.cobb]
+    ['26 degrees from T1 to T5', '60 degrees from T5 to T12', '30 degrees from T12 to L5']
+    >>> 10.0 < abs(measures.max_thoracic_bsr) < 15.0
+    True
+
     Args:
         skin: the surface to measure, predicted, scanned or before surgery [mm], closed.
         landmarks: those that go with this skin: before surgery for the skin before, after for the others. Where

@@ -62,7 +62,7 @@ def plan_poses(results: Mapping[Path, Result]) -> list[Pose]:
     before, landmarks = first.skin_before, first.landmarks_before
     poses = [Pose(BEFORE, before, landmarks, measure(before, landmarks))]
     for look, result in zip(PLANS, results.values(), strict=False):
-        skin, reached = result.predicted_skin, result.landmarks_after
+        skin, reached = result.skin, result.landmarks_after
         poses.append(Pose(look, skin, reached, measure(skin, reached, before)))
     return poses
 

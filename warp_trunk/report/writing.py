@@ -17,7 +17,7 @@ from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.results import read_result
-from warp_trunk.results.folder import PAGE, PICTURES, TRUNK
+from warp_trunk.results.result import PAGE, PICTURES, TRUNK
 
 from .convergence_plot import convergence_plot
 from .hump_picture import hump_picture
@@ -65,12 +65,12 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
         return _write_part(Path(result), out, read, poses)
     comparison = None
     if read.actual_skin is not None:
-        comparison = compare_skins(read.predicted_skin, read.actual_skin, read.landmarks_after)
+        comparison = compare_skins(read.skin, read.actual_skin, read.landmarks_after)
 
-    change, quality = skin_change(read.skin_before, read.predicted_skin), read.summary.skin_quality
+    change, quality = skin_change(read.skin_before, read.skin), read.summary.skin_quality
     doubtful = None
     if quality is not None and quality.faults:
-        doubtful = at_vertices(read.predicted_skin, change.doubtful.astype(np.float64))
+        doubtful = at_vertices(read.skin, change.doubtful.astype(np.float64))
 
     from matplotlib import rc_context  # heavy
 
@@ -99,13 +99,11 @@ def _write_part(folder: Path, out: Path, read: Result, poses: list[Pose]) -> Pat
 
     frame = frame_of(read.skin_before)
     poses = [replace(pose, landmarks=frame) for pose in poses]
-    moved = np.linalg.norm(read.predicted_skin.vertices - read.skin_before.vertices, axis=1)
+    moved = np.linalg.norm(read.skin.vertices - read.skin_before.vertices, axis=1)
     views = changed_views(read.skin_before, moved)
     trunk, displacement = read_trunk(folder / TRUNK)
     bones = [Surface(nodes, trunk.bone_faces) for nodes in (trunk.nodes, trunk.nodes + displacement)]
-    agreed, distance = (
-        (None, None) if read.actual_skin is None else agreement(read.predicted_skin, read.actual_skin)
-    )
+    agreed, distance = (None, None) if read.actual_skin is None else agreement(read.skin, read.actual_skin)
     with rc_context(RC):
         figures: dict[str, Figure | None] = {}
         for name, view in zip(("first", "second"), views, strict=True):
@@ -160,7 +158,7 @@ def poses_of(result: Result) -> list[Pose]:
     Raises:
         InputError: a skin or landmarks that cannot be measured.
     """
-    before, predicted, actual = result.skin_before, result.predicted_skin, result.actual_skin
+    before, predicted, actual = result.skin_before, result.skin, result.actual_skin
     planned, reached = result.landmarks_before, result.landmarks_after
     poses = [
         Pose(BEFORE, before, planned, measure(before, planned)),

@@ -4,8 +4,16 @@ from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.lock import locked
 
 from .fingerprint import fingerprint_of
-from .folder import RECORDING, predicted_skin, prepare_folder, write_result
-from .reading import Result, read_result, read_summary
+from .result import (
+    RECORDING,
+    Result,
+    predicted_skin,
+    prepare_folder,
+    read_result,
+    read_summary,
+    result_of,
+    write_result,
+)
 from .summary import Summary
 
 __all__ = [
@@ -19,5 +27,6 @@ __all__ = [
     "prepare_folder",
     "read_result",
     "read_summary",
+    "result_of",
     "write_result",
 ]

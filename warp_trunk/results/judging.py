@@ -22,8 +22,7 @@ from warp_trunk.measures.table import comparison_text, measures_text
 from warp_trunk.measures.volume import tissue_volume_change
 
 from .bands import levels_in_band
-from .folder import PREDICTED_SKIN, TRUNK
-from .reading import read_summary
+from .result import PREDICTED_SKIN, TRUNK, read_summary
 from .summary import SUMMARY
 
 if TYPE_CHECKING:

@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from warp_trunk.engine.relaxation import Energy, RelaxStep
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.measures import TrunkMeasures
+    from warp_trunk.measures.skin_quality import SkinQuality
 
     from .bands import Bands
-    from .measured import Measured
 
 STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
 """The parts of every run, whose seconds a summary gives."""
@@ -36,17 +37,22 @@ def summarize(
     trunk: TrunkMesh,
     model: Model,
     increments: Sequence[Increment],
-    measured: Measured,
     *,
+    measures: tuple[TrunkMeasures, TrunkMeasures, TrunkMeasures | None],
+    quality: SkinQuality,
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
     warnings: Sequence[str] = (),
     bands: Bands | None = None,
 ) -> Summary:
-    """The summary of a simulation, with the faults of its predicted skin among the warnings."""
+    """The summary of a simulation, with the faults of its predicted skin among the warnings.
+
+    `measures` are those of the skin before surgery, of the predicted and of the actual one; for the others see
+    `result_of`.
+    """
     last = increments[-1].relaxation
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
-    before, after, actual = measured.before, measured.after, measured.actual
+    before, after, actual = measures
     constants = dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}
     return Summary(
         case=case.name,
@@ -69,8 +75,8 @@ def summarize(
         seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
         peak_memory_mb=peak_memory(),
         versions=versions(),
-        warnings=(*warnings, *measured.quality.faults),
-        skin_quality=measured.quality,
+        warnings=(*warnings, *quality.faults),
+        skin_quality=quality,
         bands=bands,
         virtual=case.study.virtual,
         points=follow_points(case, trunk, increments[-1].displacement),

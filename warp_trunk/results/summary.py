@@ -155,11 +155,14 @@ class Summary:
         return RelaxStatus[self.status]
 
 
-def write_summary(path: Path, summary: Summary) -> Summary:
-    """Writes it as JSON, where NaN and infinity are null; returns what a reader of the file gets."""
-    content = msgspec.json.format(msgspec.json.encode(summary, enc_hook=_plain), indent=2)
-    path.write_bytes(content + b"\n")
-    return msgspec.json.decode(content, type=Summary)
+def as_read(summary: Summary) -> Summary:
+    """The summary as a reader of its file gets it: NaN and infinity are None, numbers of NumPy those of Python."""
+    return msgspec.json.decode(msgspec.json.encode(summary, enc_hook=_plain), type=Summary)
+
+
+def write_summary(path: Path, summary: Summary) -> None:
+    """Writes it as JSON."""
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(summary, enc_hook=_plain), indent=2) + b"\n")
 
 
 def parse_summary(path: Path) -> Summary:

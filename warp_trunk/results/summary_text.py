@@ -15,24 +15,26 @@ if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.engine.simulation import Increment
 
+    from .result import Result
     from .summary import Summary
 
 RESEARCH = "A research simulation, not for clinical use."
 
 
-def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMeasures, name: str = "") -> str:
+def plain(result: Result, name: str = "") -> str:
     """What is printed at the end: why it ended, what changed, and where the files are.
 
     `name` is that of one among several results; then every block begins with it.
     """
     of = f"{name}: " if name else ""
+    folder, summary = result.folder, result.summary
     status, bsr = summary.ending, summary.bsr_deg
     lines = [
         f"{of}{status.name}: {status.value}",
         *(f"{of}Warning: {warning}" for warning in summary.warnings),
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
-        _skin(after),
+        _skin(result.measures),
     ]
     lines += [
         f"{point.name} ({point.on}) moves by {np.linalg.norm(point.way):.1f} mm"
@@ -40,7 +42,7 @@ def plain(folder: Path, summary: Summary, before: TrunkMeasures, after: TrunkMea
         for point in summary.points
     ]
     if bsr.before:
-        lines += _rotations(of, summary, before)
+        lines += _rotations(of, summary, result.measures_before)
     lines += ["", f"{of}Written to {folder}: {', '.join(sorted(_files(folder)))}", RESEARCH]
     return "\n".join(lines)
 

@@ -6,22 +6,23 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, Planner
-from warp_trunk.bone_motion.plan.bounds import Bound, check_bounds, shares_of, with_shares
+from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text, check_bounds, shares_of, with_shares
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.results import predicted_skin
 
-from .patient import Patient
+from .options import RunOptions, with_changes
+from .patient import Patient, patient_of, with_mesh_given
 from .prepare import Prepared, prepare_plan
 from .progress import Progress
 from .sensitivities import Sensitivity, sensitivities
@@ -156,25 +157,52 @@ class BestPlan:
     """The standard deviation of that, from the sources that the case states."""
 
 
-def best_plan(search: Search, patient: Patient, progress: Progress | None = None, most: int = MOST) -> BestPlan:
-    """Find the plan within the bounds whose largest hump or rotation is smallest.
+def best_plan(
+    case: Case,
+    plan: Plan,
+    within: Sequence[str | Bound],
+    aim: Aim = "hump",
+    *,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
+    patient: Patient | None = None,
+    most: int = MOST,
+    **changes: Any,
+) -> BestPlan:
+    """Find the plan within bounds whose largest hump or back surface rotation is smallest.
+
+    >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.5)])
+    >>> best = wt.best_plan(case, plan, ["T8,correction=0.4..0.6"], most=2, tets=60_000, increments=1)
+    >>> best.best.value <= best.given.value
+    True
 
     The largest of many numbers is minimised by sequential quadratic programming (Kraft 1988, SciPy's SLSQP): least
     t with t at least as large as every number to either side. Each plan that is tried costs one relaxation, and
     its derivatives one linear solve for each level, all at once.
 
     Args:
-        search: what is searched for.
-        patient: made ready of its case, with the options by which plans are simulated.
-        progress: what to tell it to; a log on standard error when left out.
-        most: relaxations.
+        case: the patient; what is planned in the case is not read.
+        plan: the plan from which the search starts.
+        within: what may change and between which shares, for each curve: `T8,correction=0.5..0.8`, or a `Bound`.
+        aim: what to make small: the largest hump [mm], or the largest back surface rotation [degrees].
+        options: how plans are simulated; the defaults when left out.
+        progress: where to show each plan; a log on standard error when left out.
+        patient: the mesh and model of this patient, made with these options; made here when left out.
+        most: the number of relaxations, at most.
+        changes: single options by name, as in `simulate`.
 
     Raises:
         InputError: bounds that do not fit the plan, a plan that cannot be met, or a relaxation that does not
             converge.
     """
-    search.check()
     progress = progress or Progress()
+    bounds = [(one,) if isinstance(one, Bound) else bounds_of_text(one) for one in within]
+    search = Search(case, plan, aim, tuple(bound for some in bounds for bound in some))
+    search.check()
+    options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
+    if patient is None:
+        case, given_mesh = with_mesh_given(case, options, progress)
+        patient, search = patient_of(case, options, given_mesh, progress), replace(search, case=case)
     trials: list[Trial] = []
     tell = _Teller(search, patient, progress)
     trials.append(tell.tried(shares_of(search.plan, search.bounds), 1))

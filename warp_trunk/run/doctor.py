@@ -16,7 +16,7 @@ import warp as wp
 from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.meshing.cache import cache_folder
 from warp_trunk.recording.viewer import WITHOUT_DISPLAY, has_display, viewer_command, viewer_environment
-from warp_trunk.results.folder import LEAST_SPACE
+from warp_trunk.results.result import LEAST_SPACE
 from warp_trunk.results.versions import versions
 
 VIEWER_TIMEOUT = 60.0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -23,7 +25,12 @@ MOST_GRAVITY = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """How a case is simulated."""
+    """How a case is simulated.
+
+    >>> options = wt.RunOptions(gravity=9.81, bones="spline")
+    >>> options.energy_of_tissue
+    'itmsm'
+    """
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the trunk is meshed."""
@@ -97,6 +104,33 @@ class RunOptions:
         if self.energy is not None:
             return self.energy
         return ENERGY if self.bones == "follow" and self.weights == "count" else "itmsm"
+
+
+def with_changes(options: RunOptions, changes: Mapping[str, Any]) -> RunOptions:
+    """The options with single ones changed, each by its own name at whatever depth it stands: `tets=200_000`.
+
+    Raises:
+        InputError: there is no option of a name, or a value is not allowed.
+    """
+    left, known = dict(changes), set[str]()
+
+    def changed(record: Any) -> Any:
+        own: dict[str, Any] = {}
+        for item in dataclasses.fields(record):
+            known.add(item.name)
+            value = getattr(record, item.name)
+            if item.name in left:
+                own[item.name] = left.pop(item.name)
+            elif dataclasses.is_dataclass(value):
+                own[item.name] = changed(value)
+        return dataclasses.replace(record, **own)
+
+    new = changed(options)
+    for name in left:
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise InputError(f"simulate: there is no option '{name}'{hint}")
+    return new
 
 
 def parameters(options: RunOptions) -> dict[str, Any]:

@@ -23,6 +23,10 @@ WORDS = ("apex", "uiv", "liv", "unfused", "balance")
 def read_plan(path: str | Path) -> Plan:
     """Read a plan.toml.
 
+    >>> wt.write_plan(folder / "plan.toml", wt.Plan(uiv="T4", liv="L1"))
+    >>> wt.read_plan(folder / "plan.toml").liv
+    'L1'
+
     Raises:
         InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of the
             wrong type or one that is not allowed.
@@ -103,6 +107,9 @@ def _value(value: str | float) -> str:
 
 
 def write_plan(path: str | Path, plan: Plan) -> None:
-    """Write a plan.toml."""
+    """Write a plan.toml.
+
+    >>> wt.write_plan(folder / "fused.toml", wt.Plan(uiv="T4", liv="L1"))
+    """
     with atomic_write(Path(path)) as unfinished:
         unfinished.write_text(plan_text(plan), encoding="utf-8")

@@ -39,6 +39,11 @@ def plan_surgery(case: Case, plan: Plan) -> PlannedSurgery:
     Reads the landmarks before surgery and the films of side bending, nothing else of the case, and takes some
     milliseconds. The model is told in docs/planning.md. For many plans for one patient: `Planner`.
 
+    >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65)])
+    >>> planned = wt.plan_surgery(case, plan).planned_case(case)
+    >>> planned.planned_landmarks.names == case.landmarks_before.names
+    True
+
     Args:
         case: the patient; landmarks after surgery are not needed.
         plan: what is intended.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import Literal
 
 from warp_trunk.errors import InputError
@@ -23,12 +24,17 @@ _RANGES = {
 _CHOICES = {"unfused": ("follow", "fixed"), "balance": ("keep", "centre")}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class CurvePlan:
-    """What is asked of one curve; what is left out is asked of nothing."""
+    """What is asked of one curve; what is left out is asked of nothing.
+
+    >>> wt.CurvePlan("T8", correction=0.65).derotation is None
+    True
+    """
 
     apex: str
     """A vertebra of the curve, whose rotation `derotation` and `rotation_after` are of; as a rule its apex."""
+    _: KW_ONLY
     correction: float | None = None
     """Share of the Cobb angle that surgery takes away, 0 to 1."""
     cobb_after: float | None = None
@@ -54,13 +60,18 @@ class CurvePlan:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What the surgeon intends. Angles are between vertebral axes, from endplate centre to endplate centre."""
+    """What the surgeon intends. Angles are between vertebral axes, from endplate centre to endplate centre.
+
+    >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65, derotation=0.4)])
+    >>> plan.moves
+    True
+    """
 
     uiv: str
     """Upper instrumented vertebra, the highest that is fused."""
     liv: str
     """Lower instrumented vertebra, the lowest that is fused."""
-    curves: tuple[CurvePlan, ...] = ()
+    curves: Sequence[CurvePlan] = ()
     """What is asked of each curve; of the others nothing is."""
     kyphosis_T5_T12: float | None = None  # noqa: N815 - the clinic's name
     """Thoracic kyphosis after [degrees], seen from the side; kept when left out."""
@@ -78,6 +89,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         """Raises InputError for levels that are none, a value out of range, or two curves of one apex."""
+        object.__setattr__(self, "curves", tuple(self.curves))
         _check_level(self.uiv, "plan: 'uiv'")
         _check_level(self.liv, "plan: 'liv'")
         if rank(self.uiv) >= rank(self.liv):

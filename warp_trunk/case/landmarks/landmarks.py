@@ -33,7 +33,12 @@ _VERTEBRA = re.compile(r"([CTL])(\d+)_")
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """Points with names, `<bone>_<point>` (and `asis_left`, `asis_right`)."""
+    """Points with names, `<bone>_<point>` (and `asis_left`, `asis_right`).
+
+    >>> marks = wt.Landmarks(("asis_left", "asis_right"), np.array([[110.0, -60.0, 0.0], [-110.0, -60.0, 0.0]]))
+    >>> float(marks.point("asis_left")[0])
+    110.0
+    """
 
     names: tuple[str, ...]
     """One name for each point, none twice."""

@@ -37,6 +37,10 @@ def read_surface(path: str | Path) -> Surface:
     corners of every triangle (STL, and GLB at the seams of a texture) are identical points made one vertex, in
     the order they first appear. The nodes of a GLB move its meshes. No other file is opened, whatever it names.
 
+    >>> wt.write_surface(folder / "skin.ply", case.skin)
+    >>> bool(np.array_equal(wt.read_surface(folder / "skin.ply").vertices, case.skin.vertices))
+    True
+
     Raises InputError when the file is missing, too large or cannot be read, has no triangles, or has a vertex
     that is not finite or out of reach.
     """

@@ -21,6 +21,10 @@ def write_surface(path: str | Path, surface: Surface) -> None:
 
     PLY keeps float64, so that positions come back to the last bit; trimesh writes the other formats.
 
+    >>> wt.write_surface(folder / "skin.stl", case.skin)
+    >>> len(wt.read_surface(folder / "skin.stl").faces) == len(case.skin.faces)
+    True
+
     Raises InputError for an ending that is not in `WRITTEN`, and OSError when the file cannot be written.
     """
     path = Path(path)

@@ -30,6 +30,10 @@ def make_case(
 
     There is no trunk after surgery to compare with.
 
+    >>> made = wt.make_case(skin, bones, wt.SpineCurve(kind="double_major", cobb=40.0), correction=0.7)
+    >>> made.name
+    'double_major 40 degrees, 70 % corrected'
+
     Args:
         skin: the straight trunk, closed, in patient axes (LPS) [mm].
         bones: T1 to L5, hip_left and hip_right, and as many others as there are, by name.

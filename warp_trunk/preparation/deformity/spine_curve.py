@@ -69,6 +69,9 @@ class SpineCurve:
     """A scoliosis by the numbers a clinic gives, in the mean shape of patients with such a curve.
 
     The shapes and their sources stand in `published_curves`.
+
+    >>> wt.SpineCurve(kind="thoracolumbar", cobb=45.0).direction
+    'right'
     """
 
     kind: Kind = "thoracic"

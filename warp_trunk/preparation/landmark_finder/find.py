@@ -23,6 +23,10 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
     and its endplates say it exactly (`find_vertebra`). Vertebrae may be turned by 60 degrees about the spine
     against the pelvis.
 
+    >>> found = wt.find_landmarks(bones)  # of a straight spine and the hips
+    >>> len(found.complete().names)
+    104
+
     Args:
         bones: surfaces by name in patient axes (LPS) [mm]; `T1` to `L5`, as many as there are, `hip_left` and
             `hip_right`. Others are not looked at.

@@ -70,6 +70,9 @@ def straight_trunk(size: TrunkSize | None = None) -> tuple[Surface, dict[str, Su
 def phantom_case(size: TrunkSize | None = None, curve: SpineCurve | None = None, correction: float = 0.7) -> Case:
     """The phantom with a scoliosis, and the correction of a fraction of it.
 
+    >>> wt.phantom_case().name
+    'phantom, thoracic 60 degrees, 70 % corrected'
+
     Args:
         size: of the trunk while it is straight; an adolescent's when left out.
         curve: the scoliosis; thoracic with a Cobb angle of 60 degrees when left out.

@@ -47,6 +47,10 @@ def fit_atlas(
     landmark is met; with one, errors of the landmarks are smoothed. With a linear drift a bone may grow and
     shear as a whole, with a constant one it keeps its size away from the landmarks.
 
+    >>> fitted = wt.fit_atlas(case.bones, case.landmarks_before, case.planned_landmarks)
+    >>> sorted(fitted.bones) == sorted(case.bones)
+    True
+
     Args:
         bones: of the atlas, by name.
         atlas: landmarks on them.

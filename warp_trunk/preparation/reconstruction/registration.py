@@ -49,6 +49,12 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
     This is the elastic registration of trunk surface and bones by radio-opaque markers, section 4.3.5 of [2].
     An affine change is met without any bending.
 
+    >>> markers = wt.Landmarks(tuple("abcde"), case.skin.vertices[[0, 300, 600, 900, 1200]])
+    >>> films = wt.Landmarks(markers.names, markers.points + [5.0, 0.0, 0.0])
+    >>> moved = wt.register_skin(case.skin, markers, films).skin.vertices - case.skin.vertices
+    >>> bool(np.allclose(moved, [5.0, 0.0, 0.0], atol=1e-6))
+    True
+
     Args:
         skin: in the frame of the scan [mm].
         on_skin: markers on it, in that frame.

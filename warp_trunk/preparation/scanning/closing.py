@@ -73,6 +73,11 @@ def close_skin(
     averages their noise and goes on into the holes with the curvature of the skin around them. Then it is cut
     flat where the scans end and where asked.
 
+    >>> open_skin = wt.Surface(case.skin.vertices, case.skin.faces[40:])
+    >>> closed = wt.close_skin({"scan": open_skin})
+    >>> len(closed.openings) >= 1
+    True
+
     Args:
         parts: the scans by name, oriented outward; mm, LPS.
         cuts: where to cut flat besides.

@@ -1,0 +1,55 @@
+"""The examples of the public names run, and so does the notebook of the documentation."""
+
+from __future__ import annotations
+
+import dataclasses
+import doctest
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import warp_trunk as wt
+from support.blocks import spine_and_hips
+from support.phantoms import coarse_phantom
+from warp_trunk.preparation.phantom import straight_trunk
+
+
+@pytest.fixture(scope="module")
+def result() -> wt.Result:
+    """The coarse phantom, simulated once for all examples."""
+    return wt.simulate(coarse_phantom(), tets=26_000, bone_voxel=8.0, bone_tolerance=2.0, increments=1)
+
+
+@pytest.mark.parametrize("name", wt.__all__)
+def test_example_of_every_public_name(name: str, result: wt.Result, tmp_path: Path) -> None:
+    known: dict[str, Any] = {
+        "wt": wt,
+        "np": np,
+        "dataclasses": dataclasses,
+        "case": coarse_phantom(),
+        "result": result,
+        "skin": straight_trunk()[0],
+        "bones": spine_and_hips(),
+        "folder": tmp_path,
+    }
+    (example,) = doctest.DocTestFinder(recurse=False).find(getattr(wt, name), name, globs=known)
+    assert example.examples, "has no example"
+    runner = doctest.DocTestRunner(optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
+    assert runner.run(example).failed == 0
+
+
+def test_notebook_of_the_documentation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its cells run in order; what the last line of a cell shows is asked for as a notebook does."""
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((Path(__file__).parents[1] / "docs/first_simulation.ipynb").read_text())
+    names: dict[str, Any] = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            exec("".join(cell["source"]), names)
+    assert names["result"].converged
+    assert names["result"]._repr_html_().count("<img") == 1
+    assert (tmp_path / "results/first/report.html").is_file()

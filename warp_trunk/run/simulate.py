@@ -1,0 +1,404 @@
+"""One whole simulation: from a case to a result. The command line, cohorts and scripts use the same call."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+from warp_trunk.bone_motion.bone_names import unknown_bones
+from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
+from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner, plan_text
+from warp_trunk.bone_motion.plan.planned_folder import planned_case
+from warp_trunk.bone_motion.steadying import steadying_warnings
+from warp_trunk.case import check_case
+from warp_trunk.case.motion_checks import check_passing
+from warp_trunk.engine import simulation
+from warp_trunk.engine.parallel import choose_device, choose_threads
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.errors import InputError
+from warp_trunk.io.folders import removed_if_empty
+from warp_trunk.measures import measure
+from warp_trunk.measures.skin_quality import skin_quality
+from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
+from warp_trunk.results import (
+    RECORDING,
+    locked,
+    partial,
+    predicted_skin,
+    prepare_folder,
+    result_of,
+    write_result,
+)
+from warp_trunk.results.summary_text import markdown
+
+from .bands import find_bands
+from .options import RunOptions, parameters, with_changes
+from .paths import motions_of
+from .patient import Patient, patient_of, with_mesh_given
+from .prepare import Prepared, prepare_plan
+from .progress import Progress
+from .warnings import curve_warnings, ending_warnings, option_warnings
+
+if TYPE_CHECKING:
+    from warp_trunk.case import Case
+    from warp_trunk.engine.simulation import Increment
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.measures import TrunkMeasures
+    from warp_trunk.results import Result
+    from warp_trunk.results.bands import FoundBands
+
+
+@overload
+def simulate(
+    case: Case,
+    plan: Plan | None = None,
+    *,
+    folder: str | Path | None = None,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
+    patient: Patient | None = None,
+    warnings: Sequence[str] | None = None,
+    **changes: Any,
+) -> Result: ...
+
+
+@overload
+def simulate(
+    case: Case,
+    plan: Sequence[Plan] | Mapping[str, Plan],
+    *,
+    folder: str | Path | None = None,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
+    on_result: Callable[[str, Result], None] | None = None,
+    **changes: Any,
+) -> list[Result]: ...
+
+
+def simulate(
+    case: Case,
+    plan: Plan | Sequence[Plan] | Mapping[str, Plan] | None = None,
+    *,
+    folder: str | Path | None = None,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
+    patient: Patient | None = None,
+    warnings: Sequence[str] | None = None,
+    on_result: Callable[[str, Result], None] | None = None,
+    **changes: Any,
+) -> Result | list[Result]:
+    """Predict the trunk after surgery.
+
+    Several plans for one patient share her mesh and model: each costs its bone path and the relaxation, and its
+    result is that of a simulation on its own, on the CPU to the last bit.
+
+    >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65)])
+    >>> result = wt.simulate(case, plan, tets=60_000, increments=1)
+    >>> result.skin.vertices.shape == case.skin.vertices.shape
+    True
+
+    Args:
+        case: the patient, with the tissue.
+        plan: the surgery, or several by name or in a row; what the case itself says of after surgery when left
+            out.
+        folder: the result folder, checked before any long work and kept from other processes, in which the
+            recording grows from increment to increment; of several plans the folder of their result folders. When
+            left out nothing is written before `Result.save`.
+        options: how to simulate; the defaults when left out.
+        progress: where to show the stages and warnings; a log on standard error when left out.
+        patient: the mesh and model of this patient, made with these options (`patient_of`); made here when left
+            out.
+        warnings: what the check of the case found (`read_checked_case`); it is checked here when left out.
+        on_result: called with the name of each of several plans and its result as soon as it is there.
+        changes: single options by name, in place of those of `options`: `tets=200_000`, `bands=True`.
+
+    Returns:
+        The result; of several plans a list in their order.
+
+    Raises:
+        InputError: an unknown option, a plan that cannot be met, a folder that lies in a case, cannot be written
+            to or is in use, a patient who is another or was prepared with other options, or a case or option that
+            a stage refuses. Everything that can be refused before the first simulation is refused before it.
+    """
+    progress = progress or Progress()
+    options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
+    folder = None if folder is None else Path(folder)
+    if plan is None:
+        return _simulated(case, folder, options, progress, warnings=warnings, patient=patient)
+    if isinstance(plan, Plan):
+        name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
+        surgery = _surgery(Planner(case), "", plan)
+        return _planned(case, surgery, name, folder, options=options, progress=progress, patient=patient)
+    plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(plan, start=1)}
+    return _several(case, plans, folder, options, progress, on_result=on_result)
+
+
+def _several(
+    case: Case,
+    plans: Mapping[str, Plan],
+    folder: Path | None,
+    options: RunOptions,
+    progress: Progress,
+    *,
+    on_result: Callable[[str, Result], None] | None,
+) -> list[Result]:
+    if not plans:
+        raise InputError("simulate: there is no plan; give at least one")
+    if options.live and len(plans) > 1:
+        raise InputError("--live: shows one simulation as it grows; give a single --plan, or leave it out")
+    planner = Planner(case)
+    surgeries = {name: _surgery(planner, f"plan {name}: ", plan) for name, plan in plans.items()}
+    checked = {name: check_case(planned_case(case, surgery, name)) for name, surgery in surgeries.items()}
+    places = {name: None if folder is None else folder / name for name in plans}
+    for place in filter(None, places.values()):
+        with removed_if_empty(place):
+            prepare_folder(place)
+    case, given = with_mesh_given(case, options, progress)
+    patient = patient_of(case, options, given, progress)
+    results = []
+    for name, surgery in surgeries.items():
+        with progress.of(f"plan {name}"):
+            result = _planned(
+                case,
+                surgery,
+                name,
+                places[name],
+                options=options,
+                progress=progress,
+                patient=patient,
+                checked=checked[name],
+            )
+        results.append(result)
+        if on_result is not None:
+            on_result(name, result)
+    return results
+
+
+def _surgery(planner: Planner, where: str, plan: Plan) -> PlannedSurgery:
+    try:
+        return planner.plan(plan)
+    except InputError as error:
+        raise InputError(f"{where}{str(error).removeprefix('plan: ')}" if where else str(error)) from None
+
+
+def _planned(
+    case: Case,
+    surgery: PlannedSurgery,
+    name: str,
+    folder: Path | None,
+    *,
+    options: RunOptions,
+    progress: Progress,
+    patient: Patient | None,
+    checked: Sequence[str] | None = None,
+) -> Result:
+    for warning in surgery.warnings:
+        progress.message(f"warning: {warning}")
+    planned, text = planned_case(case, surgery, name), plan_text(surgery.plan)
+    return _simulated(planned, folder, options, progress, warnings=checked, patient=patient, plan=text)
+
+
+def _simulated(
+    case: Case,
+    folder: Path | None,
+    options: RunOptions,
+    progress: Progress,
+    *,
+    warnings: Sequence[str] | None,
+    patient: Patient | None,
+    plan: str | None = None,
+) -> Result:
+    """One simulation, in its result folder or without one."""
+    if folder is not None:
+        with removed_if_empty(folder):
+            prepare_folder(folder)
+            said = _checked(case, options, progress, warnings=warnings, patient=patient)
+            with locked(folder):
+                result = _run(case, folder, options, progress, warnings=said, patient=patient, plan=plan)
+                write_result(folder, result)
+                return result
+    said = _checked(case, options, progress, warnings=warnings, patient=patient)
+    place = Path(tempfile.mkdtemp(prefix="warp_trunk_"))  # for the recording, until it is saved
+    try:
+        result = _run(case, place, options, progress, warnings=said, patient=patient, plan=plan)
+    except BaseException:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
+    weakref.finalize(result, shutil.rmtree, place, ignore_errors=True)
+    return result
+
+
+def _checked(
+    case: Case,
+    options: RunOptions,
+    progress: Progress,
+    *,
+    warnings: Sequence[str] | None,
+    patient: Patient | None,
+) -> list[str]:
+    """The warnings about a case and options, shown; InputError for what no later stage should have to refuse."""
+    _ = case.planned_landmarks  # refused here where nothing is planned
+    if case.landmarks_after is None:
+        for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
+            if asked:
+                raise InputError(
+                    f"{name}: needs landmarks_after.csv, and bones move by motions alone; leave it out"
+                )
+    check_colours(case, options.record_colours)
+    if patient is not None and patient.options != options:
+        raise InputError("simulate: 'patient' was made ready with other options; give the same, or leave it out")
+    choose_device(options.device)
+    choose_threads(options.threads)
+    if options.live and not options.record:
+        raise InputError("--live: shows what is recorded; leave --no-record out")
+    before, after = case.landmarks_before, case.planned_landmarks
+    found = [*(check_case(case) if warnings is None else warnings), *curve_warnings(before, after)]
+    if options.bones == "follow" and case.landmarks_after is not None:
+        found += [*unknown_bones(case.bones), *steadying_warnings(before, after)]
+    layers = () if case.layers is None else case.layers.tissues(case.tissue)
+    found += option_warnings((case.tissue, *layers), options.gravity)
+    if case.motions:
+        check_passing(case, motions_of(case), "motions")
+    for warning in found:
+        progress.message(f"warning: {warning}")
+    return found
+
+
+def _run(
+    case: Case,
+    folder: Path,
+    options: RunOptions,
+    progress: Progress,
+    *,
+    warnings: list[str],
+    patient: Patient | None,
+    plan: str | None,
+) -> Result:
+    """Mesh, simulate and measure, with a recording in the folder that grows by each increment."""
+    start, known = time.perf_counter(), {} if patient is None else dict(progress.seconds)
+    given: TrunkMesh | None = None
+    if patient is None:
+        case, given = with_mesh_given(case, options, progress)
+    else:
+        patient.check(case)
+    live = start_viewer() if options.live else None
+    path = partial(folder / RECORDING)
+    if options.record:
+        load_rerun()
+    else:
+        path.unlink(missing_ok=True)  # of a run that was interrupted
+    if patient is None:
+        patient = patient_of(case, options, given, progress)
+        with progress.stage("compile", "preparing the relaxation"):
+            _ = patient.relaxer  # made while Rerun is being imported
+    prepared = prepare_plan(patient, case, progress)
+    held = colliding_bones(prepared.trunk, prepared.bone_path)
+    if held:
+        progress.message(f"warning: {held[0]}; tissue cannot follow there")
+    before = measure(case.skin, case.landmarks_before)
+    with _opened(path, case, prepared, before, options=options, live=live, progress=progress) as recording:
+        increments, after = _increments(case, prepared, patient, recording, progress)
+        last = increments[-1]
+        skin = predicted_skin(case, prepared.trunk, last.displacement)
+        quality = skin_quality(case.skin, skin, case.landmarks_before, case.bones)
+        folded = folded_tissue(prepared.trunk, prepared.bone_path)
+        warnings = [*warnings, *ending_warnings(last.relaxation, held, folded)]
+        found = _bands(case, prepared, last, patient, progress)
+        if recording is not None:
+            if found is not None:
+                recording.bands(found.bands)
+            recording.finish(markdown(case, last, before, after, [*warnings, *quality.faults]))
+    taken = {name: value - known.get(name, 0.0) for name, value in progress.seconds.items()}
+    seconds = {name: value for name, value in taken.items() if value > 0.0}  # of a shared patient only what is new
+    return result_of(
+        case,
+        prepared.trunk,
+        prepared.model,
+        increments,
+        before=before,
+        after=after,
+        quality=quality,
+        parameters=parameters(options),
+        seconds={**seconds, "total": seconds.get("load", 0.0) + time.perf_counter() - start},
+        warnings=warnings,
+        found=found,
+        recording=None if recording is None or recording.failed else recording.path,
+        plan=plan,
+    )
+
+
+def _opened(
+    path: Path,
+    case: Case,
+    prepared: Prepared,
+    before: TrunkMeasures,
+    *,
+    options: RunOptions,
+    live: str | None,
+    progress: Progress,
+) -> AbstractContextManager[Recording | None]:
+    """The recording of a run, closed where the block ends; None where none is wanted."""
+    if not options.record:
+        return nullcontext()
+    with progress.stage("record", "opening the recording"):
+        return Recording(
+            path,
+            case,
+            prepared.trunk,
+            before,
+            prepared.bone_path,
+            model=prepared.model,
+            colours=options.record_colours,
+            steps=options.record_steps,
+            whiskers=options.bands,
+            live=live,
+        )
+
+
+def _increments(
+    case: Case, prepared: Prepared, patient: Patient, recording: Recording | None, progress: Progress
+) -> tuple[list[Increment], TrunkMeasures]:
+    """Every increment, shown and recorded as it comes, and the measures of the predicted skin."""
+    options = patient.options.simulation
+    increments: list[Increment] = []
+    watch = None if recording is None else recording.watch
+    began, after = time.perf_counter(), None
+    for increment in simulation.simulate(
+        prepared.model, prepared.bone_path, options, watch, relaxer=patient.relaxer
+    ):
+        if not increments:  # the time before the first one compiled and loaded the kernels
+            progress.add("compile", time.perf_counter() - began - increment.seconds)
+        progress.add("relax", increment.seconds)
+        progress.increment(increment, options.increments)
+        start = time.perf_counter()
+        increments.append(increment)
+        skin = predicted_skin(case, prepared.trunk, increment.displacement)
+        after = measure(skin, case.landmarks_at(increment.load_factor), case.skin)
+        if recording is not None:
+            recording.increment(increment, after)
+        progress.add("record", time.perf_counter() - start)
+    assert after is not None  # there is at least one increment
+    return increments, after
+
+
+def _bands(
+    case: Case, prepared: Prepared, increment: Increment, patient: Patient, progress: Progress
+) -> FoundBands | None:
+    """The bands, where they are asked for and there is an equilibrium to derive them from."""
+    if not patient.options.bands:
+        return None
+    if increment.relaxation.status is not RelaxStatus.CONVERGED:
+        progress.message("no bands: the relaxation did not converge")
+        return None
+    try:
+        with progress.stage("bands", "finding how sure each number is"):
+            return find_bands(case, prepared, increment, patient.options, relaxer=patient.relaxer)
+    except InputError as error:  # the prediction stands without them
+        progress.message(f"no bands: {error}")
+        return None
