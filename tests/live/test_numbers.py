@@ -52,7 +52,7 @@ def test_it_says_why_a_wish_is_not_possible() -> None:
 
 
 def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
-    text = numbers_html(BEFORE, VIEW, BEFORE)
+    text = numbers_html(CASE, BEFORE, VIEW, BEFORE)
     curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
     row = text[text.index(f"Cobb {curve.before.upper}-{curve.before.lower}") :]
     assert f">{curve.before.angle:.1f}</td>" in row[:300]
@@ -61,12 +61,12 @@ def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
     assert "Look:</b> a &lt; b" in text
     assert text.count("<rect") == 2 * sum(angle is not None for angle in BEFORE.bsr.values())
     measured = replace(VIEW, relaxed=True, measures=BEFORE)
-    assert "relaxed last" not in numbers_html(BEFORE, measured, BEFORE)
+    assert "relaxed last" not in numbers_html(CASE, BEFORE, measured, BEFORE)
 
 
 def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
     kept = replace(VIEW, measures=BEFORE)
-    text = numbers_html(BEFORE, kept, BEFORE, ("<mine>", kept))
+    text = numbers_html(CASE, BEFORE, kept, BEFORE, ("<mine>", kept))
     assert "&lt;mine&gt;" in text
     assert "<mine>" not in text
     assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())
@@ -77,7 +77,7 @@ def test_long_names_and_paths_stay_in_a_narrow_panel() -> None:
     name = "thoracic_fusion_T4_L1_strong_correction"
     said = (
         line_html(f"Kept: /home/somebody/planned_surgeries_of_the_department/{name}"),
-        numbers_html(BEFORE, VIEW, BEFORE, (name, replace(VIEW, measures=BEFORE))),
+        numbers_html(CASE, BEFORE, VIEW, BEFORE, (name, replace(VIEW, measures=BEFORE))),
         status_html(VIEW, Refusal(VIEW.wish, f"{name}{name} cannot be read")),
     )
     with sync_playwright() as playwright:

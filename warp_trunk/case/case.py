@@ -71,6 +71,11 @@ class Case:
     """Points on skin and bones that are followed."""
 
     @cached_property
+    def point_owners(self) -> list[tuple[str, float]]:
+        """The surface on which each followed point lies, `SKIN` or a bone, and its distance from it [mm]."""
+        return self.points.owners(self.skin, self.bones)
+
+    @cached_property
     def planned_landmarks(self) -> Landmarks:
         """The landmarks after surgery; where motions of bones are given alone, each as its bone takes it.
 

@@ -86,7 +86,7 @@ def check_points(case: Case, where: str) -> None:
         InputError: the first that does not.
     """
     names, pairs = case.points.marks.names, case.points.pairs
-    owners = dict(zip(names, case.points.owners(case.skin, case.bones), strict=True))
+    owners = dict(zip(names, case.point_owners, strict=True))
     for name, (owner, off) in owners.items():
         if off > _FAR:
             raise InputError(

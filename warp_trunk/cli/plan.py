@@ -114,6 +114,7 @@ class Plan:
         return report_ending(result)
 
     def _open_page(self) -> int:
+        from warp_trunk.live.motion_wish import by_motions
         from warp_trunk.live.opening import check_packages, plan_live
 
         if self.predict or self.aim is not None or self.within:
@@ -126,6 +127,11 @@ class Plan:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
             asked = self.plan or self.uiv or self.liv or self.curve
+            if asked and by_motions(case):
+                raise InputError(
+                    f"plan: {self.case} has no spine and is planned by its motions.toml; "
+                    "leave --plan, --uiv, --liv and --curve out"
+                )
             plan = self._intention(case.landmarks_before) if asked else None
             with crossings_written(folder):
                 failure = plan_live(case, folder, self.options, progress, plan=plan, port=self.port)

@@ -16,6 +16,8 @@ from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.case.places import HEADER
 from warp_trunk.errors import InputError
 
+from .motion_wish import MotionPlan
+
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan
     from warp_trunk.case import Case
@@ -86,7 +88,10 @@ class KeptPlans:
             unfinished = self.folder / f".{name}.partial"  # a name that no plan has
             try:
                 shutil.rmtree(unfinished, ignore_errors=True)  # of a page that was killed
-                write_planned_case(unfinished, self._case, view.surgery, name)
+                if isinstance(view.surgery, MotionPlan):
+                    view.surgery.write(unfinished, self._case, name)
+                else:
+                    write_planned_case(unfinished, self._case, view.surgery, name)
                 unfinished.rename(folder)
             except OSError as error:
                 raise InputError(f"{folder} could not be written ({error.strerror}); nothing was kept") from error

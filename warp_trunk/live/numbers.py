@@ -6,9 +6,16 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from warp_trunk.bone_motion.plan import PlannedSurgery
+from warp_trunk.measures.points import follow_points
 from warp_trunk.report.style import BEFORE, PLANS
 
+from .motion_wish import MotionPlan
+
 if TYPE_CHECKING:
+    from warp_trunk.case import Case
     from warp_trunk.measures import TrunkMeasures
 
     from .session import Refusal, View
@@ -67,11 +74,16 @@ def _box(colour: str, text: str) -> str:
 
 
 def numbers_html(
-    before: TrunkMeasures, view: View, measures: TrunkMeasures | None, kept: tuple[str, View] | None = None
+    case: Case,
+    before: TrunkMeasures,
+    view: View,
+    measures: TrunkMeasures | None,
+    kept: tuple[str, View] | None = None,
 ) -> str:
-    """The table of a view, under what is to be looked at.
+    """The table of a view, below its warnings.
 
     Args:
+        case: the patient, with the points that are followed.
         before: measures before surgery.
         view: what is shown.
         measures: those of the back, of an earlier view where that of this one are still to come.
@@ -84,7 +96,7 @@ def numbers_html(
         f"<th style='text-align:right;padding-left:8px;{_BROKEN * (place == 2)}'>{escape(title)}</th>"
         for place, title in enumerate(titles)
     )
-    rows = [f"<tr><th></th>{head}</tr>", *_spine_rows(views)]
+    rows = [f"<tr><th></th>{head}</tr>", *_plan_rows(case, views)]
     back = [before, measures, *([] if kept is None else [kept[1].measures])]
     rows += _back_rows(back, stale)
     style = "border-collapse:collapse;font-size:13px;width:100%;font-variant-numeric:tabular-nums"
@@ -93,31 +105,50 @@ def numbers_html(
     return f"<div style='padding:0 16px 12px 4px'>{look}{table}{_rotation(back, titles, stale)}</div>"
 
 
-def _spine_rows(views: Sequence[View]) -> Iterator[str]:
-    first = views[0].surgery
+def _plan_rows(case: Case, views: Sequence[View]) -> Iterator[str]:
+    """The rows of what is planned: the spine, or the points that follow the motions."""
+    spines = [view.surgery for view in views if isinstance(view.surgery, PlannedSurgery)]
+    if spines:
+        yield from _spine_rows(spines)
+        return
+    followed = [
+        follow_points(case, view.skin, view.surgery.bones.__getitem__)
+        for view in views
+        if isinstance(view.surgery, MotionPlan)
+    ]
+    if followed[0]:
+        yield _title("Points")
+    for row, point in enumerate(followed[0]):
+        moved = [float(np.linalg.norm(points[row].way)) for points in followed]
+        yield _row(f"{point.name} moves by [mm]", [None, *moved])
+        if point.ratio is not None:
+            ratios = [None, *(points[row].ratio for points in followed)]
+            yield _row(f"{point.name}, ratio to bone", ratios, digits=2)
+
+
+def _spine_rows(plans: Sequence[PlannedSurgery]) -> Iterator[str]:
+    first = plans[0]
     yield _title("Spine")
     for row, curve in enumerate(first.curves):
         was = curve.before
         name = f"Cobb {was.upper}-{was.lower}, {was.convex} [°]"
-        yield _row(name, [was.angle, *(_curve_after(view, row) for view in views)])
+        after = [plan.curves[row].cobb_after if row < len(plan.curves) else None for plan in plans]
+        yield _row(name, [was.angle, *after])
     for row, curve in enumerate(first.curves):
-        turned = [view.surgery.curves[row].rotation for view in views if row < len(view.surgery.curves)]
+        turned = [plan.curves[row].rotation for plan in plans if row < len(plan.curves)]
         values = [curve.rotation[0], *(after for _, after in turned)]
         yield _row(f"Rotation of the apex, {curve.before.apex} [°]", values, sign=True)
     for name in first.measures:
         unit = "°" if name.startswith(("kyphosis", "lordosis")) else "mm"
         if name.startswith(("kyphosis T5", "lordosis L1-L5", "trunk shift")):
-            values = [first.measures[name][0], *(view.surgery.measures[name][1] for view in views)]
+            values = [first.measures[name][0], *(plan.measures[name][1] for plan in plans)]
             yield _row(f"{name[:1].upper()}{name[1:]} [{unit}]", values, sign=unit == "mm")
-    yield _row("Height gained [mm]", [None, *(view.surgery.height_gained for view in views)], sign=True)
-
-
-def _curve_after(view: View, row: int) -> float | None:
-    return view.surgery.curves[row].cobb_after if row < len(view.surgery.curves) else None
+    yield _row("Height gained [mm]", [None, *(plan.height_gained for plan in plans)], sign=True)
 
 
 def _back_rows(back: Sequence[TrunkMeasures | None], stale: bool) -> Iterator[str]:
-    yield _title("Back" + (", of the skin relaxed last" if stale else ""))
+    part = "Back" if any(m is not None and m.tangents for m in back) else "Skin"
+    yield _title(part + (", of the skin relaxed last" if stale else ""))
     for name, read in (
         ("Largest rotation T1-T12 [°]", lambda m: m.max_thoracic_bsr),
         ("Largest rotation L1-L5 [°]", lambda m: m.max_lumbar_bsr),
@@ -125,31 +156,37 @@ def _back_rows(back: Sequence[TrunkMeasures | None], stale: bool) -> Iterator[st
         ("Right shoulder higher by [mm]", lambda m: None if m.shoulders is None else m.shoulders.difference),
         ("Skin moves at most [mm]", lambda m: m.skin_change_max),
     ):
-        yield _row(name, [None if m is None else read(m) for m in back], sign=True, stale=stale)
+        values = [None if m is None else read(m) for m in back]
+        if part == "Back" or any(value is not None for value in values):
+            yield _row(name, values, sign=True, stale=stale)
 
 
 def _title(text: str) -> str:
     return f"<tr><th colspan='9' style='text-align:left;padding-top:7px'>{text}</th></tr>"
 
 
-def _row(name: str, values: Sequence[float | None], *, sign: bool = False, stale: bool = False) -> str:
+def _row(
+    name: str, values: Sequence[float | None], *, sign: bool = False, stale: bool = False, digits: int = 1
+) -> str:
     cells = ""
     for place, value in enumerate(values):
         faint = _STALE if stale and place == 1 else ""
-        cells += f"<td style='text-align:right;padding-left:8px;{faint}'>{_number(value, sign)}</td>"
+        cells += f"<td style='text-align:right;padding-left:8px;{faint}'>{_number(value, sign, digits)}</td>"
     return f"<tr style='border-top:1px solid #8883'><td>{escape(name)}</td>{cells}</tr>"
 
 
-def _number(value: float | None, sign: bool) -> str:
+def _number(value: float | None, sign: bool, digits: int = 1) -> str:
     if value is None:
         return "–"
-    return f"{value:+z.1f}" if sign and round(value, 1) else f"{value:z.1f}"
+    return f"{value:+z.{digits}f}" if sign and round(value, digits) else f"{value:z.{digits}f}"
 
 
 def _rotation(back: Sequence[TrunkMeasures | None], titles: Sequence[str], stale: bool) -> str:
     """Back surface rotation by level: bars from the middle to the side that stands further back."""
     known = [(title, m, colour) for title, m, colour in zip(titles, back, _COLOURS, strict=False) if m is not None]
     levels = list(known[0][1].bsr)
+    if not levels:
+        return ""
     most = max([5.0, *(abs(a) for _, m, _ in known for a in m.bsr.values() if a is not None)])
     middle, scale, thick = 30 + _BARS / 2, _BARS / 2 / most, (_ROW - 4) / len(known)
     height = _ROW * len(levels)

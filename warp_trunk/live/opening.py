@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from warp_trunk.bone_motion.plan import plan_surgery
 from warp_trunk.errors import InputError
 from warp_trunk.run.patient import patient_of, with_mesh_given
+from warp_trunk.run..py import check_given
 
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan
@@ -69,12 +70,18 @@ def plan_live(
     """
     check_packages()
     from .loopback import check_free
+    from .motion_wish import MotionPlanner, by_motions, with_handles
     from .page import Page
     from .wish import first_wish, spine_before
 
     check_port(port)
     check_free(port)
-    plan_surgery(case, first_wish(spine_before(case.landmarks_before), plan).plan(plan))  # refused before any work
+    if by_motions(case):  # both are refused before any work
+        check_given(options)
+        case = with_handles(case)
+        MotionPlanner(case).plan(case.motions)
+    else:
+        plan_surgery(case, first_wish(spine_before(case.landmarks_before), plan).plan(plan))
     case, given = with_mesh_given(case, options, progress)
     patient = patient_of(case, options, given, progress)
     with progress.stage("compile", "preparing the relaxation"):

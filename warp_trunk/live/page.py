@@ -8,13 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 
-from .controls import WishControls
+from .controls import MotionControls, WishControls
 from .kept import KeptPlans
 from .latest import Latest
 from .loopback import LoopbackServer
+from .motion_wish import by_motions, first_motions
 from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
 from .session import Measured, Refusal, Session, View
@@ -55,7 +57,8 @@ class Page:
         """What went wrong, where that is why."""
         self.kept = KeptPlans(folder, case)
         """The plans that were kept, now and before."""
-        self._before = measure(case.skin, case.landmarks_before)
+        moved = by_motions(case)
+        self._before = measure(case.skin, NO_LANDMARKS if moved else case.landmarks_before)
         self._view: View | None = None
         self._refusal: Refusal | None = None
         self._measures = self._before
@@ -65,15 +68,18 @@ class Page:
         self.server = LoopbackServer(port, case.name)
         """The server; it is on `server.address`."""
         self._session = Session(patient, plan, self._show, self._fail)
-        spine = spine_before(case.landmarks_before)
-        wish = first_wish(spine, plan)
         self.scene = Scene(self.server, case)
         """What is drawn."""
         gui = self.server.gui
         gui.main_panel.dock_left()
         self._status = gui.add_html(status_html(None, None))
-        self.controls = WishControls(gui, spine, wish, self._session.ask)
-        """The sliders."""
+        if moved:
+            wish = first_motions(case)
+            self.controls = MotionControls(gui, wish, self._session.ask)
+        else:
+            spine = spine_before(case.landmarks_before)
+            wish = first_wish(spine, plan)
+            self.controls = WishControls(gui, spine, wish, self._session.ask)
         self._add_keeping(gui)
         self._add_looks(gui)
         panel = gui.add_panel()
@@ -113,7 +119,7 @@ class Page:
             for label, shows, first in (
                 ("Before surgery", self.scene.show_before, False),
                 ("Skin transparent", self.scene.show_through, True),
-                ("Lines of depth", self.scene.show_relief, True),
+                ("Lines of depth", self.scene.show_relief, not by_motions(self._case)),
             ):
                 box = gui.add_checkbox(label, first)
                 box.on_update(lambda event, shows=shows: self._draw(shows, event.target.value))
@@ -155,7 +161,7 @@ class Page:
         if self._view is not None:
             kept = self.kept.get(self._other.value)
             named = None if kept is None else (self._other.value, kept)
-            self._told.put(partial(numbers_html, self._before, self._view, self._measures, named))
+            self._told.put(partial(numbers_html, self._case, self._before, self._view, self._measures, named))
 
     def _write_numbers(self) -> None:
         while (numbers := self._told.take()) is not None:

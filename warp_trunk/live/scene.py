@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.plan.record import rank
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .bones import BonePoses
+from .motion_wish import MotionPlan, by_motions
 from .relief_lines import relief_lines
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Scene:
     def __init__(self, server: viser.ViserServer, case: Case) -> None:
         self._server, self._case = server, case
         self._poses = BonePoses(case)
-        self._surgery: PlannedSurgery | None = None
+        self._surgery: PlannedSurgery | MotionPlan | None = None
         scene, skin = server.scene, case.skin
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
@@ -52,6 +52,7 @@ class Scene:
         self.relief = scene.add_line_segments(
             "/relief", relief_lines(skin.vertices, skin.faces), INK, thickness=1.2, thickness_units="screen"
         )
+        self.relief.visible = not by_motions(case)  # lines of the back
         self._bones = {
             name: scene.add_mesh_simple(f"/bones/{name}", bone.vertices, bone.faces, color=BONE)
             for name, bone in case.bones.items()
@@ -60,7 +61,7 @@ class Scene:
         self._middle, self._height = (low + high) / 2.0, float(high[2] - low[2])
         camera = server.initial_camera
         camera.near, camera.far, camera.fov = 10.0, 20.0 * self._height, np.radians(_FIELD)
-        camera.position, camera.look_at = self.eye("Behind"), self._middle
+        camera.position, camera.look_at = self.eye("Front" if by_motions(case) else "Behind"), self._middle
 
     def show(self, view: View) -> None:
         """Draws the skin and the bones of a view; browsers get all of it at once."""
@@ -77,11 +78,10 @@ class Scene:
         for name, (turn, shift) in self._poses.at(view.surgery.landmarks_after).items():
             self._bones[name].wxyz = turn
             self._bones[name].position = shift
-        plan = view.surgery.plan
-        for level in self._case.landmarks_before.vertebrae():
-            if level in self._bones:
-                fused = rank(plan.uiv) <= rank(level) <= rank(plan.liv)
-                self._bones[level].color = FUSED if fused else BONE
+        planned = self._bones if isinstance(view.surgery, MotionPlan) else self._case.landmarks_before.vertebrae()
+        for bone in planned:
+            if bone in self._bones:
+                self._bones[bone].color = FUSED if view.wish.fuses(bone) else BONE
 
     def show_before(self, shown: bool) -> None:
         """Shows the trunk before surgery in place of the plan."""

@@ -6,12 +6,13 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from warp_trunk.bone_motion.plan import Planner
+from warp_trunk.bone_motion.plan import PlannedSurgery, Planner
+from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
@@ -19,13 +20,15 @@ from warp_trunk.run.warnings import curve_warnings
 
 from .image import Image, Images
 from .latest import Latest
+from .motion_wish import MotionPlan, MotionPlanner, MotionWish, by_motions
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
 from .worker import worker
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
-    from warp_trunk.bone_motion.plan import Plan, PlannedSurgery
+    from warp_trunk.bone_motion.plan import Plan
+    from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.run.patient import Patient
 
@@ -45,10 +48,10 @@ class View:
 
     number: int
     """Of its wish, from 1; views of one wish get better."""
-    wish: Wish
+    wish: Wish | MotionWish
     """Where the sliders stood."""
-    surgery: PlannedSurgery
-    """What the plan asks of each vertebra."""
+    surgery: PlannedSurgery | MotionPlan
+    """What the plan asks of each vertebra or bone."""
     motions: Mapping[str, RigidTransform] | None
     """Where the model has each bone; None of an image, and where the spline of the landmarks carries them."""
     skin: np.ndarray
@@ -69,7 +72,7 @@ class View:
 class Refusal:
     """A wish that no spine can meet."""
 
-    wish: Wish
+    wish: Wish | MotionWish
     """Where the sliders stood."""
     reason: str
     """Why, and what is the nearest, in a sentence."""
@@ -86,8 +89,8 @@ class Measured:
 @dataclass(frozen=True, eq=False)
 class _Job:
     number: int
-    wish: Wish
-    surgery: PlannedSurgery
+    wish: Wish | MotionWish
+    surgery: PlannedSurgery | MotionPlan
     warnings: tuple[str, ...]
 
 
@@ -117,11 +120,12 @@ class Session:
         """
         self._patient, self._base = patient, base
         self._tell_show = show
-        self._wishes: Latest[Wish] = Latest()
+        self._wishes: Latest[Wish | MotionWish] = Latest()
         self._jobs: Latest[_Job] = Latest()
         self._relaxed: Latest[View] = Latest(PAUSE)
         self._asides: deque[_Aside] = deque()
-        self._images, self._planner = Images(patient.case), Planner(patient.case)
+        self._images = Images(patient.case)
+        self._planner: Any = (MotionPlanner if by_motions(patient.case) else Planner)(patient.case)
         self._on_gpu = patient.model.device.startswith("cuda")
         self._lock = threading.Lock()
         self._newest = 0
@@ -151,7 +155,7 @@ class Session:
             thread.join()
         self._limits.restore_original_limits()
 
-    def ask(self, wish: Wish) -> None:
+    def ask(self, wish: Wish | MotionWish) -> None:
         """Asks for a plan, in place of what was asked for before."""
         self._wishes.put(wish)
 
@@ -180,7 +184,7 @@ class Session:
                 surgery = self._planner.plan(wish.plan(self._base))
             except InputError as error:
                 with self._lock:
-                    self._tell_show(Refusal(wish, str(error).removeprefix("plan: ")))
+                    self._tell_show(Refusal(wish, str(error).removeprefix("plan: ").removeprefix("motions: ")))
                 continue
             with self._lock:
                 self._newest += 1
@@ -230,7 +234,7 @@ class Session:
             self._patient.options.simulation.relax.tolerance, confirm=True, newer=lambda: self._jobs.waits
         )
         view = _relaxed_view(job, end, settled=True)
-        measures = measure(Surface(end.skin, before.faces), job.surgery.landmarks_after, before)
+        measures = measure(Surface(end.skin, before.faces), _landmarks(job.surgery), before)
         aside.tell(replace(view, measures=measures))
 
     def _learn(self, job: _Job, relaxed: Relaxed, *, settled: bool) -> None:
@@ -248,7 +252,7 @@ class Session:
     def _measure(self) -> None:
         before = self._patient.case.skin
         while (view := self._relaxed.take()) is not None:
-            measures = measure(Surface(view.skin, before.faces), view.surgery.landmarks_after, before)
+            measures = measure(Surface(view.skin, before.faces), _landmarks(view.surgery), before)
             with self._lock:
                 if self._shown is view:
                     self._show(replace(view, measures=measures))
@@ -268,6 +272,13 @@ def _relaxed_view(job: _Job, end: Relaxed, *, settled: bool) -> View:
     return View(job.number, job.wish, job.surgery, end.motions, end.skin, True, end.error, None, warnings, settled)
 
 
-def _job(number: int, wish: Wish, surgery: PlannedSurgery) -> _Job:
+def _landmarks(surgery: PlannedSurgery | MotionPlan) -> Landmarks:
+    """The landmarks with which a skin is measured."""
+    return NO_LANDMARKS if isinstance(surgery, MotionPlan) else surgery.landmarks_after
+
+
+def _job(number: int, wish: Wish | MotionWish, surgery: PlannedSurgery | MotionPlan) -> _Job:
+    if isinstance(surgery, MotionPlan):
+        return _Job(number, wish, surgery, surgery.warnings)
     curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
     return _Job(number, wish, surgery, (*surgery.warnings, *curves))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,12 +10,11 @@ import numpy as np
 
 from warp_trunk.case.points import SKIN
 from warp_trunk.geometry.nearest import nearest
-from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.surface import Surface
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from warp_trunk.case import Case
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 Place = tuple[float, float, float]
 
@@ -42,26 +42,25 @@ class FollowedPoint:
         return np.subtract(self.after, self.before)
 
 
-def follow_points(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> tuple[FollowedPoint, ...]:
-    """Where the points of a case are carried: on the skin with its triangle, on bone rigidly with that.
+def follow_points(
+    case: Case, skin: np.ndarray, motion_of: Callable[[str], RigidTransform]
+) -> tuple[FollowedPoint, ...]:
+    """Displaced points of a case: on the skin with their triangle, on bone rigidly.
 
     Args:
-        case: with its points.
-        trunk: its mesh.
-        displacement: of its nodes [mm], shape (nodes, 3).
+        case: the case with its points.
+        skin: vertices of the predicted skin [mm], shape (vertices, 3).
+        motion_of: the motion of a bone by its name.
     """
     marks = case.points.marks
     moved: dict[str, tuple[str, np.ndarray, np.ndarray]] = {}
-    for name, point, (owner, _) in zip(
-        marks.names, marks.points, case.points.owners(case.skin, case.bones), strict=True
-    ):
+    for name, point, (owner, _) in zip(marks.names, marks.points, case.point_owners, strict=True):
         if owner == SKIN:
-            skin = Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces)
-            face, weights = nearest(skin, point[None], 1000.0)
-            way = weights[0] @ displacement[trunk.skin_nodes[trunk.skin_faces[face[0]]]]
+            face, weights = nearest(case.skin, point[None], 1000.0)
+            corners = case.skin.faces[face[0]]
+            way = weights[0] @ (skin[corners] - case.skin.vertices[corners])
         else:
-            held = trunk.bone == trunk.bone_names.index(owner)
-            way = fit_rigid(trunk.nodes[held], trunk.nodes[held] + displacement[held]).apply(point) - point
+            way = motion_of(owner).apply(point) - point
         moved[name] = owner, point, way
     found = []
     for name, (owner, point, way) in moved.items():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.points import follow_points
 
@@ -16,6 +17,8 @@ from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary
 from .versions import versions
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from warp_trunk.case import Case
     from warp_trunk.engine.model import Model
     from warp_trunk.engine.relaxation import Energy, RelaxStep
@@ -51,9 +54,16 @@ def summarize(
     `result_of`.
     """
     last = increments[-1].relaxation
+    displacement = increments[-1].displacement
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     before, after, actual = measures
     constants = dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}
+
+    def motion_of(bone: str) -> RigidTransform:
+        held = trunk.bone == trunk.bone_names.index(bone)
+        return fit_rigid(trunk.nodes[held], trunk.nodes[held] + displacement[held])
+
+    skin = case.skin.vertices + displacement[trunk.skin_nodes]
     return Summary(
         case=case.name,
         status=last.status.name,
@@ -79,7 +89,7 @@ def summarize(
         skin_quality=quality,
         bands=bands,
         virtual=case.study.virtual,
-        points=follow_points(case, trunk, increments[-1].displacement),
+        points=follow_points(case, skin, motion_of),
     )
 
 
