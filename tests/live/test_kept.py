@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from support.small_patient import APEX, curved_case
-from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery, read_plan
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery, read_plan
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.live.kept import KeptPlans
@@ -41,6 +41,7 @@ def test_a_kept_plan_is_the_planned_case(tmp_path: Path) -> None:
     folder = kept.keep("plan_1", shown)
     assert folder == tmp_path / "plans" / "plan_1"
     assert {path.name for path in folder.iterdir()} == FILES
+    assert isinstance(shown.surgery, PlannedSurgery)
     assert read_plan(folder / "plan.toml") == shown.surgery.plan
     after = read_landmarks(folder / "landmarks_after.csv")
     np.testing.assert_array_equal(after.points, shown.surgery.landmarks_after.points)

@@ -9,7 +9,7 @@ from playwright.sync_api import sync_playwright
 
 from support.chromium import CHROMIUM, QUIET, needs_chromium
 from support.small_patient import APEX, curved_case
-from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
 from warp_trunk.live.numbers import NOTE, line_html, numbers_html, status_html
 from warp_trunk.live.session import Refusal, View
 from warp_trunk.live.wish import first_wish, spine_before
@@ -53,6 +53,7 @@ def test_it_says_why_a_wish_is_not_possible() -> None:
 
 def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
     text = numbers_html(CASE, BEFORE, VIEW, BEFORE)
+    assert isinstance(VIEW.surgery, PlannedSurgery)
     curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
     row = text[text.index(f"Cobb {curve.before.upper}-{curve.before.lower}") :]
     assert f">{curve.before.angle:.1f}</td>" in row[:300]

@@ -14,9 +14,10 @@ from playwright.sync_api import Page as Tab
 
 from support.chromium import CHROMIUM, QUIET, needs_chromium
 from support.small_patient import APEX, small_patient
-from warp_trunk.bone_motion.plan import read_plan
+from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
 from warp_trunk.live.page import Page
 from warp_trunk.live.session import View
+from warp_trunk.live.wish import Wish
 from warp_trunk.recording.viewer import free_port
 
 pytestmark = needs_chromium
@@ -128,6 +129,7 @@ def until(true: Callable[[], bool], visit: Visit) -> None:
 
 def correction(page: Page) -> int:
     assert page.view is not None
+    assert isinstance(page.view.wish, Wish)
     return page.view.wish.correction[APEX]
 
 
@@ -145,6 +147,7 @@ def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None
     assert np.linalg.norm(page.scene.skin.vertices - before, axis=1).max() > 2.0
     assert before.nbytes < sum(visit.sent)
     assert page.view is not None
+    assert isinstance(page.view.surgery, PlannedSurgery)
     visit.wait_for(f"{page.view.surgery.curves[1].cobb_after:.1f}")  # the table
     assert visit.seen() != drawn
     assert (visit.complaints, visit.elsewhere) == ([], [])

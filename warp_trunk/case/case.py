@@ -70,6 +70,11 @@ class Case:
     points: Points = dataclasses.field(default_factory=Points)
     """Points on skin and bones that are followed."""
 
+    @property
+    def has_spine(self) -> bool:
+        """Whether landmarks of the spine and the pelvis are known; if not, bones move by motions alone."""
+        return "asis_left" in self.landmarks_before.names
+
     @cached_property
     def point_owners(self) -> list[tuple[str, float]]:
         """The surface on which each followed point lies, `SKIN` or a bone, and its distance from it [mm]."""

@@ -134,9 +134,14 @@ class _Files:
         return self.header.axes.surface_to_lps(read_surface(path), self.header.units)
 
     def points(self, key: str) -> Landmarks:
-        self.names[key] = landmark_file(self.folder, key)
-        check_within(self.folder, self.names[key])
-        return read_landmarks(self.names[key], self.header.axes, self.header.units, self.header.landmark_columns)
+        self.names[key] = path = landmark_file(self.folder, key)
+        if key == "landmarks_before" and not (path.exists() or path.is_symlink()):
+            raise InputError(
+                f"{path}: there is no such file; add the landmarks of the spine, or {MOTIONS}, "
+                "or every bone in bones_after/"
+            )
+        check_within(self.folder, path)
+        return read_landmarks(path, self.header.axes, self.header.units, self.header.landmark_columns)
 
     def points_if_there(self, key: str) -> Landmarks | None:
         path = landmark_file(self.folder, key)

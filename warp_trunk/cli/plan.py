@@ -93,6 +93,11 @@ class Plan:
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
+            if not case.has_spine:
+                raise InputError(
+                    f"plan: {self.case} has no landmarks of a spine; write the motions of its bones in "
+                    "motions.toml and simulate it, or move them with --live"
+                )
             intention = self._intention(case.landmarks_before)
             found = None
             if self.aim is not None:
@@ -114,7 +119,6 @@ class Plan:
         return report_ending(result)
 
     def _open_page(self) -> int:
-        from warp_trunk.live.motion_wish import by_motions
         from warp_trunk.live.opening import check_packages, plan_live
 
         if self.predict or self.aim is not None or self.within:
@@ -127,10 +131,10 @@ class Plan:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
             asked = self.plan or self.uiv or self.liv or self.curve
-            if asked and by_motions(case):
+            if not case.has_spine and (asked or not case.motions):
                 raise InputError(
-                    f"plan: {self.case} has no spine and is planned by its motions.toml; "
-                    "leave --plan, --uiv, --liv and --curve out"
+                    f"--live: {self.case} has no landmarks of a spine; name the bones that move in motions.toml, "
+                    "and leave --plan, --uiv, --liv and --curve out"
                 )
             plan = self._intention(case.landmarks_before) if asked else None
             with crossings_written(folder):

@@ -115,11 +115,6 @@ class MotionPlanner:
         return MotionPlan(motions, bones, planned.planned_landmarks)
 
 
-def by_motions(case: Case) -> bool:
-    """Whether a case is planned by the motions of its bones: it has motions and no spine."""
-    return bool(case.motions) and "asis_left" not in case.landmarks_before.names
-
-
 def with_handles(case: Case) -> Case:
     """The case with handles in place of landmarks: up to six points of each bone that move with it.
 

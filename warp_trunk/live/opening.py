@@ -70,18 +70,18 @@ def plan_live(
     """
     check_packages()
     from .loopback import check_free
-    from .motion_wish import MotionPlanner, by_motions, with_handles
+    from .motion_wish import MotionPlanner, with_handles
     from .page import Page
     from .wish import first_wish, spine_before
 
     check_port(port)
     check_free(port)
-    if by_motions(case):  # both are refused before any work
+    if case.has_spine:  # what is impossible is refused before any work
+        plan_surgery(case, first_wish(spine_before(case.landmarks_before), plan).plan(plan))
+    else:
         check_given(options)
         case = with_handles(case)
         MotionPlanner(case).plan(case.motions)
-    else:
-        plan_surgery(case, first_wish(spine_before(case.landmarks_before), plan).plan(plan))
     case, given = with_mesh_given(case, options, progress)
     patient = patient_of(case, options, given, progress)
     with progress.stage("compile", "preparing the relaxation"):

@@ -16,7 +16,7 @@ from .controls import MotionControls, WishControls
 from .kept import KeptPlans
 from .latest import Latest
 from .loopback import LoopbackServer
-from .motion_wish import by_motions, first_motions
+from .motion_wish import first_motions
 from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
 from .session import Measured, Refusal, Session, View
@@ -57,8 +57,7 @@ class Page:
         """What went wrong, where that is why."""
         self.kept = KeptPlans(folder, case)
         """The plans that were kept, now and before."""
-        moved = by_motions(case)
-        self._before = measure(case.skin, NO_LANDMARKS if moved else case.landmarks_before)
+        self._before = measure(case.skin, case.landmarks_before if case.has_spine else NO_LANDMARKS)
         self._view: View | None = None
         self._refusal: Refusal | None = None
         self._measures = self._before
@@ -73,13 +72,13 @@ class Page:
         gui = self.server.gui
         gui.main_panel.dock_left()
         self._status = gui.add_html(status_html(None, None))
-        if moved:
-            wish = first_motions(case)
-            self.controls = MotionControls(gui, wish, self._session.ask)
-        else:
+        if case.has_spine:
             spine = spine_before(case.landmarks_before)
             wish = first_wish(spine, plan)
             self.controls = WishControls(gui, spine, wish, self._session.ask)
+        else:
+            wish = first_motions(case)
+            self.controls = MotionControls(gui, wish, self._session.ask)
         self._add_keeping(gui)
         self._add_looks(gui)
         panel = gui.add_panel()
@@ -119,7 +118,7 @@ class Page:
             for label, shows, first in (
                 ("Before surgery", self.scene.show_before, False),
                 ("Skin transparent", self.scene.show_through, True),
-                ("Lines of depth", self.scene.show_relief, not by_motions(self._case)),
+                ("Lines of depth", self.scene.show_relief, self._case.has_spine),
             ):
                 box = gui.add_checkbox(label, first)
                 box.on_update(lambda event, shows=shows: self._draw(shows, event.target.value))

@@ -9,7 +9,7 @@ import numpy as np
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .bones import BonePoses
-from .motion_wish import MotionPlan, by_motions
+from .motion_wish import MotionPlan
 from .relief_lines import relief_lines
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Scene:
         self.relief = scene.add_line_segments(
             "/relief", relief_lines(skin.vertices, skin.faces), INK, thickness=1.2, thickness_units="screen"
         )
-        self.relief.visible = not by_motions(case)  # lines of the back
+        self.relief.visible = case.has_spine  # lines of the back
         self._bones = {
             name: scene.add_mesh_simple(f"/bones/{name}", bone.vertices, bone.faces, color=BONE)
             for name, bone in case.bones.items()
@@ -61,7 +61,7 @@ class Scene:
         self._middle, self._height = (low + high) / 2.0, float(high[2] - low[2])
         camera = server.initial_camera
         camera.near, camera.far, camera.fov = 10.0, 20.0 * self._height, np.radians(_FIELD)
-        camera.position, camera.look_at = self.eye("Front" if by_motions(case) else "Behind"), self._middle
+        camera.position, camera.look_at = self.eye("Behind" if case.has_spine else "Front"), self._middle
 
     def show(self, view: View) -> None:
         """Draws the skin and the bones of a view; browsers get all of it at once."""

@@ -20,7 +20,7 @@ from warp_trunk.run.warnings import curve_warnings
 
 from .image import Image, Images
 from .latest import Latest
-from .motion_wish import MotionPlan, MotionPlanner, MotionWish, by_motions
+from .motion_wish import MotionPlan, MotionPlanner, MotionWish
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
 from .worker import worker
 
@@ -125,7 +125,7 @@ class Session:
         self._relaxed: Latest[View] = Latest(PAUSE)
         self._asides: deque[_Aside] = deque()
         self._images = Images(patient.case)
-        self._planner: Any = (MotionPlanner if by_motions(patient.case) else Planner)(patient.case)
+        self._planner: Any = (Planner if patient.case.has_spine else MotionPlanner)(patient.case)
         self._on_gpu = patient.model.device.startswith("cuda")
         self._lock = threading.Lock()
         self._newest = 0
