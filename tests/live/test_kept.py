@@ -84,8 +84,9 @@ def test_plans_of_before_are_found_and_no_others(tmp_path: Path) -> None:
     (tmp_path / "case.toml").rename(tmp_path / "mine" / "case.toml")
     again = KeptPlans(tmp_path, curved_case())
     assert (again.names, again.new_names, again.get("mine")) == (("mine",), (), None)
-    assert again.plan("mine") == view().surgery.plan
     shown = view()
+    assert isinstance(shown.surgery, PlannedSurgery)
+    assert again.plan("mine") == shown.surgery.plan
     again.found("mine", shown)
     again.keep("next", shown)
     assert (again.get("mine"), again.names, again.new_names) == (shown, ("mine", "next"), ("next",))
