@@ -107,6 +107,7 @@ def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[s
         "warnings": summary.warnings,
         "point_rows": point_rows(summary.points),
         "ratio_rows": ratio_rows(summary.points),
+        "chest_rows": [[name, f"{was:.1f}", f"{will:.1f}"] for name, (was, will) in summary.chest.items()],
         "virtual": summary.virtual,
         "converged": status is RelaxStatus.CONVERGED,
         "status": status.name,

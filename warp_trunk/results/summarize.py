@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.chest import chest_indices, is_of_chest
 from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.points import follow_points
 
@@ -60,8 +62,8 @@ def summarize(
     constants = dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}
 
     def motion_of(bone: str) -> RigidTransform:
-        held = trunk.bone == trunk.bone_names.index(bone)
-        return fit_rigid(trunk.nodes[held], trunk.nodes[held] + displacement[held])
+        rows = np.flatnonzero(trunk.bone == trunk.bone_names.index(bone))
+        return fit_rigid(trunk.nodes[rows], trunk.nodes[rows] + displacement[rows])
 
     skin = case.skin.vertices + displacement[trunk.skin_nodes]
     return Summary(
@@ -90,7 +92,24 @@ def summarize(
         bands=bands,
         virtual=case.study.virtual,
         points=follow_points(case, skin, motion_of),
+        chest=_chest(case, trunk, skin, motion_of),
     )
+
+
+def _chest(
+    case: Case, trunk: TrunkMesh, skin: np.ndarray, motion_of: Callable[[str], RigidTransform]
+) -> dict[str, tuple[float, float]]:
+    """The indices of the chest before and as predicted, where a case has no spine or moves its sternum."""
+    if case.has_spine and "sternum" not in case.motions:
+        return {}
+    held = {trunk.bone_names[number] for number in np.unique(trunk.bone[trunk.bone >= 0])}
+    bones = {name: bone for name, bone in case.bones.items() if name in held and is_of_chest(name)}
+    before = chest_indices(case.skin, bones)
+    if not before:
+        return {}
+    moved = {name: Surface(motion_of(name).apply(bone.vertices), bone.faces) for name, bone in bones.items()}
+    after = chest_indices(Surface(skin, case.skin.faces), moved)
+    return {name: (before[name], after[name]) for name in before.keys() & after.keys()}
 
 
 def peak_memory() -> float | None:

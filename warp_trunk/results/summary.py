@@ -6,7 +6,7 @@ read. A field that older results lack has a default.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -143,6 +143,8 @@ class Summary:
     """How sure each number is; None where that was not asked for."""
     points: tuple[FollowedPoint, ...] = ()
     """How far the points of the case move."""
+    chest: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Indices of the chest before and as predicted (`measures.chest`), where they are measured."""
 
     def __post_init__(self) -> None:
         """Raises ValueError for a status that no relaxation has."""

@@ -41,6 +41,7 @@ def plain(result: Result, name: str = "") -> str:
         + ("" if point.ratio is None else f", {point.ratio:.2f} of the way of {point.bone_point}")
         for point in summary.points
     ]
+    lines += [f"{name}: {was:.1f} before, {will:.1f} predicted" for name, (was, will) in summary.chest.items()]
     if bsr.before:
         lines += _rotations(of, summary, result.measures_before)
     lines += ["", f"{of}Written to {folder}: {', '.join(sorted(_files(folder)))}", RESEARCH]
