@@ -25,7 +25,7 @@ from support.small_case import small_case
 from support.small_trunk import boned_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import read_landmarks, write_landmarks
-from warp_trunk.case.layer_table import read_numbers
+from warp_trunk.case.layers import read_numbers
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from support.small_case import small_case
 from warp_trunk.case import read_case, write_case
-from warp_trunk.case.bones_after import check_bones_after
+from warp_trunk.case.bone_checks import check_bones_after
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from support.marked_spine import before_and_after, shifted
 from support.small_case import small_case
 from warp_trunk.case import check_case
-from warp_trunk.case.frame_checks import align_pelvis, check_frame
+from warp_trunk.case.landmark_checks import align_pelvis, check_frame
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface

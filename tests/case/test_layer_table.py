@@ -9,8 +9,7 @@ import pytest
 from support.small_case import small_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.header import read_header
-from warp_trunk.case.layer_table import LayerTable, layer_text, read_layers
-from warp_trunk.case.layers import Layers
+from warp_trunk.case.layers import Layers, LayerTable, layer_text, read_layers
 from warp_trunk.errors import InputError
 
 

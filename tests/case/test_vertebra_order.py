@@ -8,8 +8,8 @@ import pytest
 
 from support.known_spine import LEVELS
 from support.marked_spine import before_and_after, exchanged, with_errors
+from warp_trunk.case.landmark_checks import check_order, orders
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
-from warp_trunk.case.vertebra_order import check_order, orders
 from warp_trunk.errors import InputError
 
 SPINE, _ = before_and_after()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from support.marked_spine import before_and_after, exchanged, shifted, with_errors
+from warp_trunk.case.landmark_checks import check_shapes
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.vertebra_shape import check_shapes
 from warp_trunk.errors import InputError
 
 BEFORE, AFTER = before_and_after()

@@ -15,10 +15,10 @@ from warp_trunk.io.surface_files import read_surface, surface_files
 from .axes import MILLIMETRES
 from .case import Case
 from .checks import CaseSource, CheckOptions, check_case, check_names
-from .frame_checks import align_pelvis
 from .header import read_header
+from .landmark_checks import align_pelvis
 from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
-from .layer_table import read_layers
+from .layers import read_layers
 from .motions import FILE as MOTIONS
 from .motions import Motion, read_motions
 from .points import FILE as POINTS

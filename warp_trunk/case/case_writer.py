@@ -1,4 +1,4 @@
-"""Writing a case folder."""
+"""Writing a case folder, and the check that no result is written into one."""
 
 from __future__ import annotations
 
@@ -13,11 +13,25 @@ from .axes import Axes
 from .case import Case
 from .header import CaseHeader, header_text
 from .landmarks import write_landmarks
-from .layer_table import write_layers
+from .layers import write_layers
 from .motions import FILE as MOTIONS
 from .motions import motions_text
 from .points import FILE as POINTS
 from .points import points_text
+
+HEADER = "case.toml"
+"""The file that makes a folder a case."""
+
+
+def refuse_case(place: Path) -> None:
+    """Raise InputError where what is to be written is a case folder or lies in one, also through links."""
+    whole = place.resolve()
+    for folder in (whole, *whole.parents):
+        if (folder / HEADER).is_file():
+            what = "is a case folder" if folder == whole else f"lies in the case folder {folder}"
+            raise InputError(
+                f"{place}: {what}, whose files a result could be mistaken for; give --out a place outside it"
+            )
 
 
 def write_case(folder: str | Path, case: Case) -> None:

@@ -16,15 +16,11 @@ from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
 from .axes import MILLIMETRES
-from .bone_checks import check_sides, unusual_depth
-from .bones_after import check_bones_after
-from .frame_checks import check_frame
-from .landmark_places import check_motion, check_on_bones, check_palpated
+from .bone_checks import check_bones_after, check_sides, unusual_depth
+from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_palpated, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
-from .motion_checks import check_motions
+from .motions import check_motions
 from .points import check_points
-from .vertebra_order import check_order
-from .vertebra_shape import check_shapes
 
 if TYPE_CHECKING:
     from .case import Case

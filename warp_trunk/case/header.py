@@ -15,7 +15,7 @@ from warp_trunk.io.file_access import read_text
 from .axes import MILLIMETRES, Axes
 from .keys import numbers, quoted, refuse_unknown, shown
 from .landmarks import COLUMNS
-from .layer_table import LayerTable, layer_table, layer_text
+from .layers import LayerTable, layer_table, layer_text
 from .rib_shares import RibShares
 from .study import Study, study_lines, study_table
 from .uncertainty import Uncertainty

@@ -1,9 +1,12 @@
-"""How named bones are said to move: motions.toml, read, written and turned into rigid motions."""
+"""Motions of named bones: motions.toml read, written, checked and turned into rigid motions."""
 
 from __future__ import annotations
 
+import difflib
+import math
 import tomllib
 from collections.abc import Iterable, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,14 +14,21 @@ import msgspec
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.file_access import check_within, read_text
 from warp_trunk.io.transform_file import read_transform, rigid
 
 from .axes import Axes
 from .keys import quoted, shown
+from .landmarks import bone_of
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
+
+    from warp_trunk.geometry.surface import Surface
+
+    from .case import Case
+
 
 FILE = "motions.toml"
 """The file of a case folder that says how bones move."""
@@ -57,7 +67,7 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     follows: dict[str, float] | None = None
     """Shares of the motions of other bones, by their names; what is missing to 1 stays at rest."""
     large: bool = False
-    """Whether the motion is meant to be larger than `motion_checks.LARGEST`."""
+    """Whether the motion is meant to be larger than `LARGEST`."""
 
 
 class _Entry(Motion, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -168,7 +178,7 @@ def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> d
     exponential coordinates.
 
     Args:
-        motions: those that `motion_checks.check_motions` accepts.
+        motions: those that `check_motions` accepts.
         still: other bones.
     """
     from scipy.spatial.transform import RigidTransform, Rotation  # heavy
@@ -192,3 +202,153 @@ def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> d
         return RigidTransform.from_components(shift, rotation)
 
     return found | {bone: motion_of(bone) for bone in motions}
+
+
+LARGEST = (60.0, 60.0)
+"""A bone moves further [mm], or turns by more [degrees], only where its motion says `large`."""
+_FAR = 200.0
+"""A point of rotation farther outside the skin than this is in another frame [mm]."""
+_TOUCHING, _DEEP = 0.5, 1.5
+"""Bones nearer than the first before surgery are joined; others may reach into each other by the second [mm]:
+surfaces are not known more exactly."""
+_STEP = 2.0
+"""Bones are looked at whenever one has moved by this much [mm]."""
+
+
+def check_motions(case: Case, where: str) -> None:
+    """Check that bones can move as the motions of a case say.
+
+    Args:
+        case: in LPS and mm, its surfaces checked.
+        where: the file of the motions, for the error.
+
+    Raises:
+        InputError: a bone that is not there, a motion that says nothing or two things, or is not finite, too large
+            or in another frame, or a bone that passes into another one on its way.
+    """
+    for bone, motion in case.motions.items():
+        _check_one(case, bone, motion, f"{where}: [{bone}]")
+    try:
+        TopologicalSorter({bone: motion.follows or () for bone, motion in case.motions.items()}).prepare()
+    except CycleError as error:
+        circle = " and ".join(error.args[1])
+        raise InputError(f"{where}: a bone follows itself, by {circle}; give one of them a motion") from None
+    for bone, motion in rigid_motions(case.motions).items():
+        _check_size(case, bone, motion, f"{where}: [{bone}]")
+
+
+def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
+    _check_bone(case, bone, where)
+    if bone in case.bones_after:
+        raise InputError(f"{where}: is known after surgery, bones_after/{bone}; remove one of both")
+    if case.landmarks_after is not None and any(
+        bone_of(name, case.bones) == bone for name in case.landmarks_before.names
+    ):
+        raise InputError(f"{where}: has landmarks after surgery, which say where it goes; remove one of both")
+    said = [key for key in ("rotation", "transform", "follows") if getattr(motion, key) is not None]
+    said += ["translation"] if any(motion.translation) else []
+    if not said or (len(said) > 1 and set(said) != {"rotation", "translation"}):
+        raise InputError(
+            f"{where}: says {' and '.join(said) or 'no motion'}, and must say a rotation, a translation or both, "
+            "or a transform, or whom the bone follows; correct it"
+        )
+    turn = motion.rotation
+    numbers = [*motion.translation, *((turn.degrees, *turn.axis, *turn.point) if turn else ())]
+    if not all(map(math.isfinite, numbers)) or (turn is not None and not any(turn.axis)):
+        raise InputError(f"{where}: numbers must be finite, an axis must have a length; correct {numbers}")
+    if turn is not None:
+        low, high = _box(case.skin)
+        off = float(np.max([low - turn.point, turn.point - high]))
+        if off > _FAR:
+            raise InputError(
+                f"{where}: turns about a point {off:.0f} mm outside the skin, {_FAR:g} mm is allowed; give it in "
+                "the frame of the case, in mm"
+            )
+    _check_followed(case, motion, where)
+
+
+def _check_bone(case: Case, bone: str, where: str) -> None:
+    if bone not in case.bones:
+        near = difflib.get_close_matches(bone, case.bones, n=1)
+        hint = f"; did you mean '{near[0]}'?" if near else "; the bones are " + ", ".join(sorted(case.bones)[:8])
+        raise InputError(f"{where}: there is no bone '{bone}' among the {len(case.bones)} bones{hint}")
+
+
+def _check_followed(case: Case, motion: Motion, where: str) -> None:
+    shares = motion.follows
+    if shares is None:
+        return
+    for other in shares:
+        _check_bone(case, other, f"{where}: follows")
+    if not shares or not all(share > 0.0 for share in shares.values()) or sum(shares.values()) > 1.0 + 1e-6:
+        raise InputError(f"{where}: shares must be above 0 and 1 in all at most, not {dict(shares)}; correct them")
+
+
+def _check_size(case: Case, bone: str, motion: RigidTransform, where: str) -> None:
+    vertices = case.bones[bone].vertices
+    after = motion.apply(vertices)
+    way = float(np.linalg.norm(after - vertices, axis=1).max())
+    turned = float(np.degrees(motion.rotation.magnitude()))
+    if not case.motions[bone].large and not (way <= LARGEST[0] and turned <= LARGEST[1]):
+        raise InputError(
+            f"{where}: moves the bone by up to {way:.0f} mm and turns it by {turned:.0f} degrees, "
+            f"{LARGEST[0]:g} mm and {LARGEST[1]:g} degrees are allowed; if that is meant, add large = true, else "
+            "correct units or frame"
+        )
+    (low, high), middle = _box(case.skin), after.mean(axis=0)
+    if (middle < low).any() or (middle > high).any():
+        place = ", ".join(f"{x:.0f}" for x in middle)
+        raise InputError(
+            f"{where}: takes the bone outside the skin, its middle to ({place}) mm; give the motion in the "
+            "frame of the case"
+        )
+
+
+def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) -> None:
+    """Check that no bone passes into another one from which it is apart before surgery.
+
+    Args:
+        case: in LPS and mm.
+        motions: of every bone from before to after surgery.
+        where: what says so, for the error.
+
+    Raises:
+        InputError: the first two bones that do, and where.
+    """
+    moving = [bone for bone in case.motions if motions[bone].as_exp_coords().any()]
+    for other, surface in case.bones.items():
+        distance = SurfaceDistance(surface)
+        for bone in moving:
+            if other != bone and (found := _passed(case, motions, bone, distance, other)):
+                deep, part, at = found
+                place = ", ".join(f"{x:.0f}" for x in at)
+                raise InputError(
+                    f"{where}: '{bone}' passes {deep:.1f} mm into '{other}' at ({place}) mm when "
+                    f"{100 * part:.0f} % of its way is done, {_DEEP:g} mm is allowed; change the motion, or cut "
+                    "the bone (warp-trunk cut)"
+                )
+
+
+def _passed(
+    case: Case, motions: dict[str, RigidTransform], bone: str, distance: SurfaceDistance, other: str
+) -> tuple[float, float, np.ndarray] | None:
+    """How deep vertices of a bone come into another one that are apart before, at which part, and where."""
+    vertices = case.bones[bone].vertices
+    relative = motions[other].inv() * motions[bone]
+    way = float(np.linalg.norm(relative.apply(vertices) - vertices, axis=1).max())
+    reach = 2.0 * way + _TOUCHING
+    near = vertices[((vertices > distance.lower - reach) & (vertices < distance.upper + reach)).all(axis=1)]
+    if not len(near) or distance.at(near).min() < _TOUCHING:
+        return None
+    for part in np.linspace(0.0, 1.0, math.ceil(way / _STEP) + 1)[1:]:
+        there = type(relative).from_exp_coords(part * motions[bone].as_exp_coords()).apply(near)
+        back = type(relative).from_exp_coords(part * motions[other].as_exp_coords()).inv()
+        deep = -distance.at(back.apply(there))
+        worst = int(deep.argmax())
+        if deep[worst] > _DEEP:
+            return float(deep[worst]), part, there[worst]
+    return None
+
+
+def _box(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    return surface.vertices.min(axis=0), surface.vertices.max(axis=0)

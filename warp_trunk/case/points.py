@@ -17,7 +17,7 @@ from warp_trunk.io.file_access import read_text
 
 from .axes import Axes
 from .landmarks import NO_LANDMARKS, Landmarks
-from .landmarks.table import COLUMNS, read_rows
+from .landmarks.files import COLUMNS, read_rows
 
 if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from warp_trunk.case.places import refuse_case
+from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from warp_trunk.case import write_case
-from warp_trunk.case.places import refuse_case
+from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import MeasuredSpine, SpineCurve, make_case, read_measured_spine
 from warp_trunk.preparation.deformity.published_curves import KYPHOSIS

@@ -11,8 +11,8 @@ import numpy as np
 from tyro.conf import Positional
 
 from warp_trunk.case import Case, read_case
+from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.case.header import read_header
-from warp_trunk.case.places import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault

@@ -17,7 +17,7 @@ from warp_trunk.bone_motion.plan.plan_file import curve_of_text
 from warp_trunk.bone_motion.plan.planned_folder import check_planned_folder, write_planned_case
 from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_text
 from warp_trunk.case import read_case
-from warp_trunk.case.places import refuse_case
+from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles
 from warp_trunk.run.best_plan import best_plan

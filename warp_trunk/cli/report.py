@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from warp_trunk.case.places import refuse_case
+from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.report import write_comparison, write_report
 from warp_trunk.run.progress import Progress

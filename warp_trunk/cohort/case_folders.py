@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from warp_trunk.case.places import HEADER, refuse_case
+from warp_trunk.case.case_writer import HEADER, refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import make_writable
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from warp_trunk.case import write_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
-from warp_trunk.case.motion_checks import check_motions, check_passing
-from warp_trunk.case.motions import Motion, Turn, rigid_motions
+from warp_trunk.case.motions import Motion, Turn, check_motions, check_passing, rigid_motions
 from warp_trunk.run.paths import motions_of
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ class MotionWish:
     components: Mapping[str, Components]
     """Slider values by bone."""
     large: frozenset[str] = frozenset()
-    """Bones whose motions may exceed `motion_checks.LARGEST`."""
+    """Bones whose motions may exceed `motions.LARGEST`."""
 
     def fuses(self, bone: str) -> bool:
         """Whether the plan moves a bone."""

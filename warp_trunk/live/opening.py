@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from warp_trunk.bone_motion.plan import plan_surgery
 from warp_trunk.errors import InputError
 from warp_trunk.run.patient import patient_of, with_mesh_given
-from warp_trunk.run..py import check_given
 
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan
@@ -79,7 +78,8 @@ def plan_live(
     if case.has_spine:  # what is impossible is refused before any work
         plan_surgery(case, first_wish(spine_before(case.landmarks_before), plan).plan(plan))
     else:
-        check_given(options)
+        if options.bones == "spline":
+            raise InputError("--bones spline: needs a spine, and bones move by motions alone; leave it out")
         case = with_handles(case)
         MotionPlanner(case).plan(case.motions)
     case, given = with_mesh_given(case, options, progress)

@@ -17,7 +17,7 @@ from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner, plan_text
 from warp_trunk.bone_motion.plan.planned_folder import planned_case
 from warp_trunk.bone_motion.steadying import steadying_warnings
 from warp_trunk.case import check_case
-from warp_trunk.case.motion_checks import check_passing
+from warp_trunk.case.motions import check_passing
 from warp_trunk.engine import simulation
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warp_trunk.case import write_case
-from warp_trunk.case.places import HEADER, refuse_case
+from warp_trunk.case.case_writer import HEADER, refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 

@@ -1,8 +1,7 @@
 """Named points on bones, and the files of spreadsheets and of 3D Slicer that hold them."""
 
-from .files import landmark_file, read_landmarks
+from .files import COLUMNS, landmark_file, read_landmarks, write_landmarks
 from .landmarks import ASIS, NO_LANDMARKS, VERTEBRA_POINTS, VERTEBRAE, Landmarks, bone_of
-from .table import COLUMNS, write_landmarks
 
 __all__ = [
     "ASIS",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.case.landmarks.table import read_rows
+from warp_trunk.case.landmarks.files import read_rows
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import number, read_text
 
