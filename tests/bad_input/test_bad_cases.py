@@ -1,11 +1,21 @@
-"""What a clinic may deliver instead of a case: each row ends in one line, and leaves nothing behind."""
+"""Broken case folders and crossing surfaces: each ends in one line, and leaves nothing behind."""
+
+from __future__ import annotations
 
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from support.breaking import content, header, instead, layers, ply, set_point, text
+from support.breaking import content, header, instead, layers, ply, set_point, shape, text
+from support.synthetic import sphere
+from warp_trunk.cli.crossing_file import crossings_written
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import read_surface
+from warp_trunk.meshing import CrossingError
+from warp_trunk.meshing.tetrahedra import tetrahedralize
 
 CASES = [
     ("no folder", lambda folder: os.rename(folder, folder.with_name("gone")), "there is no such folder"),
@@ -139,3 +149,40 @@ def test_a_broken_case_is_refused_in_one_line(case, refused, tmp_path, row):
     spoil(case)
     refused(["simulate", str(case), "--out", str(tmp_path / "out")], *fragments)
     assert not (tmp_path / "out").exists()
+
+
+def pulled_through(vertices, faces):
+    vertices[np.argmax(vertices[:, 1])] -= [0.0, 250.0, 0.0]  # a point of the back, out of the front
+    return vertices, faces
+
+
+def test_triangles_of_a_skin_that_cross_are_written(case, refused, tmp_path):
+    shape("skin.ply", pulled_through)(case)
+    out = tmp_path / "out"
+    line = refused(["simulate", str(case), "--out", str(out)], "must not cross itself", "triangles do")
+    (path,) = out.iterdir()
+    assert line.endswith(f"look at the triangles that cross in {path}")
+    crossing = read_surface(path)
+    assert 2 <= len(crossing.faces) < 200
+    assert np.ptp(crossing.vertices[:, 1]) > 100.0  # from the back to the front
+
+
+def test_what_stops_tetgen_is_named_and_written(tmp_path):
+    skin, bone = sphere(10.0), sphere(4.0)
+    through = Surface(bone.vertices + np.array([0.0, 8.0, 0.0]), bone.faces)
+    rule = r"TetGen cannot fill the space .*triangles cross others, the first near \(.*repair the skin there"
+    with pytest.raises(CrossingError, match=rule):
+        tetrahedralize(skin, through, 5000)
+    with pytest.raises(InputError, match=r"look at .*crossings\.ply"), crossings_written(tmp_path / "out"):
+        tetrahedralize(skin, through, 5000)
+    crossing = read_surface(tmp_path / "out" / "crossings.ply")
+    # they cross in a circle, at y = (100 - 16 + 64) / 16
+    np.testing.assert_allclose(crossing.vertices[:, 1], 9.25, atol=3.0)
+    assert len(crossing.faces) < 0.5 * (len(skin.faces) + len(bone.faces))
+
+
+def test_a_folder_that_cannot_be_written_leaves_the_places(tmp_path):
+    (tmp_path / "file").write_text("")
+    tetrahedron = Surface(np.eye(4)[:, :3], np.array([[0, 2, 1], [0, 1, 3]], dtype=np.int32))
+    with pytest.raises(CrossingError, match="here"), crossings_written(tmp_path / "file"):
+        raise CrossingError("here", tetrahedron, np.array([[0, 1]]))
