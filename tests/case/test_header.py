@@ -95,7 +95,7 @@ def test_a_study_comes_back(tmp_path, study):
         ("[study]\npatient = 7", "'study.patient' must be text, not 7"),
         ("[study]\npose = 'lying'", "'pose' must be one of surgery, bending, not 'lying'"),
         ("[study]\nmonths_after = -1", "'months_after' must be from 0 to 1200 months, not -1"),
-        ("[study]\nmonths_after = nan", "'study.months_after' must be a number"),
+        ("[study]\nmonths_after = nan", "'months_after' must be from 0 to 1200 months, not nan"),
         ("[study]\nmonths_after = true", "'study.months_after' must be a number, not True"),
         ("[study]\nvirtual = 'yes'", "'study.virtual' must be true or false, not 'yes' (str)"),
     ],

@@ -9,7 +9,7 @@ import pytest
 from support.small_case import small_case
 from warp_trunk.case import read_case, write_case
 from warp_trunk.case.header import read_header
-from warp_trunk.case.layers import Layers, LayerTable, layer_text, read_layers
+from warp_trunk.case.layers import Layers, LayerTable, layer_lines, read_layers
 from warp_trunk.errors import InputError
 
 
@@ -26,7 +26,7 @@ def test_a_case_without_the_table_has_no_layers(tmp_path: Path) -> None:
 
 def test_the_text_reads_back(tmp_path: Path) -> None:
     table = LayerTable(2.1, 'fat "1".txt', "labels.vtu", {"fat": {"density": 0.1 + 0.2}, "muscle": {"theta": 3.0}})
-    assert read(tmp_path, layer_text(table)) == table
+    assert read(tmp_path, "\n".join(layer_lines(table))) == table
 
 
 @pytest.mark.parametrize(

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.io.file_access import read_text
 
 from .axes import MILLIMETRES, Axes
-from .keys import numbers, quoted, refuse_unknown, shown
+from .keys import changed, check_table, names_of, numbers, read_toml, table_lines, toml
 from .landmarks import COLUMNS
-from .layers import LayerTable, layer_table, layer_text
+from .layers import LayerTable, layer_lines, layer_table
 from .rib_shares import RibShares
-from .study import Study, study_lines, study_table
+from .study import KINDS as STUDY_KINDS
+from .study import Study
 from .uncertainty import Uncertainty
 
 POSTURES = ("standing", "supine", "prone")
 """How a patient may have been scanned."""
-_MOST = 1_000_000
-"""No case.toml is longer than this [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +49,13 @@ class CaseHeader:
     """What a study of several cases needs to know of it, from the table [study]."""
 
 
-_KINDS: dict[str, tuple[type, str]] = {
-    **dict.fromkeys(("name", "units", "axes", "posture"), (str, "text")),
-    "landmark_columns": (list, "a list of four column names"),
+_RECORDS = {"tissue": Tissue, "ribs": RibShares, "uncertainty": Uncertainty}
+"""The tables that hold numbers only."""
+_KINDS = {
+    **dict.fromkeys(("name", "units", "axes", "posture"), "text"),
+    "landmark_columns": "a list of four column names",
 }
-"""What each key of case.toml is, in Python and in words; all others are tables."""
+"""The kind of each value of case.toml; all others are tables."""
 
 
 def read_header(path: Path) -> CaseHeader:
@@ -66,45 +65,31 @@ def read_header(path: Path) -> CaseHeader:
         InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of
             the wrong type or one that is not allowed.
     """
-    text = read_text(path, "a case needs this file, which may be empty", _MOST)
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+    table = read_toml(path, "a case needs this file, which may be empty")
     table.pop("skin_after_is_placeholder", None)  # version 0.1 wrote it
-    refuse_unknown(path, table, [field.name for field in dataclasses.fields(CaseHeader)], "")
-    for key, value in table.items():
-        kind, expected = _KINDS.get(key, (dict, f"a table, [{key}]"))
-        if not isinstance(value, kind):
-            raise InputError(f"{path}: '{key}' must be {expected}, not {shown(value)}; correct it")
+    check_table(path, table, {name: _KINDS.get(name, "a table") for name in names_of(CaseHeader)})
     values: dict[str, Any] = {"name": path.resolve().parent.name, **table}
-    if values.get("units", "mm") not in MILLIMETRES:
-        raise InputError(
-            f"{path}: 'units' must be one of {', '.join(MILLIMETRES)}, not '{values['units']}'; "
-            "write the unit of the surfaces and landmarks"
-        )
-    if values.get("posture", "standing") not in POSTURES:
-        raise InputError(
-            f"{path}: 'posture' must be one of {', '.join(POSTURES)}, not '{values['posture']}'; "
-            "write how the patient was scanned"
-        )
-    if "landmark_columns" in values:
-        values["landmark_columns"] = _columns(path, values["landmark_columns"])
+    for key, allowed, what in (
+        ("units", MILLIMETRES, "the unit of the surfaces and landmarks"),
+        ("posture", POSTURES, "how the patient was scanned"),
+    ):
+        if key in table and table[key] not in allowed:
+            raise InputError(
+                f"{path}: '{key}' must be one of {', '.join(allowed)}, not '{table[key]}'; write {what}"
+            )
+    if "landmark_columns" in table:
+        values["landmark_columns"] = _columns(path, table["landmark_columns"])
     try:
-        if "axes" in values:
-            values["axes"] = Axes(values["axes"])
-        if "tissue" in values:
-            values["tissue"] = _tissue(path, values["tissue"])
-        if "layers" in values:
-            values["layers"] = layer_table(path, values["layers"])
-        if "ribs" in values:
-            known = [field.name for field in dataclasses.fields(RibShares)]
-            values["ribs"] = RibShares(**numbers(path, values["ribs"], known, "ribs."))
-        if "uncertainty" in values:
-            known = [field.name for field in dataclasses.fields(Uncertainty)]
-            values["uncertainty"] = Uncertainty(**numbers(path, values["uncertainty"], known, "uncertainty."))
-        if "study" in values:
-            values["study"] = study_table(path, values["study"])
+        if "axes" in table:
+            values["axes"] = Axes(table["axes"])
+        for key, record in _RECORDS.items():
+            if key in table:
+                values[key] = record(**numbers(path, table[key], names_of(record), f"{key}."))
+        if "layers" in table:
+            values["layers"] = layer_table(path, table["layers"])
+        if "study" in table:
+            check_table(path, table["study"], STUDY_KINDS, "study.")
+            values["study"] = Study(**table["study"])
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
@@ -114,7 +99,7 @@ def read_header(path: Path) -> CaseHeader:
 def _columns(path: Path, names: list[Any]) -> tuple[str, ...]:
     if (
         len(names) != 4
-        or len(set(map(str, names))) != 4
+        or len({*map(str, names)}) != 4
         or not all(isinstance(name, str) and name for name in names)
     ):
         raise InputError(
@@ -124,30 +109,17 @@ def _columns(path: Path, names: list[Any]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _tissue(path: Path, table: dict[str, Any]) -> Tissue:
-    return Tissue(**numbers(path, table, [field.name for field in dataclasses.fields(Tissue)], "tissue."))
-
-
 def header_text(header: CaseHeader) -> str:
     """The text of case.toml, which `read_header` reads back to the last bit."""
     lines = [
-        f"name = {quoted(header.name)}",
+        f"name = {toml(header.name)}",
         f'units = "{header.units}"',
         f'axes = "{header.axes.code}"  # the patient\'s left, back and up are L, P and S',
         f'posture = "{header.posture}"',
-        "",
-        "[tissue]",
+        *table_lines("tissue", dataclasses.asdict(header.tissue)),
+        *table_lines("ribs", changed(header.ribs)),
+        *table_lines("uncertainty", changed(header.uncertainty)),
+        *table_lines("study", changed(header.study)),
+        *([] if header.layers is None else layer_lines(header.layers)),
     ]
-    lines += [f"{key} = {float(value)!r}" for key, value in dataclasses.asdict(header.tissue).items()]
-    if header.ribs != RibShares():
-        lines += ["", "[ribs]"]
-        lines += [f"{key} = {float(value)!r}" for key, value in dataclasses.asdict(header.ribs).items()]
-    changed = [
-        f"{field.name} = {value!r}"
-        for field in dataclasses.fields(Uncertainty)
-        if (value := float(getattr(header.uncertainty, field.name))) != field.default
-    ]
-    if changed:
-        lines += ["", "[uncertainty]", *changed]
-    lines += study_lines(header.study)
-    return "\n".join(lines) + "\n" + ("" if header.layers is None else layer_text(header.layers))
+    return "\n".join(lines) + "\n"

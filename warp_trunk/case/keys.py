@@ -1,18 +1,62 @@
-"""Keys and values of TOML: what is wrong with one is said in one line that names file, rule and value."""
+"""TOML: reading a file, checking keys and types of a table, and writing values."""
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import json
-from collections.abc import Iterable
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from warp_trunk.errors import InputError
+from warp_trunk.io.file_access import read_text
+
+_MOST = 1_000_000
+"""No file is longer than this [bytes]."""
+
+
+def read_toml(path: Path, expected: str) -> dict[str, Any]:
+    """The table of a TOML file; InputError, with what was expected, for a file that is missing or unreadable."""
+    text = read_text(path, expected, _MOST)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of TOML is a number that a float can hold; true and false are not."""
+    return isinstance(value, float) or (
+        isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300
+    )
+
+
+_KINDS: dict[str, Callable[[object], bool]] = {
+    "a number": is_number,
+    "a number or the name of a file": lambda value: is_number(value) or isinstance(value, str),
+    "the name of a file": lambda value: isinstance(value, str),
+    "text": lambda value: isinstance(value, str),
+    "true or false": lambda value: isinstance(value, bool),
+    "a list of four column names": lambda value: isinstance(value, list),
+    "a table": lambda value: isinstance(value, dict),
+}
+"""The kinds of values, in the words of messages."""
+
+
+def check_table(path: Path, table: Mapping[str, Any], kinds: Mapping[str, str], prefix: str = "") -> None:
+    """InputError for a key that is not among `kinds`, or a value that is not of the kind that these give."""
+    refuse_unknown(path, table, list(kinds), prefix)
+    for key, value in table.items():
+        kind = kinds[key]
+        if not _KINDS[kind](value):
+            expected = f"a table, [{prefix}{key}]" if kind == "a table" else kind
+            raise InputError(f"{path}: '{prefix}{key}' must be {expected}, not {shown(value)}; correct it")
 
 
 def refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: str) -> None:
-    """InputError at a key that is not known, with the nearest one that is."""
+    """InputError for an unknown key, with the nearest known one."""
     for key in table:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
@@ -23,27 +67,39 @@ def refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: s
             )
 
 
-def numbers(path: Path, table: dict[str, Any], known: list[str], prefix: str) -> dict[str, float]:
-    """The table, of which every value must be a number."""
-    refuse_unknown(path, table, known, prefix)
-    for key, value in table.items():
-        if not is_number(value):
-            raise InputError(f"{path}: '{prefix}{key}' must be a number, not {shown(value)}; correct it")
+def numbers(path: Path, table: Mapping[str, Any], known: Iterable[str], prefix: str) -> dict[str, float]:
+    """A table in which every value is a number."""
+    check_table(path, table, dict.fromkeys(known, "a number"), prefix)
     return {key: float(value) for key, value in table.items()}
 
 
-def is_number(value: object) -> bool:
-    """Whether a value of TOML is a number that float holds; true and false are none."""
-    return isinstance(value, float) or (
-        isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300
-    )
+def names_of(record: type) -> list[str]:
+    """The names of the fields of a dataclass."""
+    return [field.name for field in dataclasses.fields(record)]
 
 
 def shown(value: object) -> str:
-    """A value as a message shows it."""
+    """A value as messages show it."""
     return f"{str(value)[:40]!r} ({type(value).__name__})" if isinstance(value, str) else f"{value}"[:60]
 
 
-def quoted(text: str) -> str:
-    """A TOML basic string: JSON's escapes are TOML's, but for DEL."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+def toml(value: object) -> str:
+    """The TOML text of a value; JSON's escapes are TOML's, except for DEL."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{toml(key)} = {toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml, value))}]"
+    return str(value).lower() if isinstance(value, bool) else repr(float(value))  # pyright: ignore[reportArgumentType]
+
+
+def table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
+    """The lines of a table of a TOML file, after an empty one; none for an empty table."""
+    return ["", f"[{name}]", *(f"{key} = {toml(value)}" for key, value in table.items())] if table else []
+
+
+def changed(record: Any) -> dict[str, Any]:
+    """The fields of a dataclass that differ from their defaults."""
+    values = {field.name: (getattr(record, field.name), field.default) for field in dataclasses.fields(record)}
+    return {name: value for name, (value, default) in values.items() if value != default}

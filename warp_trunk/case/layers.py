@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,7 +16,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import check_within, number, read_text
 
-from .keys import is_number, numbers, quoted, refuse_unknown, shown
+from .keys import check_table, is_number, names_of, numbers, table_lines
 
 NAMES = ("skin", "fat", "muscle")
 """The layers from outside to inside; their numbers are the labels of tetrahedra. The last reaches to the bones
@@ -50,6 +49,7 @@ FAT_THICKNESS = 6.0
 """Thickness of the fat under the skin of the back [mm]: half of a subscapular skinfold, which is pinched double,
 less the skin. Its median is 11.8 mm for girls of 12 and 19.0 mm for those of 17 (2114 adolescents, J. Korean
 Pediatr. Soc. 39(6), 1996, 773-779), so 4 to 7.5 mm; 3 mm for boys of 17."""
+THICKNESS = ("skin_thickness", "fat_thickness")
 MOST_THICKNESS = 200.0
 """No layer is thicker than this [mm]; a larger number is in another unit."""
 
@@ -68,7 +68,7 @@ class Layers:
     """A mesh (.vtu, mm, LPS) whose cells say in the cell data `tissue` which layer they are of."""
 
     def __post_init__(self) -> None:
-        for name in ("skin_thickness", "fat_thickness"):
+        for name in THICKNESS:
             values = np.atleast_1d(getattr(self, name))
             good = np.isfinite(values) & (values >= 0.0) & (values <= MOST_THICKNESS)
             if not good.all():
@@ -91,7 +91,7 @@ class Layers:
         Raises:
             InputError: a thickness that is given for another number of vertices.
         """
-        for name in ("skin_thickness", "fat_thickness"):
+        for name in THICKNESS:
             values = np.atleast_1d(getattr(self, name))
             if values.size not in (1, vertices):
                 raise InputError(
@@ -100,10 +100,6 @@ class Layers:
                 )
         skin = np.broadcast_to(self.skin_thickness, vertices)
         return np.stack([skin, skin + self.fat_thickness])
-
-
-THICKNESS = ("skin_thickness", "fat_thickness")
-CONSTANT_NAMES = [constant.name for constant in dataclasses.fields(Tissue)]
 
 
 @dataclass(frozen=True)
@@ -126,23 +122,12 @@ def layer_table(path: Path, table: dict[str, Any]) -> LayerTable:
     Raises:
         InputError: an unknown key, or a value of the wrong type or not allowed.
     """
-    refuse_unknown(path, table, [*THICKNESS, "mesh", *NAMES], "layers.")
-    for key in THICKNESS:
-        if not (is_number(table.get(key, 0.0)) or isinstance(table[key], str)):
-            raise InputError(
-                f"{path}: 'layers.{key}' must be a number or the name of a file, not {shown(table[key])}; "
-                "correct it"
-            )
-    if not isinstance(table.get("mesh", ""), str):
-        raise InputError(
-            f"{path}: 'layers.mesh' must be the name of a file, not {shown(table['mesh'])}; correct it"
-        )
+    kinds = dict.fromkeys(THICKNESS, "a number or the name of a file") | {"mesh": "the name of a file"}
+    check_table(path, table, kinds | dict.fromkeys(NAMES, "a table"), "layers.")
     constants: dict[str, dict[str, float]] = {}
     for name in NAMES:
-        if not isinstance(table.get(name, {}), dict):
-            raise InputError(f"{path}: 'layers.{name}' must be a table, [layers.{name}], not {shown(table[name])}")
         if name in table:
-            constants[name] = numbers(path, table[name], CONSTANT_NAMES, f"layers.{name}.")
+            constants[name] = numbers(path, table[name], names_of(Tissue), f"layers.{name}.")
             Tissue(**constants[name])  # checks the values
     skin, fat = (
         float(table[key]) if is_number(table.get(key)) else table.get(key)  # 2 and 2.0 are the same thickness
@@ -151,16 +136,13 @@ def layer_table(path: Path, table: dict[str, Any]) -> LayerTable:
     return LayerTable(skin, fat, table.get("mesh"), constants)
 
 
-def layer_text(table: LayerTable) -> str:
-    """The text of [layers], which `layer_table` reads back."""
-    lines = ["", "[layers]"]
-    for key in (*THICKNESS, "mesh"):
-        value = getattr(table, key)
-        if value is not None:
-            lines.append(f"{key} = {quoted(value) if isinstance(value, str) else repr(value)}")
+def layer_lines(table: LayerTable) -> list[str]:
+    """The lines of [layers], which `layer_table` reads back."""
+    given = {key: value for key in (*THICKNESS, "mesh") if (value := getattr(table, key)) is not None}
+    lines = ["", "[layers]", *table_lines("", given)[2:]]
     for name, constants in table.constants.items():
-        lines += ["", f"[layers.{name}]", *(f"{key} = {value!r}" for key, value in constants.items())]
-    return "\n".join(lines) + "\n"
+        lines += table_lines(f"layers.{name}", constants)
+    return lines
 
 
 def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: int) -> Layers:

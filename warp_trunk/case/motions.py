@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -15,11 +14,11 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.io.file_access import check_within, read_text
+from warp_trunk.io.file_access import check_within
 from warp_trunk.io.transform_file import read_transform, rigid
 
 from .axes import Axes
-from .keys import quoted, shown
+from .keys import read_toml, shown, table_lines, toml
 from .landmarks import bone_of
 
 if TYPE_CHECKING:
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
 
 FILE = "motions.toml"
 """The file of a case folder that says how bones move."""
-_MOST = 1_000_000
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
 Matrix = tuple[Row, Row, Row, Row]
@@ -108,12 +106,7 @@ def read_motions(path: str | Path, axes: Axes | None = None, within: Path | None
     path, axes = Path(path), axes or Axes("LPS")
     if within is not None:
         check_within(within, path)
-    try:
-        tables = tomllib.loads(read_text(path, "motions of bones were expected", _MOST))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+    tables = read_toml(path, "motions of bones were expected")
     return {bone: _motion(path, bone, table, axes, within) for bone, table in tables.items()}
 
 
@@ -156,19 +149,10 @@ def _rows(matrix: np.ndarray) -> Matrix:
 
 def motions_text(motions: Mapping[str, Motion]) -> str:
     """The text of motions.toml, in LPS, which `read_motions` reads back."""
-    lines: list[str] = []
-    for bone, motion in motions.items():
-        lines.append(f"[{quoted(bone)}]\n")
-        lines += [f"{key} = {_toml(value)}\n" for key, value in msgspec.to_builtins(motion).items()]
-    return "".join(lines)
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{quoted(key)} = {_toml(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    return str(value).lower()
+    lines = [
+        line for bone, motion in motions.items() for line in table_lines(toml(bone), msgspec.to_builtins(motion))
+    ]
+    return "\n".join(lines[1:]) + "\n" if lines else ""
 
 
 def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> dict[str, RigidTransform]:

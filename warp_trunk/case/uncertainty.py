@@ -66,22 +66,7 @@ class Uncertainty:
         return math.sqrt((self.landmark_error**2 + self.landmark_error_sd**2) / 3.0)
 
 
-CERTAIN = Uncertainty(
-    landmark_error=0.0,
-    landmark_error_sd=0.0,
-    cobb=0.0,
-    rotation=0.0,
-    ribs=0.0,
-    epsilon=1.0,
-    theta=1.0,
-    poisson_ratio=0.0,
-    youngs_modulus=1.0,
-    skin_rigidity=1.0,
-    skin_thickness=0.0,
-    fat_thickness=0.0,
-    mesh_rotation=0.0,
-    mesh_length=0.0,
-)
+CERTAIN = Uncertainty(**{one.name: 1.0 if one.name in FACTORS else 0.0 for one in fields(Uncertainty)})
 """No source at all: to which those that are to be looked at alone are added."""
 REFERENCES: Mapping[str, str] = MappingProxyType(
     {
