@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.breaking import content, header, instead, layers, ply, set_point, shape, text
+from support.breaking import content, header, instead, layers, set_point, shape, text
 from support.synthetic import sphere
 from warp_trunk.cli.crossing_file import crossings_written
 from warp_trunk.errors import InputError
@@ -21,6 +21,11 @@ CASES = [
     ("no folder", lambda folder: os.rename(folder, folder.with_name("gone")), "there is no such folder"),
     ("no case.toml", lambda f: (f / "case.toml").unlink(), "case.toml: there is no such file"),
     ("no skin", lambda f: (f / "skin.ply").unlink(), "skin.ply: there is no such file"),
+    (
+        "no bones",
+        lambda f: [path.unlink() for path in (f / "bones").iterdir()],
+        "bones: there is no surface in it",
+    ),
     ("skin is a folder", lambda f: ((f / "skin.ply").unlink(), (f / "skin.ply").mkdir()), "skin.ply: there is no"),
     ("skin is a pipe", lambda f: ((f / "skin.ply").unlink(), os.mkfifo(f / "skin.ply")), "skin.ply: there is no"),
     (
@@ -31,62 +36,37 @@ CASES = [
     ("case.toml never ends", lambda f: _link(f / "case.toml", Path("/dev/zero")), "case.toml: lies outside the"),
     ("TOML that is none", content("case.toml", lambda b: b"name ="), "case.toml", "cannot be read as TOML"),
     ("no UTF-8", content("case.toml", lambda b: b'name = "\xff"'), "case.toml: is no text in UTF-8"),
-    ("UTF-16", content("case.toml", lambda b: 'name = "a"'.encode("utf-16")), "is no text in UTF-8"),
-    ("a binary file", content("case.toml", lambda b: ply(3, 1)), "case.toml", "cannot be read as TOML"),
     ("10 MB", content("case.toml", lambda b: b"#" * 10**7), "case.toml: has 10 MB, 1 MB is the most"),
     ("deep", content("case.toml", lambda b: b"name = " + b"[" * 5000 + b"]" * 5000), "cannot be read as TOML"),
-    ("unknown key", header('unit = "mm"'), "unknown key 'unit'; did you mean 'units'?"),
-    ("unknown unit", header('units = "inch"'), "'units' must be one of mm, cm, m, not 'inch'"),
     ("unknown axes", header('axes = "LPX"'), "case.toml", "LPX"),
     ("axes of another hand", header('axes = "RAS"'), "axes", "correct the axes"),
-    ("a number for a name", header("name = 7"), "'name' must be text, not 7"),
-    (
-        "a word for a number",
-        text("case.toml", lambda t: _constant(t, "density", "'x'")),
-        "'tissue.density' must be a number",
-    ),
     (
         "a number too large",
         text("case.toml", lambda t: _constant(t, "density", "1" + "0" * 400)),
         "must be a number",
     ),
     (
-        "no Young's modulus",
-        text("case.toml", lambda t: _constant(t, "youngs_modulus", 0)),
-        "'youngs_modulus' must",
-    ),
-    (
         "incompressible",
         text("case.toml", lambda t: _constant(t, "poisson_ratio", 0.5)),
         "from 0 to 0.499, not 0.5",
     ),
-    ("NaN", text("case.toml", lambda t: _constant(t, "theta", "nan")), "'theta' must be a finite number"),
     ("three columns", header('landmark_columns = ["a", "b", "c"]'), "must be four different names"),
     ("columns of another file", header('landmark_columns = ["name", "x", "y", "w"]'), "must name the columns"),
     ("thickness elsewhere", layers('skin_thickness = "../secret.txt"'), "lies outside the case folder", "copy it"),
     ("thickness at the root", layers('fat_thickness = "/etc/hostname"'), "/etc/hostname: lies outside"),
     ("thickness with a null", layers('fat_thickness = "a\\u0000b"'), "lies outside the case folder"),
-    ("thickness missing", layers('fat_thickness = "fat.txt"'), "fat.txt: there is no such file"),
-    ("thickness of words", layers('fat_thickness = "case.toml"'), "cannot be read as one number a line"),
     ("labels elsewhere", layers('mesh = "../m.vtu"'), "m.vtu: lies outside the case folder"),
-    ("negative thickness", layers("fat_thickness = -1"), "'fat_thickness' must be from 0 to 200 mm, not -1"),
     ("no landmarks", lambda f: (f / "landmarks_before.csv").unlink(), "before.csv: there is no such file"),
     ("landmarks twice", lambda f: (f / "landmarks_after.fcsv").write_text(""), "landmarks_after.fcsv: there is"),
-    ("an empty table", content("landmarks_after.csv", lambda b: b""), "the first line must name the columns"),
-    ("only a header", content("landmarks_after.csv", lambda b: b"name,x,y,z\n"), "there is no landmark in it"),
     ("semicolons", text("landmarks_before.csv", lambda t: t.replace(",", ";")), "must name the columns"),
-    ("a column less", text("landmarks_after.csv", lambda t: t.replace("name,x", "name")), "must name the columns"),
     ("a field less", set_point("after", "asis_left", "1,2"), "line", "a landmark is name,x,y,z"),
     ("a word", set_point("after", "asis_left", "1,2,here"), "z of 'asis_left' must be a number, not 'here'"),
     ("underscores", set_point("after", "asis_left", "1_0,2,3"), "must be a number, not '1_0'"),
     ("infinite", set_point("after", "asis_left", "inf,2,3"), "x of 'asis_left' must be finite"),
-    ("1e300", set_point("after", "asis_left", "1,1e300,3"), "y of 'asis_left' must be finite and within 1e+07"),
-    ("a landmark twice", text("landmarks_after.csv", lambda t: t + t.split("\n")[1]), "stands in line 2 already"),
     ("a landmark less", text("landmarks_after.csv", lambda t: "\n".join(t.split("\n")[:-2])), "is missing"),
     ("a landmark without bone", lambda f: (f / "bones" / "T7.ply").unlink(), "needs a bone that its name begins"),
     ("landmarks in metres", text("landmarks_before.csv", lambda t: _scaled(t, 1e-3)), "landmarks_before.csv"),
     ("landmarks mirrored", text("landmarks_before.csv", lambda t: _scaled(t, -1, 1, 1)), "asis_left left of"),
-    ("landmarks moved", set_point("after", "asis_left", "900,0,0"), "150 mm is allowed"),
     ("landmarks of noise", content("landmarks_after.csv", lambda b: bytes(range(256))), "is no text in UTF-8"),
     ("a name of two lines", set_point("after", "asis_left", '1,2,3\n"a\nb",1,2,3'), "a name has no line breaks"),
     (

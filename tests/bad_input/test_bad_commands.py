@@ -22,22 +22,14 @@ from warp_trunk.io.surface_files import write_surface
 
 ARGUMENTS = [
     ("no increment", ["--increments", "0"], "increments: must be from 1 to 10000, not 0"),
-    ("negative increments", ["--increments", "-3"], "not -3"),
-    ("half an increment", ["--increments", "1.5"], "--increments"),
     ("too many increments", ["--increments", "1000000"], "from 1 to 10000, not 1000000"),
     ("too many tetrahedra", ["--tets", "100000000000"], "'tets' must be a number from 4 to 5e+07"),
-    ("no tetrahedra", ["--tets", "0"], "'tets' must be a number"),
     ("too few for the skin", ["--tets", "100", "--no-cache"], "100 were asked for", "fewer than", "; ask for"),
     ("tolerance NaN", ["--tolerance", "nan"], "tolerance: must be a positive number of mm, not nan"),
-    ("tolerance 0", ["--tolerance", "0"], "tolerance: must be a positive"),
     ("gravity 1e9", ["--gravity", "1e9"], "gravity: must be from 0 to 1000 m/s^2", "not 1e+09"),
     ("gravity upwards", ["--gravity", "-9.81"], "for it pulls down by itself, not -9.81; give 9.81"),
-    ("gravity NaN", ["--gravity", "nan"], "gravity: must be from 0 to 1000 m/s^2", "not nan"),
-    ("no stiffness", ["--youngs-modulus", "0"], "'youngs_modulus' must be a finite number"),
     ("incompressible", ["--poisson-ratio", "0.5"], "'poisson_ratio' must be a number from 0 to 0.499"),
-    ("negative theta", ["--theta", "-1"], "'theta' must be a finite number of at least 0"),
     ("negative threads", ["--threads", "-1", "--no-cache"], "threads: must be 0 (all cores) to 1024"),
-    ("a million threads", ["--threads", "1000000", "--no-cache"], "threads: must be 0 (all cores) to 1024"),
     ("no such device", ["--device", "cuda:99", "--no-cache"], "device", "cuda:99"),
     ("a voxel of 1 nm", ["--bone-voxel", "1e-6"], "'bone_voxel' must be a number from 0.1"),
     ("no such mesh", ["--from-mesh", "nowhere.vtu"], "nowhere.vtu: there is no such file"),
@@ -74,7 +66,6 @@ def summary(change):
 RESULTS = [
     ("no summary", lambda f: (f / "summary.json").unlink(), "summary.json: there is no such file"),
     ("an empty summary", lambda f: (f / "summary.json").write_text(""), "summary.json: is not JSON"),
-    ("a list", lambda f: (f / "summary.json").write_text("[]"), "Expected `object`, got `array`"),
     (
         "a deep summary",
         lambda f: (f / "summary.json").write_text('{"parameters": {"a": ' + "[" * 10**5),
@@ -87,20 +78,10 @@ RESULTS = [
         "missing required field `tissues`",
     ),
     (
-        "status of another type",
-        summary(lambda s: s.update(status=[])),
-        "Expected `str`, got `array` - at `$.status`",
-    ),
-    (
         "unknown status",
         summary(lambda s: s.update(status="FINE")),
         "'status' must be one of CONVERGED",
         "not 'FINE'",
-    ),
-    (
-        "increments are a number",
-        summary(lambda s: s.update(increments=3)),
-        "Expected `array`, got `int` - at `$.increments`",
     ),
     ("no increment", summary(lambda s: s.update(increments=[])), "length >= 1 - at `$.increments`"),
     (
@@ -108,7 +89,6 @@ RESULTS = [
         summary(lambda s: s["increments"][0].update(seconds=True)),
         "Expected `float`, got `bool` - at `$.increments[0].seconds`",
     ),
-    ("case is no text", summary(lambda s: s.update(case=None)), "Expected `str`, got `null` - at `$.case`"),
     ("no skin", lambda f: (f / "predicted_skin.ply").unlink(), "predicted_skin.ply: is missing"),
     (
         "skin cut off",

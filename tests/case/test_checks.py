@@ -113,23 +113,20 @@ def test_surgery_moves_landmarks_a_little():
     )
 
 
-@pytest.mark.parametrize(("scale", "tall", "cure"), [(1e-3, "0.48", 'units = "m"'), (0.1, "48", 'units = "cm"')])
-def test_wrong_units_name_the_right_one(scale, tall, cure):
+@pytest.mark.parametrize(
+    ("key", "scale", "units", "tall", "right"),
+    [
+        ("skin", 1e-3, "mm", "0.48", "m"),
+        ("skin", 0.1, "mm", "48", "cm"),
+        ("skin", 1e3, "m", r"4.8e\+05", "mm"),
+        ("actual_skin", 1e-3, "mm", "0.48", "m"),
+    ],
+)
+def test_wrong_units_name_the_right_one(key, scale, units, tall, right):
     skin = small_case().skin
-    small = replace(small_case(), skin=Surface(skin.vertices * scale, skin.faces))
-    refused(small, f"skin: the trunk is {tall} mm tall, and must be 250 to 900 mm; set {cure}")
-
-
-def test_millimetres_declared_metres_name_the_right_unit():
-    skin = small_case().skin
-    large = replace(small_case(), skin=Surface(skin.vertices * 1e3, skin.faces))
-    refused(large, 'the trunk is 4.8e\\+05 mm tall, .*; set units = "mm"', CaseSource(units="m"))
-
-
-def test_wrong_units_of_the_trunk_after_surgery_are_found():
-    skin = small_case().skin
-    case = replace(small_case(), actual_skin=Surface(skin.vertices * 1e-3, skin.faces))
-    refused(case, "actual_skin: the trunk is 0.48 mm tall")
+    case = replace(small_case(), **{key: Surface(skin.vertices * scale, skin.faces)})
+    rule = f'{key}: the trunk is {tall} mm tall, and must be 250 to 900 mm; set units = "{right}"'
+    refused(case, rule, CaseSource(units=units))
 
 
 def turned(case: Case, M: np.ndarray) -> Case:
