@@ -109,7 +109,7 @@ def _chest(
         return {}
     moved = {name: Surface(motion_of(name).apply(bone.vertices), bone.faces) for name, bone in bones.items()}
     after = chest_indices(Surface(skin, case.skin.faces), moved)
-    return {name: (before[name], after[name]) for name in before.keys() & after.keys()}
+    return {name: (before[name], after[name]) for name in before if name in after}
 
 
 def peak_memory() -> float | None:
