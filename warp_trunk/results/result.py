@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks, read_landmarks, write_landmarks
 from warp_trunk.case.motions import FILE as MOTIONS
-from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
