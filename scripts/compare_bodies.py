@@ -130,7 +130,7 @@ def _bodies(folders: list[Path], options: Options) -> None:
             case = make_case(skin, bones, SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0), 0.65)
             patient = patient_of(case, _run(options))
             for correction in (0.65, 0.4):
-                one = operated(patient, _plan(kind, correction))
+                one = operated(patient, plan_for(kind, correction))
                 shoulders = [side.difference for m in (one.before, one.after) if (side := m.shoulders)]
                 away = ", ".join(f"{level} {more:.1f}" for level, more in one.away.items()) or "none"
                 status = "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
@@ -177,7 +177,7 @@ def _cohort(folders: list[Path], options: Options) -> None:
 
 def _drawn(drawn: Drawn, skin: Surface, bones: dict[str, Surface], options: Options) -> Outcome:
     case = make_case(skin, bones, curve_of(drawn), drawn.correction)
-    return operated(patient_of(case, _run(options)), _plan(drawn.kind, drawn.correction))
+    return operated(patient_of(case, _run(options)), plan_for(drawn.kind, drawn.correction))
 
 
 def operated(patient: Patient, plan: Plan) -> Outcome:
@@ -240,7 +240,8 @@ def _to_convex(found: list[Outcome]) -> Iterator[tuple[float, float]]:
             yield sign * one.before.shoulders.difference, sign * one.after.shoulders.difference
 
 
-def _plan(kind: Kind, correction: float) -> Plan:
+def plan_for(kind: Kind, correction: float) -> Plan:
+    """The plan for a kind of curve that corrects a part of it."""
     upper, lower, apices = FUSED[kind]
     return Plan(
         uiv=upper,

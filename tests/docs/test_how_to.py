@@ -1,0 +1,162 @@
+"""The commands of Start and of the how-to pages run as they stand, on a synthetic patient and with small meshes.
+
+A block that begins with ```sh is run; one of another program, or of a cluster, begins with ```text.
+"""
+
+import dataclasses
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.biplanar import biplanar
+from support.cohort_cases import turned_case
+from support.partial_scans import scan
+from support.phantoms import coarse_phantom
+from warp_trunk.bone_motion.plan import CurvePlan, Plan, write_plan
+from warp_trunk.case import Case, write_case
+from warp_trunk.case.landmarks import Landmarks, write_landmarks
+from warp_trunk.case.study import Study
+from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.preparation.phantom import straight_trunk
+from warp_trunk.preparation.reconstruction import Film
+
+ROOT = Path(__file__).parents[2]
+SMALL = "--tets 26000 --bone-voxel 8 --bone-tolerance 2"
+"""What is added to each simulation, so that it takes some seconds."""
+PROGRAM = """#!/bin/sh
+case "$1 $*" in
+    simulate*|demo*|cohort*|calibrate*|plan*--aim*) exec {program} "$@" {small} ;;
+    view*|plan*--live*) timeout -s INT 20 {program} "$@" {small_live}; [ $? = 124 ] ;;  # it runs until it is ended
+    *) exec {program} "$@" ;;
+esac
+"""
+pytestmark = pytest.mark.slow
+
+
+def blocks(page: str) -> str:
+    """All commands of a page as one script."""
+    text = (ROOT / "docs" / page).read_text()
+    return "\n".join(re.findall(r"^```sh\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE))
+
+
+def run(page: str, folder: Path) -> None:
+    """Runs a page in a folder, with this environment's program and small meshes."""
+    binaries = folder / "bin"
+    binaries.mkdir()
+    program = Path(sys.executable).with_name("warp-trunk")
+    scripts = {
+        "warp-trunk": PROGRAM.format(program=program, small=SMALL, small_live=""),
+        "uv": '#!/bin/sh\n[ "$1" = run ] || exit 0\nshift\nexec "$@"\n',
+        "pip": "#!/bin/sh\n",
+    }
+    for name, script in scripts.items():
+        (binaries / name).write_text(script)
+        (binaries / name).chmod(0o755)
+    commands = blocks(page)
+    assert commands, f"{page} has no block of commands"
+    environment = {**os.environ, "PATH": f"{binaries}:{os.environ['PATH']}", "BROWSER": "true"}
+    ended = subprocess.run(
+        ["sh", "-ex"], input=commands, cwd=folder, env=environment, text=True, capture_output=True, check=False
+    )
+    assert ended.returncode == 0, f"{ended.stdout[-3000:]}\n{ended.stderr[-3000:]}"
+
+
+def anna() -> Case:
+    """The synthetic patient."""
+    return dataclasses.replace(coarse_phantom(), name="anna")
+
+
+def write_patient(folder: Path) -> None:
+    """The patient of the pages: a case, two plans, the scan after surgery."""
+    case = anna()
+    write_case(folder / "cases" / "anna", case)
+    write_surface(folder / "scan_after.ply", case.skin)
+    for liv in ("L1", "L3"):
+        plan = Plan(uiv="T4", liv=liv, curves=(CurvePlan(apex="T8", correction=0.65, derotation=0.4),))
+        write_plan(folder / f"t4_{liv.lower()}.toml", plan)
+
+
+def write_films(folder: Path, films: tuple[Film, Film], prefix: str = "") -> None:
+    for name, film in zip(("pa", "lateral"), films, strict=True):
+        rows = [f"{mark},{u!r},{v!r}" for mark, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
+        (folder / f"{prefix}{name}.csv").write_text("\n".join(["name,u,v", *rows]))
+        np.savetxt(folder / f"{name}.txt", film.projection, fmt="%.17g")
+
+
+@pytest.mark.parametrize("page", ["planning.md", "compare.md", "live.md"])
+def test_a_patient_is_planned(page: str, tmp_path: Path) -> None:
+    write_patient(tmp_path)
+    run(page, tmp_path)
+
+
+@pytest.mark.parametrize("page", ["how_sure.md", "look.md"])
+def test_a_result_is_looked_at(page: str, tmp_path: Path) -> None:
+    write_patient(tmp_path)
+    if page == "look.md":
+        program = Path(sys.executable).with_name("warp-trunk")
+        subprocess.run([program, "simulate", "cases/anna", *SMALL.split()], cwd=tmp_path, check=True)
+    run(page, tmp_path)
+
+
+@pytest.mark.parametrize("page", ["index.md", "add_energy.md"])
+def test_the_demo_runs(page: str, tmp_path: Path) -> None:
+    run(page, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def anatomy() -> Path:
+    """Real anatomy: vertebrae with canals, on which landmarks can be found."""
+    if not (folder := os.environ.get("WARP_TRUNK_ANATOMY")):
+        pytest.skip("WARP_TRUNK_ANATOMY names no folder")
+    return Path(folder)
+
+
+def test_a_curve_is_imposed(anatomy: Path, tmp_path: Path) -> None:
+    for name in ("skin.ply", "bones"):
+        (tmp_path / name).symlink_to(anatomy / name)
+    run("anatomy.md", tmp_path)
+
+
+def test_a_case_is_made_of_a_ct(anatomy: Path, tmp_path: Path) -> None:
+    bones = {path.stem: read_surface(path) for path in sorted((anatomy / "bones").glob("*.ply"))}
+    curve = SpineCurve(kind="thoracic", cobb=55.0)
+    write_case(tmp_path / "surfaces", make_case(read_surface(anatomy / "skin.ply"), bones, curve, 0.5))
+    voxelise = [sys.executable, ROOT / "scripts" / "voxelise_case.py", "surfaces", "ct"]
+    subprocess.run([*voxelise, "--spacing", "1.5", "1.5", "1.5"], cwd=tmp_path, check=True)
+    (tmp_path / "ct" / "masks").rename(tmp_path / "seg")
+    (tmp_path / "body").mkdir()
+    (tmp_path / "ct" / "body.nii.gz").rename(tmp_path / "body" / "body_trunc.nii.gz")
+    (tmp_path / "surfaces" / "landmarks_before.csv").unlink()
+    run("from_ct.md", tmp_path)
+
+
+def test_a_case_is_made_of_films(tmp_path: Path) -> None:
+    case = anna()
+    write_films(tmp_path, biplanar(case.landmarks_before))
+    (tmp_path / "atlas").mkdir()
+    for name, bone in straight_trunk()[1].items():
+        write_surface(tmp_path / "atlas" / f"{name}.ply", bone)
+    vertices = case.skin.vertices
+    markers = vertices[:: len(vertices) // 20]
+    marks = Landmarks(tuple(f"marker_{number}" for number in range(len(markers))), markers)
+    write_films(tmp_path, biplanar(marks), "markers_")
+    write_landmarks(tmp_path / "markers_scan.csv", marks)
+    parts = scan(case.skin, noise=0.0).parts.values()
+    for name, part in zip(("front", "left", "back", "right"), parts, strict=True):
+        write_surface(tmp_path / f"{name}.ply", part)
+    run("from_films.md", tmp_path)
+
+
+@pytest.mark.parametrize("page", ["cohorts.md", "calibration.md"])
+def test_a_study_is_simulated(page: str, tmp_path: Path) -> None:
+    for name, degrees in (("a", 1.0), ("b", -2.0), ("c", 2.0)):
+        study = Study(patient=name, pose="surgery", virtual=True)
+        write_case(tmp_path / "patients" / name, turned_case(name, degrees, study))
+    write_case(tmp_path / "planned", turned_case("planned", 1.0))
+    run(page, tmp_path)
