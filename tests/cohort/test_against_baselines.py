@@ -31,7 +31,7 @@ LUMBAR = (
 def test_the_part_that_is_worse_is_said_with_figures() -> None:
     assert worse_parts(summarize_cohort(ROWS)) == [LUMBAR]
     assert worse_parts(summarize_cohort(ROWS[:2]))[0].endswith(
-        "the difference is 2.50; fewer than three patients do not tell whether that holds for others."
+        "the difference is 2.50; fewer than three patients do not show whether that holds for others."
     )
 
 
@@ -40,7 +40,7 @@ def test_the_whole_back_is_told_against_both() -> None:
     nothing, spline = over_whole_back(summarize_cohort(ROWS))
     assert nothing == (
         "The error is 0.40 degrees smaller than by saying that nothing changes (95 % interval -0.15 to 0.95; it "
-        "holds 0, so these patients do not tell)."
+        "holds 0, so these patients do not show it)."
     )
     assert spline.startswith("The error is 1.90 degrees smaller than by moving the skin with the spline")
 

@@ -121,7 +121,7 @@ def test_files(tmp_path: Path):
     assert record["summary"]["ranges"]["T3-L5"]["error"]["mean"] == pytest.approx(11.0 / 6.0)
     assert [case["folder"] for case in record["cases"]] == list("abcdef")
     text = cohort_text(summary)
-    assert "1 are virtual, of nobody" in text
+    assert "1 are synthetic" in text
     assert "failed: e" in text
     page = (tmp_path / "cohort.html").read_text()
     for table, columns in (("Errors of back surface rotation by level", 3), ("Every case", 4)):  # of 6 and of 8

@@ -136,7 +136,7 @@ def test_no_more_workers_than_cores_by_themselves() -> None:
     [
         ((-1, None, "cpu"), "--workers: must be 0"),
         ((2, "tcp://127.0.0.1:1", "cpu"), "--workers: a running cluster has its own"),
-        ((0, "nowhere", "cpu"), "--scheduler: nobody answers at nowhere"),
+        ((0, "nowhere", "cpu"), "--scheduler: no answer from nowhere"),
     ],
 )
 def test_refused(arguments: tuple[int, str | None, str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:

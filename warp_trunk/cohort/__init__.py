@@ -1,1 +1,1 @@
-"""Many cases at once, on the cores of this machine or on a cluster: simulated, judged and told as one."""
+"""Many cases at once, on the cores of this machine or on a cluster: simulated, evaluated and summarised."""

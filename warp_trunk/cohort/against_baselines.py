@@ -45,7 +45,7 @@ def _baselines(found: RangeSummary) -> list[tuple[str, Estimate, Estimate]]:
 def _interval(gain: Estimate, way: float = 1.0) -> str:
     """How sure a gain is, or a loss where `way` is -1."""
     if gain.low is None or gain.high is None:
-        return "; fewer than three patients do not tell whether that holds for others"
+        return "; fewer than three patients do not show whether that holds for others"
     low, high = sorted((way * gain.low, way * gain.high))
-    sure = "" if low > 0.0 or high < 0.0 else "; it holds 0, so these patients do not tell"
+    sure = "" if low > 0.0 or high < 0.0 else "; it holds 0, so these patients do not show it"
     return f" (95 % interval {low:.2f} to {high:.2f}{sure})"

@@ -19,11 +19,11 @@ MEMORY_PER_WORKER = 4e9
 MOST_WORKERS = 1024
 """More processes are no use on one machine."""
 RETRIES = 1
-"""How often a case is begun anew where its worker was lost, before it is given up."""
+"""How often a case is started again after its worker was lost, before it is given up."""
 PATIENCE = 30.0
 """How long a scheduler and its first worker are waited for [s]."""
 LOOPBACK = "127.0.0.1"
-"""Nobody else on the network reaches what listens here."""
+"""The loopback address: no other computer on the network can connect."""
 
 
 @contextmanager
@@ -36,7 +36,7 @@ def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Clie
         device: where cases are computed; `cpu` leaves GPUs alone.
 
     Raises:
-        InputError: the extra is not installed, a number of workers that cannot be, or nobody answers.
+        InputError: the extra is not installed, an impossible number of workers, or no answer.
     """
     distributed = _distributed()
     if scheduler is None:
@@ -50,7 +50,7 @@ def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Clie
         client.wait_for_workers(1, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
-            f"--scheduler: nobody answers at {scheduler}, or it has no worker ({error}); start `dask scheduler` "
+            f"--scheduler: no answer from {scheduler}, or it has no worker ({error}); start `dask scheduler` "
             "and `dask worker`, and give the address that the scheduler prints"
         ) from error
     with client:
@@ -128,7 +128,7 @@ def choose_workers(workers: int, gpus: list[str]) -> int:
 
 
 def _gpus() -> list[str]:
-    """What CUDA_VISIBLE_DEVICES says for each GPU of this process, each by itself."""
+    """The value of CUDA_VISIBLE_DEVICES for each GPU of this process."""
     import warp as wp
 
     wp.init()

@@ -11,7 +11,8 @@ from warp_trunk.measures.comparison import RANGES, BsrError, bsr_error
 from .record import CaseRow
 
 Guess = Literal["predicted", "before", "spline"]
-"""What is compared with the actual: the prediction, "nothing changes", or "the spline carries the skin"."""
+"""The guess that is compared with the actual skin: the prediction, "nothing changes", or "the spline carries
+the skin"."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class LevelError:
     level: str
     """The vertebra."""
     guessed: float
-    """What was guessed [degrees]."""
+    """The guess [degrees]."""
     actual: float
     """Actual rotation [degrees]."""
     in_band: bool | None

@@ -145,7 +145,7 @@ def _case_row(row: CaseRow) -> list[str]:
 
 
 def _left_out(rows: Sequence[CaseRow], summary: CohortSummary) -> list[str]:
-    """What does not count, and why."""
+    """The cases that do not count, with the reason."""
     said = [f"{row.folder} has no result: {row.reason}" for row in rows if row.status == FAILED]
     said += [f"{name} did not converge and does not count." for name in summary.unfinished]
     said += [f"{name} has no actual skin to be judged by." for name in summary.without_actual]

@@ -1,4 +1,4 @@
-"""What a cohort keeps of each case: one record, written beside its result when that is whole."""
+"""The record of one case of a cohort, written beside its result when that is complete."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class CaseRow:
     patient: str = ""
     """Whose it is."""
     pose: str = "surgery"
-    """What lies between before and after: surgery or bending."""
+    """The pose of the second scan: surgery or bending."""
     virtual: bool = False
     """Whether a computer made it."""
     cobb_deg: float | None = None
@@ -75,7 +75,7 @@ class CaseRow:
     warnings: int = 0
     """How many warnings its result has."""
     seconds: float | None = None
-    """What it took [s]."""
+    """Duration [s]."""
     peak_memory_mb: float | None = None
     """Largest memory of its worker until then [MB]."""
 

@@ -1,4 +1,4 @@
-"""What is told of a whole cohort."""
+"""The summary of a whole cohort."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ AGAINST = {
     "tets": "tetrahedra",
     "months_after": "months since surgery",
 }
-"""What an error may go with, by its field in a row."""
+"""The covariates of an error, by their field in a row."""
 
 
 @dataclass(frozen=True, kw_only=True)

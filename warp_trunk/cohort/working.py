@@ -95,7 +95,7 @@ def _warm_each_host(client: Client, options: CohortOptions) -> None:
     hosts: dict[str, str] = {}
     for address, info in client.scheduler_info(n_workers=-1)["workers"].items():
         hosts.setdefault(info["host"], address)
-    client.run(warm, options.run, workers=list(hosts.values()), on_error="ignore")  # a case tells its own reason
+    client.run(warm, options.run, workers=list(hosts.values()), on_error="ignore")  # cases report errors
 
 
 def _line(done: Done) -> str:

@@ -47,10 +47,10 @@ def table_rows(rows: Sequence[CaseRow]) -> Iterator[list[Any]]:
 
 
 def cohort_text(summary: CohortSummary) -> str:
-    """What a terminal shows of a cohort."""
+    """The text of a cohort for the terminal."""
     lines = [
         f"{summary.cases} cases: {summary.counted} of {summary.patients} patients count"
-        + (f"; {summary.virtual} are virtual, of nobody" if summary.virtual else "")
+        + (f"; {summary.virtual} are synthetic" if summary.virtual else "")
     ]
     for what, names in (
         ("failed", summary.failed),

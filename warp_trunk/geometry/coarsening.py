@@ -24,7 +24,7 @@ _LONGEST = 1.4
 _PULL = 0.02
 """How strongly the new vertex is drawn to the middle of its edge, against the planes it should lie on."""
 _CHOICES_IN_A_ROUND = 3
-"""How often edges are chosen before the neighbourhoods are made anew; more makes fewer, dearer rounds."""
+"""How often edges are chosen before the neighbourhoods are rebuilt; more makes fewer, dearer rounds."""
 _THIN = 5.0
 """Triangles with a smaller angle are collapsed where slivers are [degrees]."""
 _SLIVER = 0.03

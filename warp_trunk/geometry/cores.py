@@ -36,7 +36,7 @@ def launch_over_cores(kernel: Any, size: int, inputs: Sequence[Any], outputs: Se
 
 
 def each_over_cores(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """What work on each of the items gives, in their order; most of it should be kernels or NumPy."""
+    """The results of `work` for the items, in their order; most of the work should be kernels or NumPy."""
     yield from map(work, items[:1])  # alone, so that a kernel is compiled once
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         yield from pool.map(work, items[1:])

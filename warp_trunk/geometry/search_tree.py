@@ -24,7 +24,7 @@ class SearchTree(NamedTuple):
 
 
 def search_tree(surface: Surface, *, winding_number: bool = False, quick: bool = False) -> SearchTree:
-    """Build the tree of a surface; with `winding_number` it can tell inside from outside.
+    """Build the tree of a surface; with `winding_number` it can distinguish inside from outside.
 
     A `quick` one is built in two thirds of the time and searched a little slower, in another order.
     """

@@ -41,7 +41,8 @@ def likeliest_smoothness(
         values: with errors, shape (n,).
         variance: of the error of each.
         roughness: the matrix of `roughness_of`.
-        clean: whether the values have no errors yet; what is likeliest in the mean over such errors is told.
+        clean: whether the values have no errors yet; the result is then the likeliest one on average over such
+        errors.
     """
     from scipy.optimize import minimize_scalar  # heavy
 

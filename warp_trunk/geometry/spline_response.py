@@ -8,7 +8,7 @@ from .spline import check_landmarks
 
 
 def spline_response(sources: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """What each landmark adds to the displacement of each point.
+    """The contribution of each landmark to the displacement of each point.
 
     A spline is linear in its targets: with R the result, the points move by R @ (targets - sources).
     That is one product where fitting and evaluating another spline costs a square root for each entry of R.

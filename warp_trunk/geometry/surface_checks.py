@@ -1,4 +1,4 @@
-"""What a surface must be before tetrahedra can fill it: closed, oriented, 2-manifold, not crossing itself."""
+"""Checks of a surface before tetrahedra can fill it: closed, oriented, 2-manifold, not crossing itself."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def cross_any(surface: Surface, faces: np.ndarray) -> bool:
 
 
 def manifold_fault(surface: Surface) -> str | None:
-    """What keeps a surface from being a closed oriented 2-manifold, with a place; None if it is one."""
+    """The reason why a surface is no closed oriented 2-manifold, with a place; None if it is one."""
     faces, vertices = surface.faces.astype(np.int64), surface.vertices
     same = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     if same.any():
@@ -89,7 +89,7 @@ def manifold_fault(surface: Surface) -> str | None:
 def check_solid(surface: Surface, name: str) -> None:
     """Check that a surface is closed, a 2-manifold, oriented outward and free of self-intersections.
 
-    Raises InputError that starts with `name` and says what is wrong and where.
+    Raises InputError that starts with `name` and names the fault and its place.
     """
     fault = manifold_fault(surface)
     if fault is not None:

@@ -1,4 +1,4 @@
-"""What is measured on a trunk, each with its definition: the back, the spine, and one skin against another."""
+"""Measures of a trunk with their definitions: the back, the spine, and one skin compared with another."""
 
 from .apical import ApicalVertebra
 from .asymmetry import mirror_asymmetry

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from .trunk_shift import SacralLine
 
 TURNED = 5.0
-"""An apex turned by less than this has no neutral vertebra beside it [degrees]: films cannot tell it from none."""
+"""An apex turned by less than this has no neutral vertebra beside it [degrees]: films cannot distinguish it
+from none."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class ApicalVertebra:
     translation: float | None
     """Distance of its centroid from the line [mm], positive to the right; None where that line is missing."""
     line: str
-    """What the line goes through: C7 or T1 for a thoracic apex, what `SacralLine` names for any other."""
+    """The landmark of the line: C7 or T1 for a thoracic apex, what `SacralLine` names for any other."""
     neutral_above: str | None
     """Upper neutral vertebra; None where rotations are missing or the apex is turned by less than `TURNED`."""
     neutral_below: str | None

@@ -1,4 +1,4 @@
-"""What is measured on any part of the body, with a spine or without: the change of the skin, and its error."""
+"""Measures of any part of the body, with a spine or without: the change of the skin, and its error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parts of a trunk that a surgeon tells apart: where each vertex of a skin lies."""
+"""The regions of a trunk that surgeons distinguish, for each vertex of a skin."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def regions_of(skin: Surface, landmarks: Landmarks) -> Regions:
     known = [i for i, level in enumerate(spine.levels) if any(level in levels for levels in BANDS.values())]
     if not known:
         raise InputError(
-            "landmarks: no vertebra from T1 to L5 has a landmark; regions are told by the nearest one"
+            "landmarks: no vertebra from T1 to L5 has a landmark; regions are assigned by the nearest one"
         )
     centroids = spine.centroids[known]
     level = _nearest_level(skin.vertices[:, 2], centroids[:, 2])

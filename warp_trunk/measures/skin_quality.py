@@ -63,7 +63,7 @@ class SkinQuality:
 
 @dataclass(frozen=True)
 class SkinChange:
-    """What happens to each triangle of a skin and at each edge, inner ones of a sheet."""
+    """Stretch of each triangle of a skin and fold at each inner edge."""
 
     stretch: np.ndarray
     """Largest principal stretch of each triangle, shape (faces,)."""

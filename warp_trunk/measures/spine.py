@@ -1,4 +1,4 @@
-"""What the landmarks say of the spine and the pelvis, gathered once for all measures."""
+"""Spine and pelvis from the landmarks, gathered once for all measures."""
 
 from __future__ import annotations
 

@@ -25,7 +25,8 @@ class SacralLine:
     across: np.ndarray
     """Unit vector of the pelvis' axis to the patient's left, x and y, shape (2,)."""
     landmark: str
-    """What it goes through: S1, sacrum, L5 (its lower endplate), or pelvis (midway between the iliac spines)."""
+    """The landmark that it goes through: S1, sacrum, L5 (its lower endplate), or pelvis (midway between the
+    iliac spines)."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class TrunkShift:
     upper: str
     """The vertebra at the top, C7 or T1."""
     lower: str
-    """What the sacral line goes through, see `SacralLine`."""
+    """The landmark of the sacral line, see `SacralLine`."""
 
 
 def sacral_line(landmarks: Landmarks) -> SacralLine:
@@ -98,5 +99,5 @@ def trunk_shift(spine: Spine, line: SacralLine) -> TrunkShift | None:
 
 
 def top_of_spine(spine: Spine) -> str | None:
-    """The vertebra whose plumb line tells balance: C7, or T1 where C7 has no landmarks; None without both."""
+    """The vertebra whose plumb line measures balance: C7, or T1 where C7 has no landmarks; None without both."""
     return next((level for level in ("C7", "T1") if level in spine.levels), None)

@@ -136,7 +136,7 @@ def _field(
 
 
 def _fault(surface: Surface, bone: np.ndarray, names: tuple[str, ...]) -> str:
-    """What is wrong with a bone surface, or an empty text."""
+    """The fault of a bone surface, or an empty text."""
     lost = [name for number, name in enumerate(names) if not (bone == number).any()]
     if lost:
         return (

@@ -34,7 +34,8 @@ class MeshOptions:
     bone_edge_length: float = 0.0
     """Edges of the bone surface shorter than this are collapsed [mm]; 0 chooses it from `tets`."""
     bone_tolerance: float = 1.0
-    """How far the collapse of edges may move the bone surface [mm]; mending flat tetrahedra, half of it."""
+    """How far the collapse of edges may move the bone surface [mm]; the repair of flat tetrahedra may move it
+    by half of that."""
     radius_edge_ratio: float = 2.0
     """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
     smallest_dihedral: float = 0.0
@@ -145,7 +146,7 @@ def make_trunk(
         smallest_dihedral=options.smallest_dihedral,
         largest_dihedral=options.largest_dihedral,
     )
-    tell("mending flat tetrahedra")
+    tell("repairing flat tetrahedra")
     nodes = _mended(filled, len(skin.vertices), surface.surface, 0.5 * options.bone_tolerance)
     trunk = _ordered(nodes, filled.tets, skin, surface, tuple(bones))
     check_trunk(trunk, "mesh")
@@ -165,7 +166,8 @@ def choose_edge_length(skin: Surface, tets: int) -> float:
 
 
 def _mended(filled: Tetrahedra, skin_count: int, bones: Surface, bone_reach: float) -> np.ndarray:
-    """Nodes with flat tetrahedra mended; those of the skin stay, those of bone move by bone_reach at most."""
+    """Nodes after the repair of flat tetrahedra; those of the skin stay, those of bone move by bone_reach at
+    most."""
     reach = np.full(len(filled.nodes), np.inf)
     reach[:skin_count] = 0.0
     on_bone = slice(skin_count, skin_count + len(bones.vertices))

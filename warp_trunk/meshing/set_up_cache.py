@@ -1,4 +1,4 @@
-"""What the engine finds of a mesh at rest whatever the plan, kept beside the mesh: one file a mesh.
+"""Cache of the data of the engine that depend on the mesh but not on the plan: one file for each mesh.
 
 Reading takes a tenth of the time that finding it all takes. For 225,000 tetrahedra the file has 30 MB, half of it
 the preconditioner's dense inverse.
@@ -35,7 +35,7 @@ class SetUpCache:
         digest.update(settings.encode())
         self._key = digest.hexdigest()
         self.memo = Memo(read_arrays(self.path, self._key))
-        """What is known, for `build_model`."""
+        """The cached data, for `build_model`."""
 
     def store(self) -> None:
         """Keeps what had to be found, and lets go of everything. A folder not writable is a warning."""

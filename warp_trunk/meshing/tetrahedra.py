@@ -34,7 +34,7 @@ trunk. In a layer one tetrahedron thick they are 1.5, between a fine and a coars
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """What TetGen made; the nodes of both surfaces come first, in their order."""
+    """The mesh that TetGen made; the nodes of both surfaces come first, in their order."""
 
     nodes: np.ndarray
     """Positions [mm], shape (nodes, 3), float64: skin vertices, bone surface vertices, new nodes."""
@@ -217,7 +217,7 @@ def _tetgen(
 
 
 def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and tetrahedra of a run of TetGen in a child process, to which all that is given goes by a file.
+    """Nodes and tetrahedra of a run of TetGen in a child process, which gets its input in a file.
 
     Raises:
         RuntimeError: TetGen refuses the surfaces, or dies.

@@ -54,7 +54,7 @@ def test_file_and_page(tmp_path: Path) -> None:
         "Virtual: nobody",
         "ended STALLED &lt;here&gt;",
         "0.455 to 0.48",
-        "fat.youngs_modulus: these patients told 20 %",
+        "fat.youngs_modulus: 20 % of the information comes from these patients",
         "comes 1.00 mm nearer to the actual one",
         "+0.50 to +1.50 mm, drawn over 3 patients",
     ):

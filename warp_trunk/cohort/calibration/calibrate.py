@@ -30,13 +30,13 @@ class Found:
     start: float
     """Where the search began, the middle of what was believed."""
     value: float
-    """What fits best."""
+    """The value that fits best."""
     low: float
     """Where the interval begins that holds it in 19 of 20 studies ..."""
     high: float
     """... and where it ends."""
     from_data: float
-    """Part of what is known of it that the patients told, from 0 to 1; the rest is what was believed before."""
+    """Fraction of the information about it that comes from the patients, from 0 to 1; the rest is the prior."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class HeldOut:
     patient: str
     """Whose it is."""
     constants: dict[str, float]
-    """What the other patients found."""
+    """Its value, found on the other patients."""
     skin_before_mm: float
     """Mean distance of its back from the actual one with the constants from which the search began [mm]."""
     skin_mm: float
@@ -61,7 +61,7 @@ class HeldOut:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What a calibration found."""
+    """The result of a calibration."""
 
     found: tuple[Found, ...]
     """Every free constant."""
@@ -72,7 +72,7 @@ class Calibration:
     patients: int
     """Of how many patients."""
     poses: tuple[str, ...]
-    """What lies between before and after in them."""
+    """The pose of their second scan: after surgery, or bending."""
     virtual: int
     """How many of them a computer made."""
     left_out: dict[str, str]
@@ -130,7 +130,7 @@ def calibrate(
 
 
 def prior_of(free: Sequence[FreeConstant], weight: bool) -> Prior:
-    """What is believed of constants; without weight only their limits."""
+    """The prior of the constants; without priors only their limits."""
     limits = np.array([one.limits for one in free])
     return Prior(
         mean=np.array([one.counted(one.start) for one in free]),

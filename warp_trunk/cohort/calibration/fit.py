@@ -22,7 +22,7 @@ Evaluate = Callable[[np.ndarray], Mapping[str, Piece]]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prior:
-    """What is believed of the constants before, as they are counted; each shape (constants,)."""
+    """The prior of the constants, in the scale in which they are fitted; each shape (constants,)."""
 
     mean: np.ndarray
     """Their middle."""
@@ -43,7 +43,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fit:
-    """What was found."""
+    """The result of a fit."""
 
     counted: np.ndarray
     """The constants as they are counted, shape (constants,)."""
@@ -99,7 +99,8 @@ class Certainty:
     width: float
     """Standard deviations to either side that hold 95 %."""
     from_data: np.ndarray
-    """Part of what is known of each that the patients told, from 0 (all is prior) to 1, shape (constants,)."""
+    """Fraction of the information about each that comes from the patients, from 0 (only the prior) to 1, shape
+    (constants,)."""
 
     @property
     def sd(self) -> np.ndarray:

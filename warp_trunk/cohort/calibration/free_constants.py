@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from warp_trunk.run.options import RunOptions
 
 _DENSITY = 50.0
-"""What is believed of a density: within this [kg/m^3]; soft tissues have 900 to 1100."""
+"""Prior standard deviation of a density [kg/m^3]; soft tissues have 900 to 1100."""
 _SHARE = 0.25
-"""What is believed of a share of the ribs for which no range is known."""
+"""Prior standard deviation of a share of the ribs without a known range."""
 _FACTOR = 1000.0
 """A stiffness is looked for between its start over this and its start times this."""
 _OF_ITMSM, _OF_CONTINUUM = ("epsilon", "theta"), ("poisson_ratio",)
@@ -98,7 +98,7 @@ def values_of(free: Sequence[FreeConstant], counted: np.ndarray) -> dict[str, fl
 
 
 def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
-    """Raise InputError for constants that no skin can tell, whatever the patients, and say why."""
+    """Raise InputError for constants that no skin depends on, with the reason."""
     if not names:
         raise InputError(
             "--free: is missing; give the constants to find, such as --free poisson_ratio ribs.recovery"

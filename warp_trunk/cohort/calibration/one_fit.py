@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 PLACES = 400
 """Places of the skin at which a case is compared, spread evenly over it."""
 WORTH = 40
-"""How many of them tell nothing of each other: errors of a scan and of a model are alike over 50 mm, and back and
+"""How many of them are independent: errors of a scan and of a model are alike over 50 mm, and back and
 flanks of a trunk are some 300 by 350 mm. All places of a case together weigh as much as this many."""
 SKIN_SD = 2.0
-"""What a place of the skin is off where the constants are right [mm]: 1.4 of the scanner of both papers, and as
-much of the model beside its constants; assumed."""
+"""Error of a point of the skin if the constants are right [mm]: 1.4 of the scanner of both papers, and the same
+of the model; assumed."""
 SETTLED = 0.1
-"""How far a skin may be from its equilibrium [mm]: no scanner tells that apart, and tissue that is caught between
+"""How far a skin may be from its equilibrium [mm]: no scanner resolves it, and tissue that is caught between
 two bones deep inside, where a relaxation ends STALLED, leaves less open."""
 MOST_KEPT = 16
 """Cases of which a worker keeps mesh and places between rounds, of some 30 MB each."""
@@ -58,7 +58,7 @@ STEP = 1e-2
 
 @dataclass(frozen=True, kw_only=True)
 class FitJob:
-    """What is asked of a worker."""
+    """The task of a worker."""
 
     folder: Path
     """The case."""
@@ -67,13 +67,13 @@ class FitJob:
     align_pelvis: bool
     """Bring what is known after surgery back onto the pelvis before it."""
     refine: Callable[[Case], Case] | None
-    """What the command line changes in each case."""
+    """The changes of the command line to each case."""
     free: tuple[FreeConstant, ...]
-    """What is to be found."""
+    """The constants that are fitted."""
     derivative: bool = True
     """Whether the change with each constant is wanted."""
     key: str = field(default_factory=lambda: uuid4().hex)
-    """Told by it, a worker that has done the job before takes what it has kept of the case."""
+    """With it, a worker that has done the job before uses its copy of the case."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,7 +131,7 @@ def tried(job: FitJob, counted: np.ndarray) -> CaseFit | InputError:
 
 @dataclass(frozen=True, eq=False)
 class _Kept:
-    """What a case needs at all constants."""
+    """The data of a case that do not depend on the constants."""
 
     case: Case
     """As it was read."""
@@ -222,7 +222,7 @@ def _bones_moved(now: _Simulated, job: FitJob, free: FreeConstant) -> np.ndarray
 
 
 def _pull(now: _Simulated, linear: Linearization, free: FreeConstant) -> np.ndarray:
-    """What a constant as it is counted adds to the gradient of every free node."""
+    """Derivative of the gradient of every free node by a constant, in the scale in which it is fitted."""
     tissues = now.prepared.model.tissues
     slope = free.slope(constant_of(now.case, free.name))
     if free.of:

@@ -39,7 +39,7 @@ class FitCase:
     virtual: bool
     """Whether a computer made it."""
     job: FitJob
-    """What is asked of a worker."""
+    """The task of a worker."""
 
 
 class _LostError(Exception):
@@ -132,7 +132,7 @@ class Rounds:
         for future in as_completed(list(futures)):
             try:
                 found[futures[future]] = future.result()
-            except Exception as error:  # its worker's; the round tells
+            except Exception as error:  # of its worker; the round reports it
                 found[futures[future]] = error
             one = found[futures[future]]
             said = str(one) if isinstance(one, Exception) else f"{one.skin_mm:.2f} mm from the actual back"

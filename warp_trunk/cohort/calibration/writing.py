@@ -13,7 +13,7 @@ from warp_trunk.report.page import rendered
 
 from .calibrate import Calibration, HeldOut
 
-FOUND_HEAD = ("constant", "believed before", "found", "95 % interval", "told by the patients")
+FOUND_HEAD = ("constant", "prior", "found", "95 % interval", "from the patients")
 HELD_HEAD = (
     "case",
     "back: before",
@@ -42,7 +42,7 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
     """Writes what was found; returns the page."""
     remarks = [
         f"found by warp-trunk calibrate on {len(calibration.cases)} cases of {calibration.patients} patients",
-        *(["VIRTUAL: a computer made these cases; these constants are nobody's"] if calibration.virtual else []),
+        *(["SYNTHETIC: these cases were made by a computer"] if calibration.virtual else []),
         *(f"{one.name}: {one.low:.4g} to {one.high:.4g} (95 %)" for one in calibration.found),
     ]
     record = path.with_suffix(".json")
@@ -87,15 +87,15 @@ def calibration_page(calibration: Calibration) -> str:
 
 
 def warnings_of(calibration: Calibration) -> list[str]:
-    """What makes the constants doubtful."""
+    """The reasons to doubt the constants."""
     said = [f"{name} took no part: {reason}" for name, reason in calibration.left_out.items()]
     if not calibration.converged:
         said.append("The search did not come to its end; give other constants free, or more cases.")
     for one in calibration.found:
         if one.from_data < 0.5:
             said.append(
-                f"{one.name}: these patients told {100.0 * one.from_data:.0f} % of what is known of it, the rest "
-                "is what was believed before; do not free it, or bring more patients."
+                f"{one.name}: {100.0 * one.from_data:.0f} % of the information comes from these patients, "
+                "the rest is the prior; do not fit it, or add patients."
             )
     judged = {one.case for one in calibration.held_out}
     missing = [name for name in calibration.cases if calibration.held_out and name not in judged]
@@ -104,14 +104,12 @@ def warnings_of(calibration: Calibration) -> list[str]:
             f"{', '.join(missing)}: no equilibrium with the constants of the others; not among the left-out backs."
         )
     if calibration.patients == 1:
-        said.append(
-            "One patient: the intervals rest on the stated errors alone, and nobody is left to judge it by."
-        )
+        said.append("One patient: the intervals follow from the stated errors alone, and no patient is held out.")
     return said
 
 
 def gain_text(calibration: Calibration) -> str:
-    """What the constants are worth for a patient who had no part in them; empty for one patient."""
+    """Sentences on the prediction of held-out patients; empty for one patient."""
     gain = calibration.held_out_gain_mm
     if gain is None:
         return ""
@@ -123,11 +121,11 @@ def gain_text(calibration: Calibration) -> str:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """What a terminal shows."""
+    """The text for the terminal."""
     lines = [f"{len(calibration.cases)} cases of {calibration.patients} patients, {calibration.rounds} rounds"]
     lines += [
         f"{one.name:<22} {one.value:10.4g}   95 %: {one.low:.4g} to {one.high:.4g}   (before {one.start:.4g}; "
-        f"{100.0 * one.from_data:.0f} % told by the patients)"
+        f"{100.0 * one.from_data:.0f} % from the patients)"
         for one in calibration.found
     ]
     lines.append(

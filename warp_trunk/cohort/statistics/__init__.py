@@ -1,1 +1,1 @@
-"""What is told of numbers from several patients; functions know numbers and patients, nothing of trunks."""
+"""Statistics of numbers from several patients; the functions know numbers and patients, not trunks."""

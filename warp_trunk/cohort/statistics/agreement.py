@@ -66,7 +66,7 @@ def _variance(d: np.ndarray, whose: np.ndarray) -> float | None:
     patients, pairs = len(counts), len(d)
     if pairs < 2:
         return None
-    if patients in (1, pairs):  # nothing to tell apart
+    if patients in (1, pairs):  # no two variances to separate
         return float(d.var(ddof=1))
     means = np.bincount(whose, d) / counts
     within = float(((d - means[whose]) ** 2).sum()) / (pairs - patients)

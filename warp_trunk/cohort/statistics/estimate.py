@@ -33,7 +33,7 @@ class Estimate:
 def over_patients(values: Sequence[float], patients: Sequence[str]) -> Estimate | None:
     """The mean of values over patients, each patient counting once, with a bootstrap over patients.
 
-    Values of one patient are averaged first: her levels and her cases tell of one another, so only patients are
+    Values of one patient are averaged first: her levels and cases are correlated, so only patients are
     drawn (percentile interval of `scipy.stats.bootstrap`). With few patients it is too narrow, by a tenth to a
     quarter for six.
 

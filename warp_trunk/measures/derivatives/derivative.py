@@ -70,7 +70,7 @@ class Level:
         add_turn(self.by_landmark, self.landmarks, weight)
 
     def derivative(self, value: float) -> Derivative:
-        """What was collected, of a number."""
+        """The collected derivative of a number."""
         return Derivative(value, self.by_vertex, self.by_landmark)
 
 
