@@ -77,7 +77,7 @@ def hessian_adder(scalar: type, cuda: bool) -> Any:
     """The function that adds the second derivatives of a tetrahedron in the edge vectors from corner 0.
 
     On the CPU it adds them to the blocks of the four nodes; on CUDA it keeps them for who gathers them, and an
-    item past the last tetrahedron keeps those of that one, for nobody.
+    item past the last tetrahedron keeps those of that one, unused.
     """
     store_blocks = block_storer(scalar)
 

@@ -404,7 +404,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
 
     @wp.func_native("""
     decltype(r.data[0] + r.data[0]) sum;
-    const auto* taken = step != 0 ? q.data : r.data;  // nobody has set q before the first step
+    const auto* taken = step != 0 ? q.data : r.data;  // q is not set before the first step
     for (int k = first; k < end; k += 4 * apart) {
         int node[4];
         decltype(+sum[0]) w[4];
@@ -502,7 +502,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         correction: wp.array(dtype=scalar),
         iteration: wp.array(dtype=wp.int32),
     ):
-        """The product with a dense inverse. It counts the iteration, too: here nobody reads its number."""
+        """The product with a dense inverse. It counts the iteration, too, because here its number is not read."""
         item = first + wp.tid()
         row = item // ROW_LANES
         value = wp.float32(0.0)

@@ -1,8 +1,8 @@
-"""Draws docs/architecture.svg: the rooms of the package and which of them import which, read off the code.
+"""Draws docs/architecture.svg: the packages of warp_trunk and their imports, read from the code.
 
     uv run python scripts/draw_architecture.py
 
-An arrow points down to what is imported; rooms that import each other stand side by side. Imports that only type
+An arrow points down to what is imported; packages that import each other stand side by side. Imports that only type
 checkers see are left out. A test compares the picture in docs/ with the code.
 """
 
@@ -71,7 +71,7 @@ def drawing(edges: Counter[tuple[str, str]]) -> str:
     }
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {across} {down}" font-family="sans-serif">',
-        "<title>The rooms of warp_trunk: an arrow points to what is imported</title>",
+        "<title>The packages of warp_trunk: an arrow points to what is imported</title>",
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" '
         'markerHeight="7" orient="auto">'
         '<path d="M0 0 8 4 0 8z" fill="#557"/></marker></defs>',

@@ -138,7 +138,7 @@ def _follow(case: Case, straight: dict[str, Surface]) -> Figure:
         [case.bones[name].vertices for name in names],
         [moved[name].apply(case.bones[name].vertices) for name in names],
     ]
-    figure, both = plt.subplots(1, 2, figsize=(11, 4.4))
+    figure, both = plt.subplots(1, 2, figsize=(11, 3.4))
     for axes, old, new, colour, title in (
         (both[0], states[0], states[1], BLUE, "A curve of 60° grows"),
         (both[1], states[1], states[2], ORANGE, f"Surgery corrects {100 * CORRECTION:.0f} % of it"),

@@ -53,10 +53,10 @@ def help_of(command: str) -> str:
 
 
 def fields_of(name: str, source: Path) -> str:
-    """A Markdown table of the fields of a dataclass: name, type, and the docstring below it."""
+    """A Markdown table of the fields of a dataclass: name, the docstring below it, and type."""
     nodes = ast.parse(source.read_text(encoding="utf-8")).body
     body = next(node.body for node in nodes if isinstance(node, ast.ClassDef) and node.name == name)
-    rows = ["| entry | type | meaning |", "|---|---|---|"]
+    rows = ["| entry | meaning | type |", "|---|---|---|"]
     for field, text in itertools.pairwise(body):
         if (
             isinstance(field, ast.AnnAssign)
@@ -65,7 +65,7 @@ def fields_of(name: str, source: Path) -> str:
         ):
             kind = re.sub(r"^Annotated\[(.*), \S+\]$", r"\1", ast.unparse(field.annotation)).replace("|", "or")
             meaning = " ".join(str(text.value.value).split())
-            rows.append(f"| `{ast.unparse(field.target)}` | {kind} | {meaning} |")
+            rows.append(f"| `{ast.unparse(field.target)}` | {meaning} | {kind} |")
     return "\n".join(rows)
 
 

@@ -174,6 +174,6 @@ def with_landmark_errors(case: Case, error: tuple[float, float], random: np.rand
         way = random.standard_normal(marks.points.shape)
         length = random.gamma((mean / sd) ** 2, sd**2 / mean, len(way))
         off = length[:, None] * way / np.linalg.norm(way, axis=1, keepdims=True)
-        off[[name.startswith("asis") for name in marks.names]] = 0.0  # they tell the frame
+        off[[name.startswith("asis") for name in marks.names]] = 0.0  # they define the frame
         moved.append(Landmarks(marks.names, marks.points + off))
     return dataclasses.replace(case, landmarks_before=moved[0], landmarks_after=moved[1])

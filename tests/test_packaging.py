@@ -47,7 +47,7 @@ def test_importing_the_package_imports_nothing_heavy():
 
 
 def test_importing_the_package_and_all_its_names_starts_no_cuda():
-    """Workers of a cohort are told their GPU after that; Warp may be loaded, but not initialised."""
+    """Workers of a cohort get their GPU after that; Warp may be loaded, but not initialised."""
     code = """
 import sys, warp_trunk
 for name in warp_trunk.__all__:

@@ -20,7 +20,7 @@ COLOURS = {
     "gradient": "#009E73",
     OUTSIDE: "#000000",
 }
-"""By method; of the palette of Okabe and Ito, told apart by colour-blind readers, and in grey by the marks."""
+"""By method; of the palette of Okabe and Ito, distinct for colour-blind readers, and in grey by the marks."""
 NAMES = {
     "newton": "Newton, papers' energy",
     "newton, neo-hookean": "Newton, neo-Hookean",

@@ -46,7 +46,7 @@ class Scene:
     model: Model
     """Its model."""
     observer: Callable[[], AbstractContextManager[Observer]] | None = None
-    """Opens what is told every increment of one run."""
+    """Opens the observer of the increments of one run."""
     evaluation_ms: float = np.inf
     """Fused energy and gradient [ms]."""
     seconds: float = np.inf

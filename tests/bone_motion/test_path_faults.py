@@ -1,4 +1,4 @@
-"""Paths that tissue cannot follow, told from those that it can."""
+"""Paths that tissue cannot follow, distinguished from those that it can."""
 
 import numpy as np
 

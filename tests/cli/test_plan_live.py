@@ -1,4 +1,4 @@
-"""warp-trunk plan --live: refused in one line, or open until it is told to end."""
+"""warp-trunk plan --live: refused in one line, or open until it is ended."""
 
 from __future__ import annotations
 

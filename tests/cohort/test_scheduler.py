@@ -38,7 +38,7 @@ def process(program: str, *arguments: str, log: Path) -> Iterator[subprocess.Pop
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[str]:
-    """The address of a scheduler with two workers that nobody starts again."""
+    """The address of a scheduler with two workers that are not restarted."""
     where = tmp_path / "scheduler.json"
     local = ("--host", "127.0.0.1")
     with ExitStack() as running:
@@ -61,7 +61,7 @@ def test_a_cluster_that_runs_already_loses_a_worker_and_no_result(cluster: str, 
     with killed_at_work(out) as killed:
         status = main(["cohort", str(cases), "--out", str(out), "--scheduler", cluster, *OPTIONS])
     assert len(killed) == 1
-    assert status == 3  # the broken case, which is told
+    assert status == 3  # the broken case, which is reported
     with (out / "cohort.csv").open(encoding="utf-8", newline="") as file:
         ended = {row["folder"]: row["status"] for row in csv.DictReader(file)}
     assert ended == {"a": "CONVERGED", "b": "CONVERGED", "c": "CONVERGED", "d": "FAILED"}

@@ -1,4 +1,4 @@
-"""Cases over the processes of a cluster: nobody is lost, nothing is done twice, and no bit differs."""
+"""Cases over the processes of a cluster: no case is lost, nothing is done twice, and no bit differs."""
 
 from __future__ import annotations
 

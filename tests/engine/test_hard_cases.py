@@ -125,7 +125,7 @@ INVERTED = {
 def test_a_continuum_ends_in_a_true_way(name: str) -> None:
     """Also from the mirror image of the trunk, which the energy itmsm cannot leave."""
     ending = check_ending(replace(CONTINUUM_CASES[name](), energy="neo-hookean"))
-    if "collapse" in name:  # how it ends hangs on last bits
+    if "collapse" in name:  # its end depends on last bits
         return
     if "1e4" in name:  # at its step limit or just before it
         assert ending.relaxation.status in (RelaxStatus.CONVERGED, RelaxStatus.STEP_LIMIT)
@@ -144,7 +144,7 @@ def test_nothing_is_claimed_of_a_collapse_that_is_not_so(tolerance: float, threa
 
 
 def check_ending(case: Case) -> Ending:
-    """Ends finite and within its steps, tells no lie, and the energy itmsm inverts nothing."""
+    """Ends finite and within its steps, claims nothing false, and the energy itmsm inverts nothing."""
     ending = end(case)
     relaxation = ending.relaxation
     assert np.isfinite(ending.displacement).all()

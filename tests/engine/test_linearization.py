@@ -159,7 +159,7 @@ def test_a_skin_that_resists_bending_against_differences(energy: EnergyName) -> 
 def test_constants_that_move_the_rest_state_under_gravity_too(
     energy: EnergyName, weights: WeightsName, rigidity: float
 ) -> None:
-    """Against whole simulations from rest states that were found anew for each constant."""
+    """Against whole simulations from rest states that were found again for each constant."""
     move, weight = bones_turned(), a_number()
 
     def hung(**constants: float) -> Increment:

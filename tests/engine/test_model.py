@@ -113,7 +113,7 @@ def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) 
     "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
 )
 def test_weights_count_every_edge_and_face_once(mesh: TrunkMesh) -> None:
-    """The sum of 1 / |K| over the edges of all tetrahedra is the number of different edges (eq. 4.8, 4.9)."""
+    """The sum of 1 / |K| over the edges of all tetrahedra is the number of distinct edges (eq. 4.8, 4.9)."""
     elements = itmsm(mesh, Tissue(epsilon=0.25))
     tets = mesh.tets.tolist()
     edges = {pair for tet in tets for pair in combinations(sorted(tet), 2)}

@@ -71,7 +71,7 @@ def test_diagonal_neighbours_connect_only_when_asked():
 
 @pytest.mark.parametrize("missing", [0, 40])
 def test_a_grid_has_the_sign_that_each_node_has_by_itself(missing: int) -> None:
-    """Also where surfaces overlap, and through the hole of an open one, where no path tells the sides apart."""
+    """Also where surfaces overlap, and through the hole of an open one, where no path separates the sides."""
     one, other = sphere(30.0, subdivisions=3), sphere(25.0, (28.0, 3.0, 0.0), subdivisions=3)
     both = Surface(
         np.concatenate([one.vertices, other.vertices]),

@@ -1,4 +1,4 @@
-"""Derivatives of a spline in its landmarks, against differences of splines fitted anew."""
+"""Derivatives of a spline in its landmarks, against differences of splines fitted again."""
 
 import numpy as np
 import pytest

@@ -37,7 +37,7 @@ def test_beside_the_slider_it_is_the_nearest() -> None:
 
 
 def test_a_plan_that_is_as_good_as_known_takes_its_place() -> None:
-    """Two that differ by less than they are sure of would be told apart by their errors alone."""
+    """Two that differ by less than they are sure of would differ by their errors alone."""
     forecast = known(4.0)
     forecast.learn(REST + 4.01 * WAY, field(4.0) + 0.3)
     found = forecast.at(REST + 5.0 * WAY)

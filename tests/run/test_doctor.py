@@ -1,4 +1,4 @@
-"""What `doctor` says of a machine, of one that lacks something, and the cure it names."""
+"""Findings of `doctor` on a complete machine and on one that lacks something, and the cure it names."""
 
 import os
 import webbrowser

@@ -1,4 +1,4 @@
-"""What the shares of the ribs leave open, against bones moved anew by those shares."""
+"""The effect of the shares of the ribs, against bones moved again by those shares."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ class Simulated:
         return self.numbers(self.case, self.end(prepared))
 
     def numbers(self, case: Case, last: Increment) -> np.ndarray:
-        """Those of `found`, measured anew."""
+        """Those of `found`, measured again."""
         skin = predicted_skin(case, self.prepared.trunk, last.displacement)
         measured = measure(skin, case.planned_landmarks)
         return np.array([self.number(one, measured, skin) for one in self.found], dtype=np.float64)
@@ -203,7 +203,7 @@ def test_a_phantom(phantom: Simulated) -> None:
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
 def test_thickness_of_layers(energy: EnergyName) -> None:
-    """Against a step of a hundredth of a mm of the whole layer, told by depth anew."""
+    """Against a step of a hundredth of a mm of the whole layer, assigned by depth again."""
     case = replace(whole_phantom(), layers=Layers())
     mesh = MeshOptions(tets=42_000, bone_voxel=6.0)
     layered = Simulated(case, replace(options_of(energy, mesh=mesh), layers="depth"))

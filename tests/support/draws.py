@@ -47,6 +47,6 @@ class Draws:
 
 
 def fresh_seeds() -> Iterator[int]:
-    """Seeds that nobody has tried, for `pytest -m search`: as many as WARP_TRUNK_SEARCH says, else 100."""
+    """New random seeds, for `pytest -m search`: as many as WARP_TRUNK_SEARCH says, else 100."""
     for _ in range(int(os.environ.get("WARP_TRUNK_SEARCH", "100"))):
         yield secrets.randbits(32)

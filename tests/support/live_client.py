@@ -13,7 +13,7 @@ from viser import _messages as messages
 from websockets.sync.client import connect
 
 SLIDER, KEEP, SKIN, RELAXED = "Correction %", "Keep this plan", "/skin", "Relaxed skin"
-"""Labels of slider and button, the name of the skin, and what the page says of one that is relaxed."""
+"""Labels of slider and button, the name of the skin, and the status of one that is relaxed."""
 _LONGEST = 300.0
 """An answer takes no longer [s]."""
 

@@ -75,7 +75,7 @@ def with_skin(mesh: TrunkMesh) -> TrunkMesh:
 
 
 def single_tet(prescribed: tuple[int, ...] = (0, 1, 2), size: float = 10.0) -> TrunkMesh:
-    """One right-angled tetrahedron; its last corner is free unless told otherwise."""
+    """One right-angled tetrahedron; its last corner is free by default."""
     nodes = size * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     return trunk(nodes, np.array([[0, 1, 2, 3]]), np.array(prescribed, dtype=int))
 

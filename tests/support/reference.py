@@ -55,7 +55,7 @@ class Reference:
     def gravity_of_nodes(self, gravity: float) -> np.ndarray:
         """Gravity energy of each node for each mm of height, in units of k_D / 2: m g / (k_D / 2), in SI units.
 
-        alpha, M_0 and H_0 cancel out of it: alpha m / (M_0 H_0) = (2 g M_0 H_0 / k_D) m / (M_0 H_0).
+        alpha, M_0 and H_0 vanish from it: alpha m / (M_0 H_0) = (2 g M_0 H_0 / k_D) m / (M_0 H_0).
         """
         kilograms = np.zeros(len(self.trunk.nodes))
         for tet, volume in zip(self.tets, self.rest_volumes, strict=True):

@@ -28,7 +28,7 @@ def area_vectors(exact: Exact) -> np.ndarray:
     """For every node a third of the outward area vectors of the boundary triangles around it [mm^2] (nodes, 3)."""
     nodes, tets = exact.trunk.nodes, exact.trunk.tets
     vectors = np.zeros_like(nodes)
-    for corners in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]):  # outward; inside the two sides cancel out
+    for corners in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]):  # outward; inside the two sides cancel
         a, b, c = (nodes[tets[:, corner]] for corner in corners)
         for corner in corners:
             np.add.at(vectors, tets[:, corner], np.cross(b - a, c - a) / 6.0)

@@ -1,4 +1,4 @@
-"""plan.toml: what is written is read, and what is wrong is named."""
+"""plan.toml: a plan is read, and an error is named."""
 
 from pathlib import Path
 

@@ -108,7 +108,7 @@ def test_height_of_a_disc_at_its_rim() -> None:
 )
 def test_plan_that_none_can_mean(fields: dict[str, object], rule: str) -> None:
     with pytest.raises(InputError, match=re.escape(rule)):
-        Plan(**({"uiv": "T4", "liv": "L1"} | fields))  # pyright: ignore[reportArgumentType]  # what is wrong is the test
+        Plan(**({"uiv": "T4", "liv": "L1"} | fields))  # pyright: ignore[reportArgumentType]  # the error is the test
 
 
 @pytest.mark.parametrize(
@@ -122,4 +122,4 @@ def test_plan_that_none_can_mean(fields: dict[str, object], rule: str) -> None:
 )
 def test_curve_that_none_can_mean(fields: dict[str, object], rule: str) -> None:
     with pytest.raises(InputError, match=re.escape(rule)):
-        CurvePlan(**({"apex": "T8"} | fields))  # pyright: ignore[reportArgumentType]  # what is wrong is the test
+        CurvePlan(**({"apex": "T8"} | fields))  # pyright: ignore[reportArgumentType]  # the error is the test

@@ -48,7 +48,7 @@ def test_numbers_below_the_diagonal_are_not_read() -> None:
 
 @pytest.mark.parametrize("softest", [1.0, 1e-3, 1e-7])
 def test_float32_is_enough_or_left(softest: float) -> None:
-    """A direction so soft that float32 cannot tell what is left of it: the inverse stays definite."""
+    """A direction so soft that float32 does not resolve it: the inverse stays definite."""
     size = 320
     matrix = definite(size)
     soft = np.random.default_rng(4).normal(size=size)
@@ -65,7 +65,7 @@ def test_float32_is_enough_or_left(softest: float) -> None:
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("nodes", [1, 7, 150])
 def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> None:
-    """Wrong by half of the last bit of each number; rows of very different size."""
+    """Wrong by half of the last bit of each number; rows of different size."""
     model = build_model(
         block((2, 2, 2)), precision=precision, device="cpu", threads=threads, energy="itmsm", skin_rigidity=0.0
     )
@@ -85,7 +85,7 @@ def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> Non
 
 
 def test_it_stays_positive_in_16_bits() -> None:
-    """Of a grid with more vertices than nodes hang on: its largest numbers are those of what moves nothing."""
+    """Of a grid with more vertices than nodes depend on: its largest numbers are those of what moves nothing."""
     grid, nodes = 24, 9
     weights = np.random.default_rng(4).normal(size=(grid, nodes))
     matrix = weights @ np.diag(np.geomspace(1.0, 1e3, nodes)) @ weights.T

@@ -1,4 +1,4 @@
-"""The relaxation as its users see it: where it ends, what it says of that, and what it never does."""
+"""The relaxation as its users see it: where it ends, what it reports, and what it never does."""
 
 from dataclasses import dataclass
 from functools import cache

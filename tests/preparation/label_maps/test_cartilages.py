@@ -1,4 +1,4 @@
-"""One label of all costal cartilages, told apart: on tubes whose owners are known."""
+"""One label of all costal cartilages, separated: on tubes whose owners are known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Three strain energies that go by the name of neo-Hookean, from the papers and manuals alone.
+"""Three strain energies that are called neo-Hookean, from the papers and manuals alone.
 
 All follow Hooke's law at rest with the same modulus, and differ by the square of the strain.
 """
