@@ -2,8 +2,8 @@
 
     uv run python scripts/draw_architecture.py
 
-An arrow points down to what is imported; packages that import each other stand side by side. Imports that only type
-checkers see are left out. A test compares the picture in docs/ with the code.
+An arrow points down to what is imported; packages that import each other stand side by side. Imports that only
+type checkers see are left out. A test compares the picture in docs/ with the code.
 """
 
 from __future__ import annotations
