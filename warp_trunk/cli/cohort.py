@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Cohort(SimulationArguments):
-    """Predict and judge every case of a folder, on all cores or a cluster, and tell of all as one."""
+    """Predict and evaluate every case of a folder, on all cores or a cluster, and summarise them."""
 
     folder: Positional[Path]
     """Folder with case folders in it."""

@@ -54,7 +54,7 @@ def load(words: list[str]) -> Any:
 
 
 def overview() -> str:
-    """What `warp-trunk --help` shows: each command with the first sentence of its documentation."""
+    """The text of `warp-trunk --help`: each command with the first sentence of its documentation."""
     width = max(map(len, COMMANDS)) + 4
     lines = ["usage: warp-trunk COMMAND ...", ""]
     lines += ["Predict how the trunk of a scoliosis patient looks after spine surgery.", ""]

@@ -31,7 +31,7 @@ class Cut:
     plane: tuple[float, float, float, float, float, float]
     """A point of the plane and its normal, x y z nx ny nz, in mm and in the axes of the case."""
     names: tuple[str, ...]
-    """What to call the parts: the one that the normal points away from, then those beyond the plane, from larger
+    """Names of the parts: the one that the normal points away from, then those beyond the plane, from larger
     to smaller x."""
     radius: float = math.inf
     """Cut off only parts beyond the plane that come nearer to its point than this [mm]; all when left out.

@@ -25,7 +25,7 @@ from .exit_status import INCOMPLETE, OK
 class FindLandmarks:
     """Find the landmarks of a spine, curved or not, on the surfaces of its bones.
 
-    Ends with status 3 where some could not be told: they are named with the reason, the others are written.
+    Ends with status 3 if some were not found: they are named with the reason, the others are written.
     """
 
     bones: Positional[Path]

@@ -32,7 +32,7 @@ class Register:
     """How much to smooth: variance of the markers over the slope of the variogram [mm]; 0 meets them all."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Writes the skin and tells the rigid part of its motion from the elastic one."""
+        """Writes the skin and prints the rigid and the elastic part of its motion."""
         check_written(self.out)
         skin, on_skin, on_films = (
             read_surface(self.skin),

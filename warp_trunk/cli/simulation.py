@@ -1,4 +1,4 @@
-"""What every command that simulates cases takes from the command line."""
+"""Options of every command that simulates cases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 COMMON = frozenset({"bands", "device", "from_mesh", "gravity", "increments", "layers", "live", "tets", "threads"})
-"""What `--help` shows of how cases are simulated."""
+"""The simulation options that `--help` shows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class SimulationArguments:
     tissue_file: Path | None = None
     """Constants of tissue and ribs that stand for those of case.toml, as `calibrate` writes them (tissue.toml)."""
     tissue: Tissue = field(default_factory=Tissue)
-    """What the soft tissue is made of; what is not given here is that of the tissue file, then of case.toml."""
+    """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
 
     def refined(self, case: Case, arguments: Sequence[str]) -> Case:
         """A case with the constants of the tissue file, and over them those that the words of the command give."""

@@ -32,7 +32,7 @@ def cut_bone(bone: Surface, plane: CutPlane, name: str = "bone") -> list[Surface
             the parts is not that of the bone.
     """
     if fault := manifold_fault(bone):
-        raise InputError(f"{name}: a bone must be closed to be cut, but {fault}; mend it")
+        raise InputError(f"{name}: a bone must be closed to be cut, but {fault}; repair it")
     beyond = plane.distance(bone.vertices) > 0.0
     inner = bone.faces[beyond[bone.faces].all(axis=1)]
     part = linked_parts(inner[:, :2].reshape(-1), inner[:, 1:].reshape(-1), len(bone.vertices))

@@ -95,7 +95,7 @@ def _panels() -> tuple[Any, ...]:
 
 
 def _scale(name: ColourName) -> Any:
-    """What the colours mean."""
+    """The legend of the colours."""
     import rerun.blueprint as rrb
 
     bounds = rrb.VisualBounds2D(x_range=(-1300.0, 2300.0), y_range=(-20.0, 84.0))

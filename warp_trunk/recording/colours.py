@@ -32,9 +32,9 @@ class Colour:
     name: ColourName
     """Its entity below /now/skin and /scale."""
     tab: str
-    """What the viewer calls it."""
+    """Its name in the viewer."""
     red: str
-    """What dark red means; the title of its scale."""
+    """The meaning of dark red; the title of its scale."""
     unit: str
     """Unit of its numbers."""
     signed: bool = False

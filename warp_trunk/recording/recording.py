@@ -82,7 +82,7 @@ class Recording:
         self.path, self._steps = Path(path), 0
         self._rr, self._case, self._trunk = rr, case, trunk
         self.watch = self.step if steps else None
-        """What `simulate` is to tell of its steps; None when they are not recorded."""
+        """The observer of steps for `simulate`; None if they are not recorded."""
         planned = bone_path.at(1.0)
         self._values = painters(case, trunk, model, colours)
         most = self._most(planned)
@@ -125,7 +125,7 @@ class Recording:
         self._at(increment=increment.number, step=self._steps or None)
         self._now(increment.displacement, measures, increment.load_factor)
         relaxation = increment.relaxation
-        self._at(increment=increment.number, step=None)  # a step has told its own
+        self._at(increment=increment.number, step=None)  # steps have set their own
         self._numbers.relaxation(relaxation.energy, relaxation.estimated_error, relaxation.linear_iterations)
         self._send()
 

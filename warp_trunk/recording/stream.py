@@ -1,7 +1,7 @@
 """A Rerun stream that never holds up a simulation.
 
 Rerun writes from a thread of its own. When the disk is full that thread only prints a line, and waiting for it
-would last for ever; so every wait here has an end, and what fails is left behind with a warning.
+would never end; so every wait here has a limit, and what fails is left behind with a warning.
 """
 
 from __future__ import annotations

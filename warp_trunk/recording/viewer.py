@@ -1,4 +1,4 @@
-"""Starting the viewer: on this machine, for this machine only, and without telling others of it."""
+"""Starting the viewer: on this machine, for this machine only, without any connection to others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOOPBACK = "127.0.0.1"
 WAIT = 60.0
 """Longest wait for a viewer to open [s]."""
 WITHOUT_DISPLAY = "use `view --web`, or copy the result folder to a machine with a screen and `view` it there"
-"""What to do where there is no display."""
+"""The advice if there is no display."""
 
 
 def view(recording: Path) -> int:
@@ -86,7 +86,7 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 
 
 def free_port() -> int:
-    """A port on which nobody listens yet."""
+    """A port that is free."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return probe.getsockname()[1]

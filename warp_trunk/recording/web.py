@@ -22,7 +22,7 @@ PAGE = {
     "/re_viewer_bg.wasm": "application/wasm",
     "/favicon.ico": "image/x-icon",
 }
-"""What the page consists of, and the type of each part."""
+"""The parts of the page and their types."""
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; worker-src 'self' blob:; "
     "style-src 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self'"
@@ -80,7 +80,7 @@ def page_server(recording: Path) -> ThreadingHTTPServer:
             self.wfile.write(body)
 
         def log_message(self, format: str, *args: object) -> None:
-            """Nothing: a line for each part of the page helps nobody."""
+            """Logs nothing: a line for each part of the page is no help."""
 
     return ThreadingHTTPServer((LOOPBACK, 0), Handler)
 

@@ -1,4 +1,4 @@
-"""What a search for a better plan found, for a terminal."""
+"""The result of a search for a better plan, for a terminal."""
 
 from __future__ import annotations
 

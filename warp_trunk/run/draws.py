@@ -1,7 +1,7 @@
 """Draws of all errors at once: what they do to the skin, and whether numbers change in proportion to them.
 
 All errors are put together from a few fields (`error_fields`) and the other sources; the tissue follows each of
-these by one linear solve. The measures of a drawn skin are compared with what their derivatives say of it.
+these by one linear solve. The measures of a drawn skin are compared with the prediction of their derivatives.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class Draws:
     bones: np.ndarray
     """Motion of the nodes on bone in each field, with a guess of how others follow [mm], (fields, nodes, 3)."""
     pulls: np.ndarray
-    """What each field adds to the forces on free nodes, likewise."""
+    """The contribution of each field to the forces on free nodes, likewise."""
     shares: np.ndarray
-    """What each draw has of each field, shape (draws, fields)."""
+    """The weight of each field in each draw, shape (draws, fields)."""
     variance: np.ndarray
     """Variance of the share of each field, shape (fields,)."""
     left: np.ndarray
@@ -144,7 +144,8 @@ def proportion(
         landmarks: after surgery, as planned.
 
     Returns:
-        The deviation of each number over what its derivatives say of the same draws, and whether it is in
+        The deviation of each number over the prediction of its derivatives for the same draws, and whether it
+        is in
         proportion. Where a draw has no such number, or nothing varies, the ratio is 1; the former is not in
         proportion.
     """
@@ -163,7 +164,7 @@ def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) ->
     """The numbers of these names, as sensitivities have them, on another skin; NaN where one is missing.
 
     A hump is the largest on that skin, at whatever level: its top jumps from one level or side to another where
-    two are nearly as high, and the largest is what is told.
+    two are nearly as high, and the largest is reported.
     """
     tangents = back_surface_rotation(skin, landmarks)
     humps = [hump_height(tangent) for tangent in tangents.values() if tangent is not None]

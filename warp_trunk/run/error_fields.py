@@ -44,7 +44,7 @@ class ErrorFields:
     bones: np.ndarray
     """Motion of the nodes on bone, with a guess of how others follow [mm], shape (fields, nodes, 3)."""
     shares: np.ndarray
-    """What each draw has of each field, shape (draws, fields)."""
+    """The weight of each field in each draw, shape (draws, fields)."""
     weight: float
     """Variance of the share of each field."""
     left: np.ndarray
@@ -132,7 +132,7 @@ def moved_case(case: Case, before: np.ndarray, after: np.ndarray) -> Case:
 
 
 def _by_axis(errors: np.ndarray) -> np.ndarray:
-    """Errors (n, landmarks, 3) as rows, first of all landmarks along x, then y, then z."""
+    """Errors (n, landmarks, 3) as rows: all landmarks along x, then y, then z."""
     return errors.transpose(0, 2, 1).reshape(len(errors), 3 * errors.shape[1])
 
 

@@ -61,7 +61,7 @@ class Patient:
 
     @cached_property
     def relaxer(self) -> Relaxer:
-        """What every relaxation uses, made when it is first asked for."""
+        """The solver of every relaxation, made on first use."""
         relaxer = Relaxer(self.model, self.options.simulation.relax)
         if self.set_up is not None:
             self.set_up.store()
@@ -78,7 +78,7 @@ class Patient:
 
     @cached_property
     def _spline_response(self) -> np.ndarray:
-        """What each landmark adds to the displacement of each node by the spline, shape (nodes, landmarks)."""
+        """The contribution of each landmark to the displacement of each node by the spline, (nodes, landmarks)."""
         response = spline_response(self.case.landmarks_before.points, self.trunk.nodes)
         return response.astype(self.model.precision)  # memory is what a product with it waits for
 
@@ -199,7 +199,7 @@ def _tissues(
     if source == "none":
         return dataclasses.replace(trunk, tissue=None), case.tissue
     layers = case.layers or Layers()
-    with stage_of(progress, "layers", "telling skin, fat and muscle apart"):
+    with stage_of(progress, "layers", "assigning tissue layers"):
         return layered(trunk, layers, source), layers.tissues(case.tissue)
 
 

@@ -1,4 +1,4 @@
-"""What a run tells while it goes on: bars with the time left on a terminal, a line for each stage in a log."""
+"""Progress of a run: bars with the remaining time on a terminal, a line for each stage in a log."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def stage_of(progress: Progress | None, name: str, doing: str) -> AbstractContex
 
 
 def _time(seconds: float) -> str:
-    """A time as one says it."""
+    """Formats a duration."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,4 +1,4 @@
-"""What each constant of a scene adds to the forces on its free nodes: moduli, densities, thickness of layers."""
+"""Derivatives of the forces on free nodes by the constants of a scene: moduli, densities, thickness of layers."""
 
 from __future__ import annotations
 

@@ -37,10 +37,10 @@ LEAST_CORRECTION = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """What one standard deviation of a source changes."""
+    """The changes by one standard deviation of a source."""
 
     name: str
-    """What is uncertain."""
+    """The uncertain quantity."""
     spread: str
     """By how much, in words."""
     reference: str
@@ -56,7 +56,7 @@ class Source:
 
 
 def effect_of(source: Source, one: Sensitivity) -> float:
-    """What one standard deviation of a source changes in a number."""
+    """The change of a number by one standard deviation of a source."""
     change = sum(one.constants[name] * value for name, value in source.constants.items())
     if source.landmarks_after is not None:
         change += float(np.vdot(one.landmarks_after, source.landmarks_after))
@@ -175,7 +175,7 @@ def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
 
 
 def _thickness(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
-    """How thick skin and fat are, everywhere alike, where layers are told by depth."""
+    """How thick skin and fat are, everywhere alike, if layers are assigned by depth."""
     if layers_from(case, options) != "depth":
         return
     for layer in ("skin", "fat"):

@@ -1,4 +1,4 @@
-"""What can be, but seldom is: of a plan, of options, and of how a simulation ended."""
+"""Warnings on a plan, on options, and on the end of a simulation: possible, but unusual."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ USUAL_TISSUE = {"youngs_modulus": (0.5, 500.0, "kPa"), "density": (800.0, 1200.0
 """Constants of soft tissue at small strain, least and most: fat 2.5 kPa and 950 kg/m3, skin 130 kPa and 1090,
 single reports of both some times softer or stiffer (`warp_trunk.case.layers`)."""
 USUAL_GRAVITY = (9.7, 9.9)
-"""What pulls on the Earth [m/s^2]; 0 leaves it out."""
+"""Gravity on the Earth [m/s^2]; 0 is off."""
 GROWN = 5.0
 """A curve larger by more than this is worse, and not measured otherwise [degrees]."""
 
@@ -50,7 +50,7 @@ def option_warnings(tissues: Iterable[Tissue], gravity: float) -> list[str]:
 
 
 def ending_warnings(last: Relaxation, held: list[str], folded: list[str]) -> list[str]:
-    """What to make of an end that is not whole.
+    """Advice on a result that is incomplete.
 
     Args:
         last: how the last relaxation ended.

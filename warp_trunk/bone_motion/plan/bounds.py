@@ -11,7 +11,7 @@ from warp_trunk.io.file_access import number
 from .record import CurvePlan, Plan
 
 TARGETS = ("correction", "derotation")
-"""What of a curve can be left open."""
+"""The targets of a curve that can be left open."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,13 +75,13 @@ def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
             raise InputError(f"{where} is bounded twice; give each bound once")
         if _given(plan, bound) is None:
             raise InputError(
-                f"{where} is not in the plan, against which a gain is told; "
+                f"{where} is not in the plan, which a gain is compared with; "
                 f"give it there, as --curve {bound.apex},{bound.target}={bound.high:g}"
             )
 
 
 def shares_of(plan: Plan, bounds: Sequence[Bound]) -> tuple[float, ...]:
-    """What a plan has for each bound."""
+    """The value of a plan for each bound."""
     return tuple(_given(plan, bound) or 0.0 for bound in bounds)
 
 

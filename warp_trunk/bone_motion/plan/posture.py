@@ -78,7 +78,7 @@ class Posture:
 class Placed:
     """A posture after a change of its angles.
 
-    A vertebra turns about its own axis, then leans, then tilts; a disc, which has no turn, goes by the mean of the
+    A vertebra turns about its own axis, then leans, then tilts; a disc, which has no turn, follows the mean of the
     changes of its two vertebrae, the lowest by half that of its own.
     """
 
@@ -88,7 +88,7 @@ class Placed:
 
     @cached_property
     def frames(self) -> np.ndarray:
-        """What takes vectors of each vertebra's own frame to where it stands now, shape (n, 3, 3)."""
+        """Rotations from each vertebra's own frame to its present attitude, shape (n, 3, 3)."""
         return _frames(self.posture.angles * [1.0, 1.0, 0.0] + self.change)
 
     @property

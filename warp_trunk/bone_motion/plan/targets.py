@@ -1,4 +1,4 @@
-"""What a plan asks for, as functions of the change of the vertebrae's angles."""
+"""The targets of a plan as functions of the change of the vertebrae's angles."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class Target:
     """One number that the spine must have after surgery."""
 
     name: str
-    """What it is, for a message."""
+    """Its name in messages."""
     unit: str
     """Its unit."""
     goal: float
-    """What it must be."""
+    """The value that is asked for."""
     read: Callable[[Placed], Reading]
-    """What it is when the vertebrae are placed so."""
+    """Its value for placed vertebrae."""
     part: tuple[int, int, int] | None = None
     """Plane, and first and last vertebra of the part whose bends change in proportion to meet it."""
 
@@ -65,7 +65,7 @@ class Curve:
     before: CobbAngle
     """The curve; its end vertebrae are those it is judged by after, too."""
     plan: CurvePlan | None
-    """What is asked of it."""
+    """The targets of the curve."""
     spontaneous: float
     """Share of its part outside the fusion that corrects by itself."""
     flexibility: float | None

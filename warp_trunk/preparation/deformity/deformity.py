@@ -78,7 +78,7 @@ def impose(
         x, y, z = carried_skin.vertices[carried_skin.faces[crossed[0, 0], 0]]
         raise InputError(
             f"curve: {what} makes this skin cross itself, at ({x:.0f}, {y:.0f}, {z:.0f}) mm; ask for less, "
-            "or mend the skin if it crosses itself when straight"
+            "or repair the skin if it crosses itself when straight"
         )
     return carried_skin, carried, moved
 

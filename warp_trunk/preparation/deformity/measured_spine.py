@@ -29,7 +29,7 @@ class MeasuredSpine:
     """The shape of a real spine; sizes are those of the anatomy on which it is imposed."""
 
     name: str
-    """What to call it."""
+    """Its name."""
     tilt: np.ndarray
     """Coronal tilt of the centre line at T1 to L5, positive towards +x going up [rad], shape (17,)."""
     pitch: np.ndarray
@@ -48,7 +48,7 @@ class MeasuredSpine:
         return 0.0
 
     def corrected(self, fraction: float) -> MeasuredSpine:
-        """What is left when a fraction in [0, 1] of tilt and axial rotation is taken away; the profile stays.
+        """The spine after a fraction in [0, 1] of tilt and axial rotation is corrected; the profile stays.
 
         Raises:
             InputError: a fraction outside [0, 1].

@@ -1,4 +1,4 @@
-"""Costal cartilages that share one label, each told from the others: by its rib's front end and the sternum."""
+"""Costal cartilages that share one label, separated by the front ends of the ribs and the sternum."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BLOCK = 2.0
 _REACHES = 6.0
 """A bone that is farther than this from the label does not meet it [mm]."""
 _END = 1.5
-"""What is this much farther from a bone than the nearest of the label belongs to the meeting place, too [mm]."""
+"""The meeting place reaches this much farther from a bone than the nearest voxel of the label [mm]."""
 _TRUE_RIBS = 7
 """The cartilages of the ribs down to this one reach the sternum; each of the next three joins the one above."""
 _FALSE_RIBS = 10
@@ -33,7 +33,7 @@ _NEIGHBOURS = np.array(
 
 @dataclass(frozen=True, eq=False)
 class SplitCartilages:
-    """What became of the label."""
+    """The result of the separation."""
 
     masks: dict[str, Mask]
     """By name, `costal_cartilage_left_01`."""

@@ -39,7 +39,7 @@ class FatThickness:
 
 
 def fat_thickness(skin: Surface, fat: Mask, muscle: Mask | None, cuts: Sequence[CutPlane]) -> FatThickness:
-    """Follow a ray from each vertex of the skin inward to where the fat ends, and tell how deep that place is.
+    """Follow a ray from each vertex of the skin inward to the end of the fat, and return the depth of that point.
 
     Masks are taken as linear between the centres of voxels, so that thickness does not come in steps of a voxel.
     A skin of `SKIN_THICKNESS`, which no such image shows, lies above the fat; where the fat ends above its lower

@@ -1,4 +1,4 @@
-"""What the image does not show: bones and skin cut off by its border, and holes in labels."""
+"""Checks of the image: bones and skin cut off by its border, and holes in labels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LEAST = 400.0
 
 
 def doubts_of_image(masks: Mapping[str, Mask], body: Mask | None, spine: Mapping[str, Surface]) -> list[str]:
-    """What is missing because the image ends, or because a label has a hole, a sentence each with the cure.
+    """A sentence with the cure for each bone that the image cuts off and each label with a hole.
 
     Args:
         masks: bones by name.

@@ -68,7 +68,7 @@ class Imported:
     """A case as far as the image reaches, and what was done to get it."""
 
     case: Case
-    """Without landmarks of bones on which they could not be told."""
+    """Without landmarks of bones on which they were not found."""
     found: FoundLandmarks
     """The landmarks, what speaks for them, and what was not found."""
     shapes: Mapping[str, BoneShape]
@@ -78,7 +78,7 @@ class Imported:
     fat: FatThickness | None
     """The fat under the skin, where the image shows it."""
     notes: tuple[str, ...]
-    """What a user should look at, a sentence each."""
+    """A sentence for each thing that a user should look at."""
 
 
 def import_case(
@@ -109,7 +109,7 @@ def import_case(
     body = _checked_body(source, body, cuts)
     masks, told = source.masks, list(source.notes)
     if options.more_bones and CARTILAGES in masks:
-        with stage("cartilages", "telling costal cartilages apart"):
+        with stage("cartilages", "separating costal cartilages"):
             masks, more = _with_cartilages(masks)
             told += more
     wanted = {n: mask for n, mask in sorted(masks.items()) if _is_wanted(n, options.more_bones)}
@@ -161,7 +161,7 @@ def _is_wanted(name: str, more_bones: bool) -> bool:
 
 
 def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[str]]:
-    """The masks with the label of all cartilages told apart, and what is to be said about it."""
+    """The masks with all cartilages separated, and sentences about the separation."""
     others = {name: mask for name, mask in masks.items() if name != CARTILAGES}
     if "sternum" not in others:
         return others, [f"{CARTILAGES}: left out, as the sternum that they lead to has no label."]
@@ -205,7 +205,7 @@ def _landmarks(bones: Mapping[str, Surface], masks: Mapping[str, Mask]) -> Found
 
 
 def _doubts(bones: Mapping[str, Surface], masks: Mapping[str, Mask], body: Mask | None) -> list[str]:
-    """What is doubtful about the segmentation and about the image."""
+    """Sentences on doubts about the segmentation and the image."""
     own = {n: masks[n] for n in bones if n in masks}
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
     cut = {n for n, mask in own.items() if mask.faces_at_border()}

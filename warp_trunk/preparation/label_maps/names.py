@@ -1,4 +1,4 @@
-"""What others call bones, and what they are called here.
+"""Names of bones in other programs and here.
 
 Words are understood, not whole names, so that `vertebrae_T8` and `rib_left_1` of TotalSegmentator, "eighth
 thoracic vertebra" and "left first rib" of the Foundational Model " "of Anatomy (BodyParts3D), "T8 vertebra" of
@@ -16,7 +16,7 @@ SKIN, CARTILAGES, FAT, MUSCLE, ARMS = (
     "skeletal_muscle",
     "extremities",
 )
-"""What is no single bone: the body, both sides' costal cartilages in one, tissue, arms and legs."""
+"""Structures that are no single bone: the body, all costal cartilages in one, tissue, arms and legs."""
 RIB = re.compile(r"rib_(left|right)_(\d\d)")
 """Our name of a rib."""
 _LEVELS = {"C": 7, "T": 13, "L": 6}

@@ -12,9 +12,9 @@ from warp_trunk.io.image_files.image_reader import read_scan
 from .mask import Mask, depth, largest_piece, reduced
 
 AIR = -300.0
-"""What is denser than this is body [HU]: between lung and fat, as usual for the outline of the body."""
+"""Voxels denser than this are body [HU]: between lung and fat, as usual for the outline of the body."""
 _TABLE = 12.0
-"""What is thinner than this is no body [mm]: tables, blankets, cables."""
+"""Parts thinner than this are not body [mm]: tables, blankets, cables."""
 _BLOCK = 2.5
 """Blocks of voxels on which the body is looked for have sides below this [mm]."""
 

@@ -1,4 +1,4 @@
-"""What segmentation programs get wrong, each with the cure."""
+"""Common faults of segmentation programs, each with the cure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CURE = "Correct the labels, in 3D Slicer for example"
 
 
 def doubts_of_bones(bones: Mapping[str, Surface], parts: Container[str] = ()) -> list[str]:
-    """What is doubtful about the bones that a segmentation gives, a sentence each with the cure.
+    """A sentence with the cure for each doubtful bone of a segmentation.
 
     Args:
         bones: surfaces by name, in LPS [mm].

@@ -1,4 +1,4 @@
-"""What is in a file or a folder: masks and surfaces by our names, and what was left over."""
+"""Content of a file or folder: masks and surfaces by our names, and the structures that were not recognised."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _JOINED = {"sacrum", SKIN}
 
 @dataclass
 class Source:
-    """What was found, by our names."""
+    """The structures that were found, by our names."""
 
     masks: dict[str, Mask] = field(default_factory=dict)
     surfaces: dict[str, Surface] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Source:
     empty: list[str] = field(default_factory=list)
     """Names of ours without a voxel, in masks of their own: TotalSegmentator writes one for all it can find."""
     notes: list[str] = field(default_factory=list)
-    """What is doubtful, a sentence each."""
+    """A sentence for each doubt."""
 
     @property
     def names(self) -> set[str]:

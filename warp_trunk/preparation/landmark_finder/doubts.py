@@ -1,4 +1,4 @@
-"""What speaks against a vertebra before and after its landmarks are looked for."""
+"""Checks of a vertebra before and after its landmarks are looked for."""
 
 from __future__ import annotations
 

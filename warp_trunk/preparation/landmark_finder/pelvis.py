@@ -9,7 +9,7 @@ from warp_trunk.geometry.surface import Surface
 _MOST_PITCH = 40.0
 """Of the anterior pelvic plane against the vertical of a standing patient [deg]."""
 _LEAST_HEIGHT = 40.0
-"""From the pubis to the iliac spines of a whole pelvis [mm]; in less, its plane cannot be told."""
+"""From the pubis to the iliac spines of a whole pelvis [mm]; with less, its plane cannot be determined."""
 
 
 def iliac_spines(hip_left: Surface, hip_right: Surface) -> np.ndarray:

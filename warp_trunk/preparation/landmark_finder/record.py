@@ -1,4 +1,4 @@
-"""What was found on bones, how sure it is, and what was not found."""
+"""Landmarks found on bones, their certainty, and those that were not found."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from warp_trunk.errors import InputError
 
 
 class UnsureError(Exception):
-    """Why a landmark cannot be told on a bone, in words that follow the bone's name and a colon."""
+    """The reason why a landmark was not found on a bone, in words that follow the bone's name and a colon."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class FoundVertebra:
 
 @dataclass(frozen=True, eq=False)
 class FoundLandmarks:
-    """Landmarks of the bones on which they could be told, and the reasons where not."""
+    """Landmarks of the bones on which they were found, and the reasons for the others."""
 
     landmarks: Landmarks
     """Six for each vertebra in `vertebrae`, top to bottom, then `asis_left` and `asis_right` where found."""

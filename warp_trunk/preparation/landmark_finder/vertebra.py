@@ -13,9 +13,9 @@ from .record import FoundVertebra, UnsureError
 from .symmetry import SymmetryPlane, symmetry_plane
 
 _MOST_ASYMMETRY = 2.5
-"""Of a vertebra whose left and right can be told [mm]."""
+"""Of a vertebra whose left and right can be distinguished [mm]."""
 _MOST_OFF_CURVE = 40.0
-"""Of a vertebra whose top can be told [deg]: a lordotic L5 leans by 25 against the line to L4."""
+"""Of a vertebra whose top can be determined [deg]: a lordotic L5 leans by 25 against the line to L4."""
 _PITCHES = np.radians(np.arange(-35.0, 36.0, 1.0))
 _BESIDE = 0.12
 """Sections beside the median one, at this and twice this part of the body's depth: still inside the body."""
@@ -46,7 +46,7 @@ def find_vertebra(surface: Surface, left: np.ndarray, up: np.ndarray) -> FoundVe
         up: unit vector within 30 degrees of its axis, shape (3,).
 
     Raises:
-        UnsureError: what could not be told.
+        UnsureError: a landmark could not be determined.
     """
     plane = symmetry_plane(surface, left, up)
     if plane.residual > _MOST_ASYMMETRY:

@@ -1,4 +1,4 @@
-"""What a clinic measures made into a case: films to landmarks, an atlas to bones, skin into the bones' frame."""
+"""From clinical data to a case: films to landmarks, an atlas to bones, skin into the frame of the bones."""
 
 from .atlas import AtlasFit, fit_atlas
 from .films import Film, read_film, read_projection

@@ -1,4 +1,4 @@
-"""Landmarks that two films cannot both be right about, and what their names say of them."""
+"""Landmarks that are inconsistent between two films, and those whose names look exchanged."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def check_miss(films: tuple[Film, Film], names: tuple[str, ...], miss: np.ndarra
                 pair = " and ".join(f"'{names[k]}'" for k in sorted((i, j)))
                 raise InputError(
                     f"{films[1].view}: {pair} look swapped here or on {films[0].view}: they miss by "
-                    f"{miss[i].max():.1f} and {miss[j].max():.1f}, exchanged by {left:.1f}; name them anew"
+                    f"{miss[i].max():.1f} and {miss[j].max():.1f}, exchanged by {left:.1f}; correct their names"
                 )
     marked = np.isin(np.arange(len(names)), bad)
     raise InputError(
@@ -85,7 +85,7 @@ def _exchanged_miss(films: tuple[Film, Film], names: tuple[str, ...], i: int, j:
 def check_order(names: tuple[str, ...], points: np.ndarray) -> None:
     """Raises InputError for a left landmark right of its right one, or a superior one below its inferior one.
 
-    Heights on two films tell most landmarks apart, but not those of one height: their names have to.
+    Heights on two films distinguish most landmarks; those of equal height are distinguished by their names.
     """
     for one, other, axis in _SAID:
         for i, name in enumerate(names):

@@ -20,7 +20,7 @@ from .overlap import covered_by, reach_of
 from .transforms import moved
 
 _ROUNDS = 30
-"""How often the nearest places are looked for anew at most."""
+"""How often the nearest places are searched at most."""
 _STILL = 0.01
 """Scans that move less than this in a round [mm] have arrived."""
 _FAR = 10.0
@@ -31,7 +31,7 @@ _FEWEST = 50
 
 @dataclass(frozen=True)
 class Alignment:
-    """What a scan was moved by."""
+    """The motion of a scan."""
 
     matrix: np.ndarray
     """Rigid transform that was applied, shape (4, 4)."""

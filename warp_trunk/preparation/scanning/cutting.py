@@ -167,7 +167,7 @@ def _cap(
     flat = (vertices[ids] - np.array(plane.point)) @ frame
     edges = np.searchsorted(ids, rim)
     lattice = _lattice(flat, edge_length)
-    # a triangulation keeps an edge when no point lies in the circle around it
+    # a triangulation keeps an edge when no point lies in its circumcircle
     middle = flat[edges].mean(axis=1)
     half = 0.5 * np.linalg.norm(flat[edges[:, 0]] - flat[edges[:, 1]], axis=1)
     distance, edge = KDTree(middle).query(lattice, k=min(4, len(edges)))

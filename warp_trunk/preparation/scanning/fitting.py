@@ -30,7 +30,7 @@ def fit_to_points(
         areas: area of skin each point stands for times its outward normal [mm^2], shape (n, 3).
         smoothing: [mm], 0 or more.
         reach: points farther from the surface than this [mm] are left out.
-        rounds: how often the nearest places on the surface are looked for anew.
+        rounds: how often the nearest places on the surface are searched.
     """
     from scipy.sparse import coo_array, csr_array, diags_array  # heavy
     from scipy.sparse.linalg import splu

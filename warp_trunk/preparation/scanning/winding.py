@@ -1,6 +1,7 @@
 """The winding number of open, overlapping sheets, as a field on a grid.
 
-Our own, because Warp tells only on which side a point lies, and the skin is drawn from the values of the field.
+Our own, because Warp returns only the side on which a point lies, and the skin is drawn from the values of the
+field.
 """
 
 from __future__ import annotations
