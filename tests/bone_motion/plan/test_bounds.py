@@ -50,7 +50,7 @@ def test_bad_bounds(text: str, rule: str) -> None:
     [
         (
             "L2,correction=0.5..0.8",
-            "which a gain is compared with; give it there, as --curve L2,",
+            "which is the reference of the search; give it there, as --curve L2,",
         ),
         ("T9,correction=0.5..0.8", "is not in the plan"),
         ("T8,correction=0.5..0.8,correction=0.1..0.2", "is bounded twice"),

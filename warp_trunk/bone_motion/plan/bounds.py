@@ -75,7 +75,7 @@ def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
             raise InputError(f"{where} is bounded twice; give each bound once")
         if _given(plan, bound) is None:
             raise InputError(
-                f"{where} is not in the plan, which a gain is compared with; "
+                f"{where} is not in the plan, which is the reference of the search; "
                 f"give it there, as --curve {bound.apex},{bound.target}={bound.high:g}"
             )
 
