@@ -285,10 +285,11 @@ def ready(
 ) -> Patient:
     """A patient ready for her plans."""
     relax = RelaxOptions(tolerance=tolerance)
+    coarse = {"bone_voxel": 8.0, "bone_tolerance": 2.0} if tets < 60_000 else {}
     return patient_of(
         case,
         RunOptions(
-            mesh=MeshOptions(tets=tets),
+            mesh=MeshOptions(tets=tets, **coarse),
             simulation=SimulationOptions(increments=increments, relax=relax),
             precision=precision,  # pyright: ignore[reportArgumentType]
             **options,  # pyright: ignore[reportArgumentType]
