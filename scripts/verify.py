@@ -109,7 +109,7 @@ def equilibria(trunk: Trunk, options: Options) -> Iterator[str]:
     yield "| scene | precision | reference | reported [mm] | true [mm] |"
     yield "|---|---|---|---:|---:|"
     case = imposed(trunk, "thoracic")
-    tets = options.either(30_000, 80_000)
+    tets = options.either(45_000, 80_000)
     for ratio in (0.3, 0.45, 0.49):
         soft = dataclasses.replace(case, tissue=dataclasses.replace(case.tissue, poisson_ratio=ratio))
         patient = ready(soft, tets, skin_rigidity=0.0)
@@ -132,7 +132,7 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
     certain = {name: 1.0 if name in FACTORS else 0.0 for name in vars(Uncertainty())}
     errors = Uncertainty(**{**certain, "landmark_error": 2.1, "landmark_error_sd": 1.5})
     case = dataclasses.replace(imposed(trunk, "thoracic"), uncertainty=errors)
-    patient = ready(case, options.either(30_000, 130_000), increments=2)
+    patient = ready(case, options.either(45_000, 145_000), increments=2)
     prepared = prepare_plan(patient, case)
     last = relaxed(patient, case)
     bands = find_bands(case, prepared, last, patient.options).bands.bsr_deg

@@ -23,16 +23,17 @@ from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.case.study import Study
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
-from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.preparation.reconstruction import Film
 
 ROOT = Path(__file__).parents[2]
 SMALL = "--tets 26000 --bone-voxel 8 --bone-tolerance 2"
-"""What is added to each simulation, so that it takes some seconds."""
+"""Added to each simulation of a patient with a coarse skin, so that it takes some seconds ..."""
+FINE = "--tets 100000"
+"""... and of one with a fine skin."""
 PROGRAM = """#!/bin/sh
 case "$1 $*" in
     simulate*|demo*|cohort*|calibrate*|plan*--aim*) exec {program} "$@" {small} ;;
-    view*|plan*--live*) timeout -s INT 20 {program} "$@" {small_live}; [ $? = 124 ] ;;  # it runs until it is ended
+    view*|plan*--live*) timeout -s INT 20 {program} "$@"; [ $? = 124 ] ;;  # it runs until it is ended
     *) exec {program} "$@" ;;
 esac
 """
@@ -45,13 +46,13 @@ def blocks(page: str) -> str:
     return "\n".join(re.findall(r"^```sh\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE))
 
 
-def run(page: str, folder: Path) -> None:
+def run(page: str, folder: Path, small: str = SMALL) -> None:
     """Runs a page in a folder, with this environment's program and small meshes."""
     binaries = folder / "bin"
     binaries.mkdir()
     program = Path(sys.executable).with_name("warp-trunk")
     scripts = {
-        "warp-trunk": PROGRAM.format(program=program, small=SMALL, small_live=""),
+        "warp-trunk": PROGRAM.format(program=program, small=small),
         "uv": '#!/bin/sh\n[ "$1" = run ] || exit 0\nshift\nexec "$@"\n',
         "pip": "#!/bin/sh\n",
     }
@@ -106,7 +107,7 @@ def test_a_result_is_looked_at(page: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("page", ["index.md", "add_energy.md"])
 def test_the_demo_runs(page: str, tmp_path: Path) -> None:
-    run(page, tmp_path)
+    run(page, tmp_path, FINE)
 
 
 @pytest.fixture(scope="module")
@@ -123,25 +124,27 @@ def test_a_curve_is_imposed(anatomy: Path, tmp_path: Path) -> None:
     run("anatomy.md", tmp_path)
 
 
-def test_a_case_is_made_of_a_ct(anatomy: Path, tmp_path: Path) -> None:
+def curved(anatomy: Path) -> Case:
+    """A thoracic curve of 55 degrees imposed on real anatomy."""
     bones = {path.stem: read_surface(path) for path in sorted((anatomy / "bones").glob("*.ply"))}
-    curve = SpineCurve(kind="thoracic", cobb=55.0)
-    write_case(tmp_path / "surfaces", make_case(read_surface(anatomy / "skin.ply"), bones, curve, 0.5))
+    return make_case(read_surface(anatomy / "skin.ply"), bones, SpineCurve(kind="thoracic", cobb=55.0), 0.5)
+
+
+def test_a_case_is_made_of_a_ct(anatomy: Path, tmp_path: Path) -> None:
+    write_case(tmp_path / "surfaces", curved(anatomy))
     voxelise = [sys.executable, ROOT / "scripts" / "voxelise_case.py", "surfaces", "ct"]
     subprocess.run([*voxelise, "--spacing", "1.5", "1.5", "1.5"], cwd=tmp_path, check=True)
     (tmp_path / "ct" / "masks").rename(tmp_path / "seg")
     (tmp_path / "body").mkdir()
     (tmp_path / "ct" / "body.nii.gz").rename(tmp_path / "body" / "body_trunc.nii.gz")
     (tmp_path / "surfaces" / "landmarks_before.csv").unlink()
-    run("from_ct.md", tmp_path)
+    run("from_ct.md", tmp_path, FINE)
 
 
-def test_a_case_is_made_of_films(tmp_path: Path) -> None:
-    case = anna()
+def test_a_case_is_made_of_films(anatomy: Path, tmp_path: Path) -> None:
+    case = curved(anatomy)
     write_films(tmp_path, biplanar(case.landmarks_before))
-    (tmp_path / "atlas").mkdir()
-    for name, bone in straight_trunk()[1].items():
-        write_surface(tmp_path / "atlas" / f"{name}.ply", bone)
+    (tmp_path / "atlas").symlink_to(anatomy / "bones")
     vertices = case.skin.vertices
     markers = vertices[:: len(vertices) // 20]
     marks = Landmarks(tuple(f"marker_{number}" for number in range(len(markers))), markers)
@@ -150,7 +153,7 @@ def test_a_case_is_made_of_films(tmp_path: Path) -> None:
     parts = scan(case.skin, noise=0.0).parts.values()
     for name, part in zip(("front", "left", "back", "right"), parts, strict=True):
         write_surface(tmp_path / f"{name}.ply", part)
-    run("from_films.md", tmp_path)
+    run("from_films.md", tmp_path, FINE)
 
 
 @pytest.mark.parametrize("page", ["cohorts.md", "calibration.md"])
