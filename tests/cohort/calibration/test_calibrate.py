@@ -48,7 +48,7 @@ CALIBRATION = Calibration(
 def test_file_and_page(tmp_path: Path) -> None:
     page = write_calibration(tmp_path / "tissue.toml", CALIBRATION).read_text()
     assert read_tissue_file(tmp_path / "tissue.toml") == {"poisson_ratio": 0.468, "fat.youngs_modulus": 2.9}
-    assert "VIRTUAL" in (tmp_path / "tissue.toml").read_text()
+    assert "SYNTHETIC" in (tmp_path / "tissue.toml").read_text()
     assert json.loads((tmp_path / "tissue.json").read_text())["found"][0]["low"] == 0.455
     for said in (
         "Virtual: nobody",
