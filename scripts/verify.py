@@ -52,6 +52,8 @@ ROOT = Path(__file__).parents[1]
 Trunk = tuple[Surface, dict[str, Surface]]
 """Skin and bones by name."""
 CORRECTION = 0.65
+COARSE = MeshOptions(tets=45_000, bone_voxel=8.0, bone_tolerance=2.0)
+"""The mesh of a quick run, with a coarser bone surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +111,7 @@ def equilibria(trunk: Trunk, options: Options) -> Iterator[str]:
     yield "| scene | precision | reference | reported [mm] | true [mm] |"
     yield "|---|---|---|---:|---:|"
     case = imposed(trunk, "thoracic")
-    tets = options.either(45_000, 80_000)
+    tets = options.either(COARSE.tets, 80_000)
     for ratio in (0.3, 0.45, 0.49):
         soft = dataclasses.replace(case, tissue=dataclasses.replace(case.tissue, poisson_ratio=ratio))
         patient = ready(soft, tets, skin_rigidity=0.0)
@@ -132,7 +134,7 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
     certain = {name: 1.0 if name in FACTORS else 0.0 for name in vars(Uncertainty())}
     errors = Uncertainty(**{**certain, "landmark_error": 2.1, "landmark_error_sd": 1.5})
     case = dataclasses.replace(imposed(trunk, "thoracic"), uncertainty=errors)
-    patient = ready(case, options.either(45_000, 145_000), increments=2)
+    patient = ready(case, options.either(COARSE.tets, 145_000), increments=2)
     prepared = prepare_plan(patient, case)
     last = relaxed(patient, case)
     bands = find_bands(case, prepared, last, patient.options).bands.bsr_deg
@@ -285,11 +287,10 @@ def ready(
 ) -> Patient:
     """A patient ready for her plans."""
     relax = RelaxOptions(tolerance=tolerance)
-    coarse = {"bone_voxel": 8.0, "bone_tolerance": 2.0} if tets < 60_000 else {}
     return patient_of(
         case,
         RunOptions(
-            mesh=MeshOptions(tets=tets, **coarse),
+            mesh=COARSE if tets == COARSE.tets else MeshOptions(tets=tets),
             simulation=SimulationOptions(increments=increments, relax=relax),
             precision=precision,  # pyright: ignore[reportArgumentType]
             **options,  # pyright: ignore[reportArgumentType]
