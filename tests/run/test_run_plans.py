@@ -37,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "anna", "--plan", "less.toml", "--plan", "more", *COARSE]) == 0
     said = capsys.readouterr()
-    assert "Side by side: warp-trunk report results/anna/less results/anna/more" in said.out
+    assert "warp-trunk report results/anna/less results/anna/more" in said.out
     assert said.err.count("meshing the soft tissue") == said.err.count("preparing the model") == 1
     for name in ("less", "more"):
         assert said.err.count(f"plan {name}: increment 1 of 1: ") == 1

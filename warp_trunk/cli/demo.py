@@ -29,13 +29,15 @@ class Demo:
     """Result folder."""
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(
         default_factory=lambda: RunOptions(
-            mesh=MeshOptions(tets=60_000), simulation=SimulationOptions(increments=5)
+            # small gaps between the ribs need tetrahedra of good shape
+            mesh=MeshOptions(tets=90_000, radius_edge_ratio=1.5),
+            simulation=SimulationOptions(increments=5),
         )
     )
     """How the case is simulated."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Simulates the phantom and says how to look at the result."""
+        """Simulate the synthetic trunk and print how to look at the result."""
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):
                 case = phantom_case()

@@ -10,9 +10,10 @@ from .next_command import next_command
 
 
 def report_ending(result: Result, name: str = "") -> int:
-    """Prints how a run ended, with its name among several, and what to do next; returns the exit status."""
+    """Print how a run ended, with its name among several, and two commands to paste; return the exit status."""
     print(plain(result, name))
+    print("The report, for the browser and the printer, and the viewer:")
+    print(next_command("report", result.folder))
     if result.recording is not None:
-        print(f"See it: {next_command('view', result.folder)}")
-    print(f"Page for the browser and the printer: {next_command('report', result.folder)}")
+        print(next_command("view", result.folder))
     return OK if result.converged else NOT_CONVERGED

@@ -1,11 +1,13 @@
-"""A command line to go on with, as a shell takes it."""
+"""A further command line to paste into a shell."""
 
 from __future__ import annotations
 
+import os
 import shlex
 from pathlib import Path
 
 
 def next_command(*words: str | Path) -> str:
-    """The words of a command after `warp-trunk`, quoted where a path has spaces or signs that a shell reads."""
-    return shlex.join(["warp-trunk", *map(str, words)])
+    """The command line of `warp-trunk` with these words, quoted for a shell, under `uv run` where that runs this."""
+    start = ["uv", "run", "warp-trunk"] if "UV_RUN_RECURSION_DEPTH" in os.environ else ["warp-trunk"]
+    return shlex.join([*start, *map(str, words)])

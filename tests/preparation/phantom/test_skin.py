@@ -34,13 +34,13 @@ def width_at(z: float) -> float:
 
 
 def test_it_has_neck_shoulders_waist_and_hips():
-    neck, shoulders, waist, hips = (width_at(z) for z in (470.0, 370.0, 180.0, 40.0))
+    neck, shoulders, waist, hips = (width_at(z) for z in (565.0, 465.0, 240.0, 40.0))
     assert neck < 0.4 * shoulders
     assert waist < 0.85 * min(shoulders, hips)
 
 
 def test_a_furrow_runs_down_the_back():
-    for z in (320.0, 240.0, 160.0):
+    for z in (400.0, 300.0, 200.0):
         loop = loop_at(z)
         behind = loop[loop[:, 1] > 0.0]
         at_spine = np.interp(0.0, *behind[np.argsort(behind[:, 0])].T)

@@ -16,7 +16,7 @@ from warp_trunk.geometry.surface import Surface
 from .shapes import rod, tube
 from .skin import section_at
 
-_TOP, _BOTTOM = 414.0, 104.0  # z of the middle of T1 and of L5 [mm]
+_TOP, _BOTTOM = 514.0, 128.0  # z of the middle of T1 and of L5 [mm]
 _UNDER_SKIN = 11.0  # from the tip of a spinous process to the skin [mm]
 _BODY = 0.4  # half height of a vertebral body over the pitch; the rest is disc
 _LAMINA = 20.0  # from the back of the body to the root of the spinous process [mm]
@@ -28,21 +28,22 @@ _AROUND = 16  # vertices of a ring of a vertebra; a multiple of 8, so that landm
 _LEVELS = np.array([0.0, 5.0, 11.0, 16.0])
 _SIZES = np.array(
     [
-        [13.0, 9.0, 26.0, 18.0, 9.0],
-        [13.5, 13.0, 26.0, 18.0, 11.0],
-        [18.0, 15.0, 21.0, 17.0, 5.0],
-        [23.0, 16.5, 33.0, 17.0, 3.0],
+        [14.0, 10.0, 25.0, 20.0, 10.0],
+        [14.0, 13.5, 28.0, 20.0, 13.0],
+        [19.5, 16.0, 23.0, 18.0, 6.0],
+        [25.0, 18.0, 36.0, 19.0, 4.0],
     ]
 )
 
 # Half width of the rib cage at heights z, to the middle of the ribs [mm]
-_CAGE_HEIGHTS = np.array([120.0, 180.0, 220.0, 260.0, 300.0, 330.0, 360.0, 380.0, 400.0, 418.0])
-_CAGE_HALF_WIDTHS = np.array([96.0, 97.0, 103.0, 111.0, 114.0, 109.0, 97.0, 84.0, 66.0, 52.0])
-_UNDER_BACK, _UNDER_FRONT = 17.0, 17.0  # from the middle of a rib to the skin [mm]
+_CAGE_HEIGHTS = np.array([200.0, 240.0, 280.0, 320.0, 360.0, 400.0, 440.0, 470.0, 495.0, 520.0])
+_CAGE_HALF_WIDTHS = np.array([93.0, 94.0, 98.0, 103.0, 107.0, 107.0, 101.0, 90.0, 76.0, 62.0])
+_UNDER_BACK = np.array([18.0, 18.0, 18.0, 18.0, 18.0, 18.0, 18.0, 18.0, 19.0, 20.0])  # from a rib to the skin [mm]
+_UNDER_FRONT = 18.0
 # Where ribs 1 to 12 end: z [mm], and the angle round the trunk from the left (0) to the front (-90 degrees)
-_RIB_END_HEIGHTS = (374.0, 355.0, 336.0, 318.0, 301.0, 285.0, 268.0, 248.0, 228.0, 206.0, 192.0, 186.0)
-_RIB_END_ANGLES = (-70.0, -74.0, -76.0, -77.0, -77.0, -76.0, -74.0, -66.0, -58.0, -44.0, -12.0, 30.0)
-_RIB = (4.8, 5.8)  # half thickness and half height of a rib [mm]
+_RIB_END_HEIGHTS = (476.0, 454.0, 432.0, 410.0, 388.0, 366.0, 344.0, 321.0, 298.0, 274.0, 252.0, 240.0)
+_RIB_END_ANGLES = (-58.0, -62.0, -65.0, -66.0, -66.0, -65.0, -63.0, -57.0, -50.0, -38.0, -8.0, 30.0)
+_RIB = (4.9, 4.9)  # half thickness and half height of a rib [mm]
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def _mirrored(surface: Surface) -> Surface:
 
 def _spine() -> dict[str, _Vertebra]:
     """Vertebrae from T1 to L5 under the furrow of the back, each along the line that they make."""
-    weights = np.concatenate([np.linspace(0.9, 1.02, 12), np.linspace(1.1, 1.22, 5)])
+    weights = np.concatenate([np.linspace(0.92, 1.06, 12), np.linspace(1.3, 1.42, 5)])
     steps = (weights[:-1] + weights[1:]) / 2.0
     unit = (_TOP - _BOTTOM) / steps.sum()
     heights = _TOP - unit * np.concatenate([[0.0], np.cumsum(steps)])
@@ -194,7 +195,8 @@ def _rib(number: int, v: _Vertebra) -> Surface:
     z = start + (end_height - start) * np.linspace(0.0, 1.0, len(angles)) ** 1.15
     skin = section_at(z)
     a = PchipInterpolator(_CAGE_HEIGHTS, _CAGE_HALF_WIDTHS)(z)
-    front, back = skin.front + _UNDER_FRONT, skin.back - _UNDER_BACK
+    front = skin.front + _UNDER_FRONT
+    back = skin.back - np.interp(z, _CAGE_HEIGHTS, _UNDER_BACK)
     c, s = np.cos(angles), np.sin(angles)
     around = np.stack([a * c, (front + back) / 2.0 + (back - front) / 2.0 * s, z], axis=1)
     guide = np.concatenate([[head, neck], around])
@@ -203,7 +205,7 @@ def _rib(number: int, v: _Vertebra) -> Surface:
 
 
 def _sternum() -> Surface:
-    z = np.array([384.0, 360.0, 340.0, 310.0, 280.0, 258.0])
+    z = np.array([488.0, 462.0, 440.0, 405.0, 370.0, 344.0])
     y = section_at(z).front + 15.0
     guide = np.stack([np.zeros_like(z), y, z], axis=1)
     width = np.array([20.0, 23.0, 15.0, 16.0, 15.0, 8.0])
@@ -212,16 +214,16 @@ def _sternum() -> Surface:
 
 def _sacrum(last: _Vertebra) -> Surface:
     top = last.at(0.0, 3.0, -last.half_height - 4.0)
-    guide = np.array([top, [0.0, 30.0, 66.0], [0.0, 44.0, 44.0], [0.0, 48.0, 22.0]])
-    thickness, width = np.array([13.0, 14.0, 9.0, 6.0]), np.array([30.0, 38.0, 26.0, 9.0])
+    guide = np.array([top, [0.0, 34.0, 82.0], [0.0, 50.0, 54.0], [0.0, 54.0, 27.0]])
+    thickness, width = np.array([14.0, 15.0, 10.0, 7.0]), np.array([33.0, 42.0, 29.0, 10.0])
     return rod(guide, thickness, width, np.array([1.0, 0.0, 0.0]), spacing=8.0, around=14)
 
 
 def _hip() -> Surface:
     """The left hip bone: a wing from the sacrum round the side to the ASIS, its last vertex."""
-    x = np.array([34.0, 52.0, 76.0, 97.0, 107.0, 106.0, 98.0])
-    y = np.array([40.0, 42.0, 32.0, 10.0, -16.0, -36.0, -51.0])
-    z = np.array([72.0, 74.0, 74.0, 73.0, 73.0, 75.0, 77.0])
-    thickness = np.array([7.0, 8.0, 8.5, 9.5, 9.0, 7.0, 6.0])
-    height = np.array([26.0, 38.0, 46.0, 46.0, 38.0, 26.0, 14.0])
+    x = np.array([38.0, 58.0, 84.0, 107.0, 118.0, 117.0, 107.0])
+    y = np.array([46.0, 44.0, 30.0, 6.0, -20.0, -41.0, -57.0])
+    z = np.array([88.0, 90.0, 90.0, 89.0, 89.0, 91.0, 94.0])
+    thickness = np.array([7.5, 8.5, 9.0, 10.0, 9.5, 7.5, 6.5])
+    height = np.array([30.0, 44.0, 54.0, 54.0, 45.0, 30.0, 16.0])
     return rod(np.stack([x, y, z], axis=1), thickness, height, np.array([0.2, 0.0, 1.0]), spacing=8.0, around=16)

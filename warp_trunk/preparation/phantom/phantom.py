@@ -25,13 +25,13 @@ SIZE_RANGES = {"height": (400.0, 600.0), "width": (250.0, 380.0), "depth": (160.
 
 @dataclass(frozen=True, kw_only=True)
 class TrunkSize:
-    """Outer size of the phantom's skin before a deformity; by default that of an adolescent."""
+    """Outer size of the skin without a deformity; by default that of an adolescent girl."""
 
-    height: float = 480.0
+    height: float = 575.0
     """From the hips to the neck [mm], 400 to 600."""
-    width: float = 300.0
+    width: float = 326.0
     """From side to side [mm], 250 to 380."""
-    depth: float = 190.0
+    depth: float = 225.0
     """From front to back [mm], 160 to 240."""
 
     def __post_init__(self) -> None:
@@ -75,7 +75,7 @@ def phantom_case(size: TrunkSize | None = None, curve: SpineCurve | None = None,
 
     Args:
         size: of the trunk while it is straight; an adolescent's when left out.
-        curve: the scoliosis; thoracic with a Cobb angle of 60 degrees when left out.
+        curve: the scoliosis; thoracic with a Cobb angle of 55 degrees when left out.
         correction: fraction of Cobb angle and axial rotation that surgery takes away, 0 to 1.
 
     Raises:
@@ -83,13 +83,13 @@ def phantom_case(size: TrunkSize | None = None, curve: SpineCurve | None = None,
             (see `impose`), make a surface cross itself, or bring a bone nearer than 4 mm to the skin. Of 60
             random sizes none was refused with a Cobb angle of 60 to 75 degrees and its default rotation.
     """
-    curve = curve or SpineCurve()
+    curve = curve or SpineCurve(cobb=55.0)
     skin, bones, straight = straight_trunk(size)
     after = correct(straight, curve, correction)
     skin, bones, before = impose(skin, bones, straight, curve)
     _check(skin, bones, f"a {curve.kind} curve of {curve.cobb:g} degrees")
     return Case(
-        name=f"phantom, {curve.kind} {curve.cobb:g} degrees, {100 * correction:g} % corrected",
+        name=f"synthetic trunk, {curve.kind} curve of {curve.cobb:g} degrees, {100 * correction:g} % corrected",
         skin=skin,
         bones=bones,
         landmarks_before=before,

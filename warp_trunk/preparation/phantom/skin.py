@@ -1,6 +1,6 @@
 """The skin of the phantom: superelliptic sections from neck to hips, with shoulders, waist and spinal groove.
 
-All lengths are at the reference size, 480 x 300 x 190 mm or close to it; `phantom.py` scales.
+All lengths are those of an adolescent girl, 575 mm from the hips to the neck; `phantom.py` scales.
 """
 
 from __future__ import annotations
@@ -13,55 +13,59 @@ from warp_trunk.geometry.surface import Surface
 
 from .shapes import spaced, stack
 
-EDGE = 11.5
+EDGE = 12.5
 """Wanted edge length of the skin [mm]."""
 
 # z, half width, front, back [mm], exponent of the superellipse
 _PROFILE = np.array(
     [
-        [480.0, 50.0, -50.0, 42.0, 2.0],
-        [462.0, 49.0, -51.0, 43.0, 2.0],
-        [446.0, 53.0, -53.0, 46.0, 2.0],
-        [432.0, 71.0, -55.0, 51.0, 2.0],
-        [418.0, 100.0, -58.0, 57.0, 2.0],
-        [404.0, 126.0, -62.0, 64.0, 2.05],
-        [388.0, 142.0, -68.0, 71.0, 2.1],
-        [366.0, 149.0, -76.0, 80.0, 2.2],
-        [335.0, 148.0, -86.0, 88.0, 2.3],
-        [300.0, 141.0, -94.0, 91.0, 2.4],
-        [260.0, 132.0, -95.0, 88.0, 2.4],
-        [220.0, 122.0, -90.0, 79.0, 2.4],
-        [185.0, 117.0, -84.0, 70.0, 2.4],
-        [150.0, 119.0, -82.0, 67.0, 2.4],
-        [115.0, 130.0, -83.0, 72.0, 2.4],
-        [80.0, 143.0, -84.0, 83.0, 2.4],
-        [45.0, 150.0, -82.0, 91.0, 2.4],
-        [0.0, 147.0, -74.0, 86.0, 2.4],
+        [575.0, 50.0, -46.0, 47.0, 2.0],
+        [558.0, 50.0, -45.0, 47.0, 2.0],
+        [545.0, 58.0, -43.0, 51.0, 2.0],
+        [533.0, 86.0, -42.0, 58.0, 2.0],
+        [520.0, 120.0, -43.0, 65.0, 2.0],
+        [504.0, 146.0, -48.0, 72.0, 2.05],
+        [484.0, 159.0, -59.0, 79.0, 2.15],
+        [460.0, 160.0, -73.0, 85.0, 2.25],
+        [430.0, 152.0, -86.0, 89.0, 2.3],
+        [400.0, 141.0, -96.0, 90.0, 2.35],
+        [370.0, 131.0, -102.0, 87.0, 2.4],
+        [335.0, 122.0, -106.0, 78.0, 2.4],
+        [300.0, 116.0, -107.0, 66.0, 2.4],
+        [260.0, 112.0, -106.0, 54.0, 2.35],
+        [225.0, 112.0, -104.0, 49.0, 2.3],
+        [190.0, 119.0, -102.0, 52.0, 2.25],
+        [155.0, 132.0, -102.0, 61.0, 2.25],
+        [120.0, 145.0, -101.0, 73.0, 2.25],
+        [80.0, 154.0, -97.0, 85.0, 2.25],
+        [40.0, 160.0, -89.0, 90.0, 2.3],
+        [0.0, 163.0, -78.0, 86.0, 2.3],
     ]
 )[::-1]
 # z, depth [mm], half width [mm] of the furrow over the spine, which becomes the cleft between the buttocks
 _GROOVE = np.array(
     [
-        [480.0, 1.0, 16.0],
-        [430.0, 2.0, 16.0],
-        [380.0, 6.0, 17.0],
-        [300.0, 8.0, 17.0],
-        [220.0, 9.0, 17.0],
-        [160.0, 9.0, 17.0],
-        [110.0, 6.0, 16.0],
-        [70.0, 5.0, 13.0],
-        [30.0, 13.0, 12.0],
-        [0.0, 16.0, 12.0],
+        [575.0, 1.0, 18.0],
+        [520.0, 2.0, 19.0],
+        [470.0, 6.0, 21.0],
+        [400.0, 8.0, 21.0],
+        [300.0, 7.0, 20.0],
+        [200.0, 7.0, 19.0],
+        [135.0, 5.0, 17.0],
+        [85.0, 6.0, 14.0],
+        [40.0, 14.0, 13.0],
+        [0.0, 18.0, 13.0],
     ]
 )[::-1]
-# Mounds on both sides of the back: |x|, z of the top, height, half width in x, half width in z [mm].
-_MOUNDS = np.array(
+# Mounds on both sides: |x|, z of the top, height, half width in x, half width in z above and below the top [mm]
+_BEHIND = np.array(
     [
-        [72.0, 335.0, 6.0, 30.0, 42.0],  # shoulder blades
-        [62.0, 38.0, 9.0, 40.0, 34.0],  # buttocks
-        [38.0, 170.0, 2.5, 18.0, 60.0],  # erector muscles of the loin
+        [78.0, 440.0, 5.0, 34.0, 48.0, 48.0],  # shoulder blades
+        [68.0, 45.0, 15.0, 46.0, 50.0, 50.0],  # buttocks
+        [40.0, 215.0, 3.0, 20.0, 70.0, 70.0],  # erector muscles of the loin
     ]
 )
+_IN_FRONT = np.array([[64.0, 380.0, 28.0, 37.0, 54.0, 30.0]])  # breasts
 
 
 @dataclass(frozen=True)
@@ -112,14 +116,20 @@ def _half_loop(z: float) -> np.ndarray:
     angle = np.linspace(0.5 * np.pi, -0.5 * np.pi, 721)
     c, s = np.cos(angle), np.sin(angle)
     radius = (np.abs(c / a) ** n + np.abs(s / b) ** n) ** (-1.0 / n)
-    x, behind = radius * c, s > 0.0
-    lift = -section.groove[0] * np.exp(-((x / section.groove_width[0]) ** 2))
-    for x0, z0, height, wide, tall in _MOUNDS:
-        lift += height * np.exp(-(((x - x0) / wide) ** 2) - ((z - z0) / tall) ** 2)
-    radius += lift * behind * np.abs(s) ** 2  # along the ray, so that the loop keeps the order of its angles
+    x = radius * c
+    behind = _mounds(_BEHIND, x, z) - section.groove[0] * np.exp(-((x / section.groove_width[0]) ** 2))
+    # along the ray, so that the loop keeps the order of its angles
+    radius += np.where(s > 0.0, behind, _mounds(_IN_FRONT, x, z)) * s**2
     points = np.stack([radius * c, centre + radius * s, np.full_like(angle, z)], axis=1)
     points[[0, -1], 0] = 0.0
     return points
+
+
+def _mounds(mounds: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
+    """How far mounds lift the skin at places x (n,) of the height z [mm], shape (n,)."""
+    side, top, height, wide, above, below = mounds.T[:, :, None]
+    tall = np.where(z > top, above, below)
+    return (height * np.exp(-(((x - side) / wide) ** 2) - ((z - top) / tall) ** 2)).sum(axis=0)
 
 
 def _thinned(loop: np.ndarray, least: int = 2) -> np.ndarray:
