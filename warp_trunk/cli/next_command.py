@@ -8,6 +8,6 @@ from pathlib import Path
 
 
 def next_command(*words: str | Path) -> str:
-    """The command line of `warp-trunk` with these words, quoted for a shell, under `uv run` where that runs this."""
+    """A command line of `warp-trunk`, quoted for a shell; it starts with `uv run` where this process does."""
     start = ["uv", "run", "warp-trunk"] if "UV_RUN_RECURSION_DEPTH" in os.environ else ["warp-trunk"]
     return shlex.join([*start, *map(str, words)])
