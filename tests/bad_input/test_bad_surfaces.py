@@ -160,8 +160,8 @@ SURFACES = [
         "must be one piece, it has 2; keep the outer one",
     ),
     ("a line for a triangle", shape("skin.ply", with_a_line), "angles of at least 1 degree", "remesh"),
-    ("metres", shape("skin.ply", lambda v, f: (v / 1000.0, f)), "is 0.48 mm tall", 'set units = "m"'),
-    ("inches", shape("skin.ply", lambda v, f: (v / 25.4, f)), "is 18.9 mm tall", "set units"),
+    ("metres", shape("skin.ply", lambda v, f: (v / 1000.0, f)), "is 0.575 mm tall", 'set units = "m"'),
+    ("inches", shape("skin.ply", lambda v, f: (v / 25.4, f)), "is 22.64 mm tall", "set units"),
     ("lying", shape("skin.ply", lambda v, f: (v[:, [1, 2, 0]], f)), "mm", "skin.ply"),
     ("bone in metres", shape("bones/T7.ply", lambda v, f: (v / 1000.0, f)), "T7.ply"),
     (

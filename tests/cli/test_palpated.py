@@ -43,7 +43,7 @@ def test_it_is_simulated_and_measured(planned: Path, tmp_path: Path, bones: str)
         "--bones",
         bones,
         "--tets",
-        "15000",
+        "21000",
         "--bone-edge-length",
         "12",
         "--increments",

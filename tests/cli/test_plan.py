@@ -49,7 +49,7 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     ]
     np.testing.assert_allclose(t8["shift"], centres[1] - centres[0], atol=1e-9)
     assert "T5-T12 right, planned" in said
-    assert "60.0 to 21.0" in said
+    assert "55.0 to 19.2" in said
     assert f"warp-trunk simulate {folder / 'planned'}" in said
 
 
@@ -58,7 +58,7 @@ def test_next_command_names_a_folder_with_a_space_as_a_shell_takes_it(
 ) -> None:
     assert plan(folder, "as planned", "--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5") == 0
     line = capsys.readouterr().out.splitlines()[-1]
-    assert shlex.split(line) == ["Simulate", "it:", "warp-trunk", "simulate", str(folder / "as planned")]
+    assert shlex.split(line)[-3:] == ["warp-trunk", "simulate", str(folder / "as planned")]
 
 
 def test_every_curve_of_the_command_is_planned(folder: Path) -> None:
@@ -71,9 +71,9 @@ def test_every_curve_of_the_command_is_planned(folder: Path) -> None:
 def test_planned_case_is_told_apart_by_its_folder(folder: Path) -> None:
     options = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5")
     assert plan(folder, "short", *options) == 0
-    assert read_case(folder / "short").name == "phantom, thoracic 60 degrees, plan short"
+    assert read_case(folder / "short").name == "synthetic trunk, thoracic curve of 55 degrees, plan short"
     assert main(["plan", str(folder / "short"), "--out", str(folder / "long"), *options]) == 0
-    assert read_case(folder / "long").name == "phantom, thoracic 60 degrees, plan long"
+    assert read_case(folder / "long").name == "synthetic trunk, thoracic curve of 55 degrees, plan long"
 
 
 def test_plan_that_was_written_makes_it_again(folder: Path) -> None:
@@ -93,7 +93,7 @@ def test_option_takes_the_place_of_what_the_file_says(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "rule"),
     [
-        (("--uiv", "T4"), "the curves are 26 degrees T1 to T5 with apex T3, 60 degrees T5 to T12"),
+        (("--uiv", "T4"), "the curves are 24 degrees T1 to T5 with apex T3, 55 degrees T5 to T12"),
         (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correctoin=0.5"), "did you mean 'curve.correction'?"),
         (("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction"), "must be a name, = and a number"),
         (

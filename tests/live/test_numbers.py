@@ -14,6 +14,7 @@ from warp_trunk.live.numbers import NOTE, line_html, numbers_html, status_html
 from warp_trunk.live.session import Refusal, View
 from warp_trunk.live.wish import first_wish, spine_before
 from warp_trunk.measures import measure
+from warp_trunk.measures.rows import number
 
 CASE = curved_case()
 PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
@@ -55,10 +56,9 @@ def test_the_table_has_what_the_plan_and_the_skin_have() -> None:
     text = numbers_html(CASE, BEFORE, VIEW, BEFORE)
     assert isinstance(VIEW.surgery, PlannedSurgery)
     curve = next(curve for curve in VIEW.surgery.curves if curve.planned)
-    row = text[text.index(f"Cobb {curve.before.upper}-{curve.before.lower}") :]
-    assert f">{curve.before.angle:.1f}</td>" in row[:300]
-    assert f">{curve.cobb_after:.1f}</td>" in row[:300]
-    assert "Back, of the skin relaxed last" in text  # the measures are those of another view
+    row = text[text.index(f"Cobb angle {curve.before.upper} to {curve.before.lower}") :]
+    assert f"<td>{number(curve.before.angle)}</td><td>{number(curve.cobb_after)}</td>" in row[:150]
+    assert "The back, of the skin relaxed last" in text  # the measures are those of another view
     assert "Look:</b> a &lt; b" in text
     assert text.count("<rect") == 2 * sum(angle is not None for angle in BEFORE.bsr.values())
     measured = replace(VIEW, relaxed=True, measures=BEFORE)

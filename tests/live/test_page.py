@@ -18,6 +18,7 @@ from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
 from warp_trunk.live.page import Page
 from warp_trunk.live.session import View
 from warp_trunk.live.wish import Wish
+from warp_trunk.measures.rows import number as shown
 from warp_trunk.recording.viewer import free_port
 
 pytestmark = needs_chromium
@@ -148,7 +149,7 @@ def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None
     assert before.nbytes < sum(visit.sent)
     assert page.view is not None
     assert isinstance(page.view.surgery, PlannedSurgery)
-    visit.wait_for(f"{page.view.surgery.curves[1].cobb_after:.1f}")  # the table
+    visit.wait_for(shown(page.view.surgery.curves[1].cobb_after))  # the table
     assert visit.seen() != drawn
     assert (visit.complaints, visit.elsewhere) == ([], [])
 

@@ -2,6 +2,7 @@
 
 from support.small_trunk import made_up_increments, measured, small_case
 from warp_trunk.measures import measure
+from warp_trunk.measures.rows import number
 from warp_trunk.recording.numbers import table
 
 
@@ -10,5 +11,6 @@ def test_the_table_says_before_now_and_target():
     (increment,) = made_up_increments(trunk, count=1)
     now, before = measured(case, trunk, increment), measure(case.skin, case.landmarks_before)
     rows = table(before, now, before, "target", 1.0).splitlines()
-    assert "| Back rotation, thoracic | +0.0° | +12.0° | +0.0° |" in rows
-    assert f"| Skin moved by up to |  | {now.skin_change_max:.1f} mm |  |" in rows
+    assert rows[0] == "|  | before | now, 100 % | target |"
+    assert "| Rotation of the back (BSR), largest from T1 to T12 [°] | 0.0 | 12 right | 0.0 |" in rows
+    assert f"| Movement of the skin, largest [mm] | – | {number(now.skin_change_max)} | – |" in rows

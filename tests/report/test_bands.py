@@ -15,7 +15,9 @@ from support.small_trunk import small_case
 from warp_trunk.cli.measure import Measure
 from warp_trunk.recording.drawing import BarPlot
 from warp_trunk.report import write_report
-from warp_trunk.report.band_rows import band_rows, band_sentence, source_rows
+from warp_trunk.report.sentences import band_sentence
+from warp_trunk.report.tables import BAND_HEAD, band_table, source_table
+from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
 from warp_trunk.results.bands import Band
 
@@ -28,7 +30,7 @@ def test_the_page_tells_it(tmp_path: Path) -> None:
     assert "How sure each number is" in page
     assert "section &lt;5.2&gt; of [2]" in page
     assert (tmp_path / "report" / "sure.png").stat().st_size > 5000
-    assert "In 19 of 20 such operations the back would be turned at" in page
+    assert "In 19 of 20 such operations the rotation at" in page
 
 
 def test_without_bands_nothing_is_said(plain_report: Path) -> None:
@@ -36,20 +38,21 @@ def test_without_bands_nothing_is_said(plain_report: Path) -> None:
     assert not (plain_report.parent / "report" / "sure.png").exists()
 
 
-def test_rows() -> None:
-    rows = {row[0]: row[1:] for row in band_rows(BANDS)}
-    assert rows["T4 [°]"] == ["12.0 right", "1.5", "9.1 right", "14.9 right", "0.5", "no"]
-    assert rows["Kyphosis T5-T12 [°]"] == ["30.0", "6.0", "18.2", "41.8", "–", "–"]
-    assert rows["Trunk shift [mm]"][:2] == ["−2.0", "1.0"]
-    assert source_rows(BANDS) == [["landmarks", "2.1 +- 1.5 mm", "1.40", "0.70", "section <5.2> of [2]"]]
-    assert all(len(row) == 7 for row in band_rows(BANDS))
+def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
+    read = read_result(write_small_result(tmp_path, found=FOUND))
+    table = band_table(poses_of(read), BANDS)
+    rows = {row[0]: row[1:] for row in table}
+    assert rows["T4 [°]"] == ["12 right", "1.5", "9.1 right", "15 right", "0.5", "no"]
+    assert [row[1] for row in table if row[0].startswith("Hump")] == ["11 right"]
+    assert source_table(BANDS) == [["landmarks", "2.1 +- 1.5 mm", "1.4", "0.7", "section <5.2> of [2]"]]
+    assert all(len(row) == len(BAND_HEAD) for row in table)
 
 
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (8.0, "turned at T8 between 5 and 11 degrees"),
-        (-8.0, "turned at T8 between 5 and 11 degrees"),
+        (8.0, "rotation at T8 would be between 5 and 11 degrees"),
+        (-8.0, "rotation at T8 would be between 5 and 11 degrees"),
         (1.0, "between 2 degrees with the left side further back and 4 with the right side"),
     ],
 )

@@ -1,15 +1,18 @@
-"""The table that follows the sliders, and the words over it, as HTML; all that comes from files is escaped."""
+"""The table that follows the sliders, and the status over it, as HTML; all that comes from files is escaped."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.bone_motion.plan import PlannedSurgery
+from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.points import follow_points
+from warp_trunk.measures.rows import MISSING, number, skin_rows, spine_rows
+from warp_trunk.measures.table import as_html
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .motion_wish import MotionPlan
@@ -26,6 +29,13 @@ _BARS, _ROW = 210, 17
 _STATUS = 78
 """Height of the words over the sliders [px]; longer ones are scrolled."""
 _STALE = "opacity:.45"
+_TABLE = (
+    "<style>.numbers{border-collapse:collapse;font-size:13px;width:100%;font-variant-numeric:tabular-nums}"
+    ".numbers th{text-align:left;font-weight:normal;overflow-wrap:anywhere}"
+    ".numbers thead th,.numbers .group th{font-weight:bold;padding-top:7px}"
+    ".numbers td,.numbers thead th+th{text-align:right;padding-left:8px}"
+    ".numbers tr+tr{border-top:1px solid #8883}</style>"
+)
 _BROKEN = "overflow-wrap:anywhere"
 """Of what may hold a path or the name of a plan: a panel is narrow, and what is wider is not seen."""
 
@@ -90,95 +100,39 @@ def numbers_html(
         kept: name and view of the plan to compare with.
     """
     stale = measures is not None and measures is not view.measures
-    views = [view, *([] if kept is None else [kept[1]])]
+    others = [] if kept is None else [kept[1]]
     titles = ["before", "plan", *([] if kept is None else [kept[0]])]
-    head = "".join(
-        f"<th style='text-align:right;padding-left:8px;{_BROKEN * (place == 2)}'>{escape(title)}</th>"
-        for place, title in enumerate(titles)
-    )
-    rows = [f"<tr><th></th>{head}</tr>", *_plan_rows(case, views)]
-    back = [before, measures, *([] if kept is None else [kept[1].measures])]
-    rows += _back_rows(back, stale)
-    style = "border-collapse:collapse;font-size:13px;width:100%;font-variant-numeric:tabular-nums"
-    table = f"<table style='{style}'>{''.join(rows)}</table>"
+    back = [before, measures, *(other.measures for other in others)]
+    part = "The back" if before.tangents else "The skin"
+    groups = {part + ", of the skin relaxed last" * stale: skin_rows(back)}
+    views = [view, *others]
+    plans = [each.surgery for each in views if isinstance(each.surgery, PlannedSurgery)]
+    if plans:
+        groups |= spine_rows([before, *(measure_spine(plan.landmarks_after) for plan in plans)])
+    rows = _point_rows(case, views)
+    for heading, group in groups.items():
+        shown = [row.cells() for row in group if row.short or row.values[0] is None]  # what plans are chosen by
+        rows += [[heading], *shown] if shown else []
     look = "".join(_box("#b25d00", f"<b>Look:</b> {escape(warning)}") for warning in view.warnings)
-    return f"<div style='padding:0 16px 12px 4px'>{look}{table}{_rotation(back, titles, stale)}</div>"
+    table = as_html(["", *titles], rows, "Numbers of the plan", "numbers")
+    return f"<div style='padding:0 16px 12px 4px'>{_TABLE}{look}{table}{_rotation(back, titles, stale)}</div>"
 
 
-def _plan_rows(case: Case, views: Sequence[View]) -> Iterator[str]:
-    """The rows of what is planned: the spine, or the points that follow the motions."""
-    spines = [view.surgery for view in views if isinstance(view.surgery, PlannedSurgery)]
-    if spines:
-        yield from _spine_rows(spines)
-        return
+def _point_rows(case: Case, views: Sequence[View]) -> list[list[str]]:
+    """How far the points of the case follow the motions of its bones, in each view."""
     followed = [
         follow_points(case, view.skin, view.surgery.bones.__getitem__)
         for view in views
         if isinstance(view.surgery, MotionPlan)
     ]
-    if followed[0]:
-        yield _title("Points")
-    for row, point in enumerate(followed[0]):
-        moved = [float(np.linalg.norm(points[row].way)) for points in followed]
-        yield _row(f"{point.name} moves by [mm]", [None, *moved])
+    rows = [["Points"]] if followed and followed[0] else []
+    for row, point in enumerate(followed[0] if followed else ()):
+        moved = [number(float(np.linalg.norm(points[row].way))) for points in followed]
+        rows.append([f"{point.name} moves by [mm]", MISSING, *moved])
         if point.ratio is not None:
-            ratios = [None, *(points[row].ratio for points in followed)]
-            yield _row(f"{point.name}, ratio to bone", ratios, digits=2)
-
-
-def _spine_rows(plans: Sequence[PlannedSurgery]) -> Iterator[str]:
-    first = plans[0]
-    yield _title("Spine")
-    for row, curve in enumerate(first.curves):
-        was = curve.before
-        name = f"Cobb {was.upper}-{was.lower}, {was.convex} [°]"
-        after = [plan.curves[row].cobb_after if row < len(plan.curves) else None for plan in plans]
-        yield _row(name, [was.angle, *after])
-    for row, curve in enumerate(first.curves):
-        turned = [plan.curves[row].rotation for plan in plans if row < len(plan.curves)]
-        values = [curve.rotation[0], *(after for _, after in turned)]
-        yield _row(f"Rotation of the apex, {curve.before.apex} [°]", values, sign=True)
-    for name in first.measures:
-        unit = "°" if name.startswith(("kyphosis", "lordosis")) else "mm"
-        if name.startswith(("kyphosis T5", "lordosis L1-L5", "trunk shift")):
-            values = [first.measures[name][0], *(plan.measures[name][1] for plan in plans)]
-            yield _row(f"{name[:1].upper()}{name[1:]} [{unit}]", values, sign=unit == "mm")
-    yield _row("Height gained [mm]", [None, *(plan.height_gained for plan in plans)], sign=True)
-
-
-def _back_rows(back: Sequence[TrunkMeasures | None], stale: bool) -> Iterator[str]:
-    part = "Back" if any(m is not None and m.tangents for m in back) else "Skin"
-    yield _title(part + (", of the skin relaxed last" if stale else ""))
-    for name, read in (
-        ("Largest rotation T1-T12 [°]", lambda m: m.max_thoracic_bsr),
-        ("Largest rotation L1-L5 [°]", lambda m: m.max_lumbar_bsr),
-        ("Largest hump [mm]", lambda m: m.max_hump),
-        ("Right shoulder higher by [mm]", lambda m: None if m.shoulders is None else m.shoulders.difference),
-        ("Skin moves at most [mm]", lambda m: m.skin_change_max),
-    ):
-        values = [None if m is None else read(m) for m in back]
-        if part == "Back" or any(value is not None for value in values):
-            yield _row(name, values, sign=True, stale=stale)
-
-
-def _title(text: str) -> str:
-    return f"<tr><th colspan='9' style='text-align:left;padding-top:7px'>{text}</th></tr>"
-
-
-def _row(
-    name: str, values: Sequence[float | None], *, sign: bool = False, stale: bool = False, digits: int = 1
-) -> str:
-    cells = ""
-    for place, value in enumerate(values):
-        faint = _STALE if stale and place == 1 else ""
-        cells += f"<td style='text-align:right;padding-left:8px;{faint}'>{_number(value, sign, digits)}</td>"
-    return f"<tr style='border-top:1px solid #8883'><td>{escape(name)}</td>{cells}</tr>"
-
-
-def _number(value: float | None, sign: bool, digits: int = 1) -> str:
-    if value is None:
-        return "–"
-    return f"{value:+z.{digits}f}" if sign and round(value, digits) else f"{value:z.{digits}f}"
+            ratios = [MISSING if (share := points[row].ratio) is None else f"{share:.2f}" for points in followed]
+            rows.append([f"{point.name}, ratio to bone", MISSING, *ratios])
+    return rows
 
 
 def _rotation(back: Sequence[TrunkMeasures | None], titles: Sequence[str], stale: bool) -> str:
@@ -204,7 +158,7 @@ def _rotation(back: Sequence[TrunkMeasures | None], titles: Sequence[str], stale
                 f"style='{faint}'/>"
             )
         shown = known[min(1, len(known) - 1)][1].bsr.get(level)
-        drawn.append(_text(34 + _BARS, row, _number(shown, True)))
+        drawn.append(_text(34 + _BARS, row, number(None if shown is None else abs(shown))))
     legend = " ".join(f"<span style='color:{colour}'>■</span> {escape(title)}" for title, _, colour in known)
     return (
         f"<div style='font-size:13px;padding-top:9px;{_BROKEN}'><b>Rotation of the back by level [°]</b><br>"

@@ -1,10 +1,10 @@
-"""What a trunk looks like in the numbers a clinic uses."""
+"""The measures of a trunk that a clinic uses."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,8 @@ class TrunkMeasures:
     skin or vertebra turned back. A measure that cannot be taken is None, and `missing` says why.
     """
 
+    spine: Spine
+    """The vertebrae."""
     outlines: dict[str, np.ndarray | None]
     """Section of the trunk by vertebral level, top to bottom, x and y [mm]; None where it misses the trunk."""
     tangents: dict[str, DualTangent | None]
@@ -140,7 +142,7 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
 
     expect(skin, Surface, "measure: 'skin'", "read it with read_surface")
     expect(landmarks, Landmarks, "measure: 'landmarks'", "give those of the case, or read_landmarks")
-    change = None
+    found = measure_spine(landmarks)
     if before is not None:
         if before.vertices.shape != skin.vertices.shape:
             raise InputError(
@@ -149,70 +151,66 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
             )
         moved = skin.vertices - before.vertices
         change = np.sqrt(np.einsum("vi,vi->v", moved, moved))
-    spine = spine_of(landmarks)
-    if not landmarks.names:
-        return _without_spine(spine, change)
-    line = sacral_line(landmarks)
+        found = replace(found, skin_change_max=float(change.max()), skin_change_mean=float(change.mean()))
+    line, spine = found.sacral_line, found.spine
+    if line is None:
+        return found
     outlines, missing = outlines_of(skin, spine)
     tangents = tangents_of(outlines, spine, line.across)
     for level, tangent in tangents.items():
         if tangent is None:
             missing.setdefault(level, "no line within 60 degrees of the pelvis touches the back on both sides")
-    rotation, curves = axial_rotation(spine, line.across), curves_of(spine)
     shoulders = None if outlines.get("T1") is None else shoulder_heights(skin, spine, line.across)
+    missing |= found.missing
+    if shoulders is None:
+        missing["shoulders"] = "no skin on both sides of T1" if "T1" in spine.levels else "no landmarks of T1"
+    return replace(found, outlines=outlines, tangents=tangents, shoulders=shoulders, missing=missing)
+
+
+def measure_spine(landmarks: Landmarks) -> TrunkMeasures:
+    """Measure a spine alone: what is measured on the skin is left empty.
+
+    Args:
+        landmarks: of the spine and the pelvis [mm]; without any, nothing is measured.
+
+    Raises:
+        InputError: no ASIS among landmarks.
+    """
+    spine = spine_of(landmarks)
+    line = sacral_line(landmarks) if landmarks.names else None
+    rotation = {} if line is None else axial_rotation(spine, line.across)
+    curves = curves_of(spine)
     found = TrunkMeasures(
-        outlines=outlines,
-        tangents=tangents,
+        spine=spine,
+        outlines={},
+        tangents={},
         cobb=curves,
-        apices=apical_vertebrae(spine, curves, rotation, line),
+        apices=() if line is None else apical_vertebrae(spine, curves, rotation, line),
         kyphosis=kyphosis(spine),
         lordosis=lordosis(spine),
         spine_height=spine_height(spine),
-        shoulders=shoulders,
-        skin_change_max=None if change is None else float(change.max()),
-        skin_change_mean=None if change is None else float(change.mean()),
-        axial_rotation=rotation,
-        trunk_shift=trunk_shift(spine, line),
-        sacral_line=line,
-        missing=missing,
-    )
-    missing |= _missing_of_spine(found, spine)
-    return found
-
-
-def _without_spine(spine: Spine, change: np.ndarray | None) -> TrunkMeasures:
-    """The measures of a part of the body without a spine: how far its skin moves (vertices,) [mm]."""
-    return TrunkMeasures(
-        outlines={},
-        tangents={},
-        cobb=(),
-        apices=(),
-        kyphosis=kyphosis(spine),
-        lordosis=lordosis(spine),
-        spine_height=None,
         shoulders=None,
-        skin_change_max=None if change is None else float(change.max()),
-        skin_change_mean=None if change is None else float(change.mean()),
-        axial_rotation={},
-        trunk_shift=None,
-        sacral_line=None,
+        skin_change_max=None,
+        skin_change_mean=None,
+        axial_rotation=rotation,
+        trunk_shift=None if line is None else trunk_shift(spine, line),
+        sacral_line=line,
     )
+    return found if line is None else replace(found, missing=_missing_of_spine(found))
 
 
-def _missing_of_spine(found: TrunkMeasures, spine: Spine) -> dict[str, str]:
-    """Why a measure of the whole spine, or of the shoulders, could not be taken."""
+def _missing_of_spine(found: TrunkMeasures) -> dict[str, str]:
+    """Why a measure of the whole spine could not be taken."""
     reasons = {}
     if found.trunk_shift is None:
         reasons["trunk_shift"] = "no landmarks of C7 or T1"
     for name, angles in (("kyphosis", found.kyphosis), ("lordosis", found.lordosis)):
         for ends, angle in angles.items():
             if angle is None:
-                without = [e for e in ends.split("-") if not np.isfinite(spine.endplates_of(e)).all()]
+                without = [e for e in ends.split("-") if not np.isfinite(found.spine.endplates_of(e)).all()]
                 reasons[f"{name} {ends}"] = f"no landmarks on both endplates of {' or '.join(without)}"
     if found.spine_height is None:
         reasons["spine_height"] = "no landmarks on the upper endplate of T1, or below on S1 or L5"
-    if found.shoulders is None:
-        reasons["shoulders"] = "no skin on both sides of T1" if "T1" in spine.levels else "no landmarks of T1"
     return reasons
 
 

@@ -1,78 +1,86 @@
-"""Measures as text for a terminal."""
+"""Tables as text for a terminal, as Markdown and as HTML; and every measure of a skin as such tables."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from html import escape
 from typing import TYPE_CHECKING
 
 from .comparison import DETECTABLE
+from .rows import MISSING, MeasureRow, measure_rows, number, sided
 
 if TYPE_CHECKING:
     from .comparison import SkinComparison
     from .measures import TrunkMeasures
 
-SIGNS = (
-    "Positive: the right side of the back or of a vertebra stands further back; wider or shifted to the right; "
-    "the right shoulder higher."
-)
+SIDES = "The side is that which stands further back, higher or wider, or to which the spine is shifted."
+Row = Sequence[str]
+"""The cells of a row; a row of one cell is a heading."""
+
+
+def as_text(head: Row, rows: Sequence[Row]) -> str:
+    """The table in columns of one width each: the first on the left, all others on the right."""
+    table = [head, *rows]
+    widths = [max(len(row[column]) for row in table if len(row) > max(column, 1)) for column in range(len(head))]
+    return "\n".join(
+        row[0] if len(row) == 1
+        else "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
+        for row in table
+    )  # fmt: skip
+
+
+def as_markdown(head: Row, rows: Sequence[Row]) -> str:
+    """The table in Markdown; a heading is a bold row."""
+    lines = [head, ["---", *["---:"] * (len(head) - 1)]]
+    lines += [[f"**{row[0]}**", *[""] * (len(head) - 1)] if len(row) == 1 else row for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def as_html(head: Row, rows: Sequence[Row], label: str = "", kind: str = "") -> str:
+    """The table in HTML, everything escaped; `--columns` is how many columns of values a narrow page shows."""
+    values = len(head) - 1
+    columns = values if values <= 4 else min((values + 1) // 2, 4)
+    cells = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head)
+    body = ""
+    for row in rows:
+        if len(row) == 1:
+            first = f'<th scope="rowgroup" colspan="{len(head)}">{escape(row[0])}</th>'
+            body += f'<tr class="group">{first}</tr>\n'
+            continue
+        values_of_row = "".join(f"<td>{escape(cell)}</td>" for cell in row[1:])
+        body += f'<tr><th scope="row">{escape(row[0])}</th>{values_of_row}</tr>\n'
+    return (
+        f'<table class="{kind}" aria-label="{escape(label)}" style="--columns: {columns}">\n'
+        f"<thead><tr>{cells}</tr></thead>\n<tbody>\n{body}</tbody>\n</table>"
+    )
 
 
 def measures_text(measures: TrunkMeasures) -> str:
     """Every measure of one skin: the whole trunk, then by level, then what is missing and why."""
-    shift = measures.trunk_shift
-    over = {"L5": "the lower endplate of L5", "pelvis": "the middle of the pelvis"}
-    lines = [
-        f"largest thoracic rotation  {_number(measures.max_thoracic_bsr, '°')}",
-        f"largest lumbar rotation    {_number(measures.max_lumbar_bsr, '°')}",
-        f"largest hump               {_number(measures.max_hump, ' mm')}"
-        + (f" at {measures.hump_level}" if measures.hump_level else ""),
-        f"trunk shift                {_number(shift and shift.lateral, ' mm')}"
-        + (
-            f", {_number(shift.forward, ' mm')} forward, {shift.upper} over {over.get(shift.lower, shift.lower)}"
-            if shift
-            else ""
-        ),
-        f"shoulders                  {_number(measures.shoulders and measures.shoulders.difference, ' mm')}",
-        *_spine_lines(measures),
-    ]
-    if measures.skin_change_max is not None:
-        lines.append(
-            f"change of the skin         {measures.skin_change_mean:.1f} mm on average, "
-            f"{measures.skin_change_max:.1f} mm at most"
-        )
-    lines += [
-        "",
-        f"{'level':<6}{'back':>9}{'vertebra':>10}{'hump':>9}{'flanks, left and right':>26}{'asymmetry':>11}",
-    ]
-    lines += [f"{'':<6}{'[°]':>9}{'[°]':>10}{'[mm]':>9}{'[mm]':>26}{'[%]':>11}"]
-    for level, angle in measures.bsr.items():
-        flanks = measures.flanks[level]
-        widths = "missing" if flanks is None else f"{flanks.left:.0f}  {flanks.right:.0f}"
-        lines.append(
-            f"{level:<6}{_number(angle):>9}{_number(measures.axial_rotation[level]):>10}"
-            f"{_number(measures.hump_height[level]):>9}{widths:>26}{_number(flanks and flanks.index):>11}"
-        )
-    lines.append(SIGNS)
-    lines += [f"missing: {what}: {why}" for what, why in measures.missing.items()]
-    return "\n".join(lines)
-
-
-def _spine_lines(measures: TrunkMeasures) -> list[str]:
-    """The curves of the spine, from the front and from the side, and its height."""
-    lines = []
-    for curve, apex in zip(measures.cobb, measures.apices, strict=True):
-        neutral = " and ".join(level for level in (apex.neutral_above, apex.neutral_below) if level)
-        lines += [
-            f"Cobb angle                 {curve.angle:.1f}° {curve.upper} to {curve.lower}, "
-            f"convex to the {curve.convex}",
-            f"  its apex {apex.level:<16} turned {_number(apex.rotation, '°')}, "
-            f"{_number(apex.translation, ' mm')} beside {apex.line}" + (f", neutral {neutral}" if neutral else ""),
+    whole = [line for heading, rows in measure_rows([measures]).items() for line in ([heading], *cells_of(rows))]
+    levels = [
+        [
+            level,
+            *(
+                sided(by_level[level])
+                for by_level in (measures.bsr, measures.axial_rotation, measures.hump_height)
+            ),
+            *(number(side) for side in ((None, None) if flanks is None else (flanks.left, flanks.right))),
+            sided(None if flanks is None else flanks.index),
         ]
-    for name, angles in (("kyphosis", measures.kyphosis), ("lordosis", measures.lordosis)):
-        known = [f"{angle:.1f}° {ends}" for ends, angle in angles.items() if angle is not None]
-        lines.append(f"{name:<27}{', '.join(known) or 'missing'}")
-    height = measures.spine_height
-    tall = f"{height.height:.0f} mm, {height.upper} to {height.lower}" if height else "missing"
-    return [*lines, f"height of the spine        {tall}"]
+        for level, flanks in measures.flanks.items()
+    ]
+    head = [
+        "level",
+        "back [°]",
+        "vertebra [°]",
+        "hump [mm]",
+        "left flank [mm]",
+        "right flank [mm]",
+        "asymmetry [%]",
+    ]
+    missing = [f"missing: {what}: {why}" for what, why in measures.missing.items()]
+    return "\n".join([as_text(["measure", "value"], whole), "", as_text(head, levels), SIDES, *missing])
 
 
 def comparison_text(comparison: SkinComparison) -> str:
@@ -89,27 +97,31 @@ def comparison_text(comparison: SkinComparison) -> str:
             f"{DETECTABLE:g}° that can be detected; of the largest {error.of_maximum:+z.2f}°"
         )
     lines += ["", "Back surface rotation, predicted less actual [°]"]
-    differences = [f"{level} {_number(value)}" for level, value in comparison.bsr_difference.items()]
-    lines += [", ".join(differences[first : first + 6]) for first in range(0, len(differences), 6)]
-    heads = ("area", "signed", "mean", "rms", "95 %", "max", "mean", "max")
-    lines += [
-        "",
-        "Distance from the prediction to the actual skin [mm], positive outside it; on the right both ways",
-        f"{'':<28}" + "".join(f"{head:>9}" for head in heads),
+    differences = [
+        f"{level} {MISSING if value is None else f'{value:+z.1f}'}"
+        for level, value in comparison.bsr_difference.items()
     ]
-    for region, found in comparison.distance.items():
-        if found is None:
-            lines.append(f"{region:<28}  missing: no skin there that both have")
-            continue
-        cells = (
-            f"{found.area:.0f}", f"{found.signed_mean:+z.2f}", f"{found.mean:.2f}", f"{found.rms:.2f}",
-            f"{found.p95:.2f}", f"{found.maximum:.2f}", f"{found.symmetric_mean:.2f}",
-            f"{found.symmetric_maximum:.2f}",
-        )  # fmt: skip
-        lines.append(f"{region:<28}" + "".join(f"{cell:>9}" for cell in cells))
-    lines.append("Area in cm²; the flanks may hold the planes where the arms are cut off.")
-    return "\n".join(lines)
+    lines += [", ".join(differences[first : first + 6]) for first in range(0, len(differences), 6)]
+    distances = [
+        [region, f"{found.area:.0f}", f"{found.signed_mean:+z.2f}"]
+        + [f"{value:.2f}" for value in (found.mean, found.rms, found.p95, found.maximum)]
+        + [f"{value:.2f}" for value in (found.symmetric_mean, found.symmetric_maximum)]
+        if found
+        else [region, *[MISSING] * 8]
+        for region, found in comparison.distance.items()
+    ]
+    head = ["region", "area", "signed", "mean", "rms", "95 %", "max", "mean", "max"]
+    return "\n".join(
+        [
+            *lines,
+            "",
+            "Distance from the prediction to the actual skin [mm], positive outside it; on the right both ways",
+            as_text(head, distances),
+            "Area in cm²; the flanks may hold the planes where the arms are cut off.",
+        ]
+    )
 
 
-def _number(value: float | None, unit: str = "") -> str:
-    return "missing" if value is None else f"{value:+z.1f}{unit}"
+def cells_of(rows: Sequence[MeasureRow]) -> list[list[str]]:
+    """The cells of rows of measures."""
+    return [row.cells() for row in rows]

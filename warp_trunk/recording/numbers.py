@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from warp_trunk.measures.rows import measure_rows
+from warp_trunk.measures.table import as_markdown
 from warp_trunk.results.summary_text import RESEARCH
 
 from . import drawing
@@ -129,33 +131,11 @@ def table(
     before: TrunkMeasures, now: TrunkMeasures, target: TrunkMeasures, target_name: str, load_factor: float
 ) -> str:
     """The measures that a clinic asks for first, side by side, as Markdown."""
-
-    def row(name: str, texts: list[str]) -> str:
-        return f"| {name} | " + " | ".join(texts) + " |"
-
-    three = (before, now, target)
-    moved = "" if now.skin_change_max is None else f"{now.skin_change_max:.1f} mm"
-    of_spine = [
-        row("Back rotation, thoracic", [drawing.degrees(m.max_thoracic_bsr) for m in three]),
-        row("Back rotation, lumbar", [drawing.degrees(m.max_lumbar_bsr) for m in three]),
-        row("Cobb angles, from the top", [_cobb(m) for m in three]),
-        row("Kyphosis T5 to T12", [_plain(m.kyphosis["T5-T12"], "°") for m in three]),
-        row("Height of the spine", [_plain(m.spine_height and m.spine_height.height, " mm") for m in three]),
-        row("Right shoulder higher by", [_plain(m.shoulders and m.shoulders.difference, " mm") for m in three]),
-    ]
-    rows = [*(of_spine if before.bsr else []), row("Skin moved by up to", ["", moved, ""])]
     meaning = {
         "actual": "Actual: the skin after surgery as it was scanned.",
         "target": "Target: the planned bones, with the skin where their path alone carries it.",
     }
-    head = [f"| | before | now, {100.0 * load_factor:.0f} % | {target_name} |", "|---|---:|---:|---:|"]
-    return "\n".join([*head, *rows, "", f"{meaning[target_name]} {RESEARCH}"])
-
-
-def _cobb(measures: TrunkMeasures) -> str:
-    """Every curve that there is, between its own end vertebrae."""
-    return " ".join(f"{curve.angle:.0f}°" for curve in measures.cobb) or "none"
-
-
-def _plain(value: float | None, unit: str) -> str:
-    return "missing" if value is None else f"{round(value) + 0}{unit}"
+    groups = measure_rows([before, now, target])
+    rows = [row.cells() for group in groups.values() for row in group if row.short or row.values[0] is None]
+    head = ["", "before", f"now, {100.0 * load_factor:.0f} %", target_name]
+    return f"{as_markdown(head, rows)}\n\n{meaning[target_name]} {RESEARCH}"

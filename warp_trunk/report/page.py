@@ -11,20 +11,24 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.part import agreement_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
+from warp_trunk.measures.table import as_html
 
-from .band_rows import BAND_HEAD, SOURCE_HEAD, band_rows, source_rows
 from .modelled import modelled, not_modelled
 from .option_rows import option_rows, value_text
 from .sentences import glance, sentences
 from .tables import (
-    change_rows,
-    error_rows,
+    BAND_HEAD,
+    SOURCE_HEAD,
+    band_table,
+    change_table,
+    error_table,
     head,
-    measure_rows,
-    point_rows,
-    profile_rows,
-    ratio_rows,
-    rotation_rows,
+    measure_table,
+    point_table,
+    profile_table,
+    ratio_table,
+    rotation_table,
+    source_table,
 )
 
 if TYPE_CHECKING:
@@ -66,15 +70,15 @@ def page(
         glance=glance(poses),
         sentences=sentences(poses, comparison, summary.bands),
         measure_head=head(poses, "measure"),
-        measure_rows=measure_rows(poses),
+        measure_rows=measure_table(poses),
         rotation_head=head(poses, "level"),
-        rotation_rows=rotation_rows(poses),
+        rotation_rows=rotation_table(poses),
         bands=summary.bands,
         band_head=BAND_HEAD,
-        band_rows=band_rows(summary.bands) if summary.bands else [],
+        band_rows=band_table(poses, summary.bands) if summary.bands else [],
         source_head=SOURCE_HEAD,
-        source_rows=source_rows(summary.bands) if summary.bands else [],
-        error_rows=error_rows(comparison) if comparison else [],
+        source_rows=source_table(summary.bands) if summary.bands else [],
+        error_rows=error_table(comparison) if comparison else [],
         detectable=DETECTABLE,
         **_of_run(poses, summary, plan),
     )
@@ -92,7 +96,7 @@ def part_page(
     return rendered(
         "part.html",
         drawings,
-        change_rows=[*change_rows(poses), *profile_rows(summary.points)],
+        change_rows=[*change_table(poses), *profile_table(summary.points)],
         error_rows=[] if agreed is None else agreement_rows(agreed),
         **_of_run(poses, summary, plan),
     )
@@ -105,8 +109,8 @@ def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[s
         "case": summary.case,
         "plan": plan,
         "warnings": summary.warnings,
-        "point_rows": point_rows(summary.points),
-        "ratio_rows": ratio_rows(summary.points),
+        "point_rows": point_table(summary.points),
+        "ratio_rows": ratio_table(summary.points),
         "chest_rows": [[name, f"{was:.1f}", f"{will:.1f}"] for name, (was, will) in summary.chest.items()],
         "virtual": summary.virtual,
         "converged": status is RelaxStatus.CONVERGED,
@@ -128,6 +132,7 @@ def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[s
 def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:
     """A page from its template, with pictures as `pictures` (None for those that are not drawn) and the style."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
 
     environment = Environment(
         loader=PackageLoader("warp_trunk", "report"),
@@ -136,6 +141,7 @@ def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["table"] = lambda *cells: Markup(as_html(*cells))
     style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
     pictures = dict.fromkeys(_OPTIONAL) | {name: b64encode(drawing).decode() for name, drawing in drawings.items()}
     return environment.get_template(template).render(style=style, pictures=pictures, **values).lstrip()

@@ -11,9 +11,11 @@ import numpy as np
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
+from warp_trunk.measures.comparison import DETECTABLE
+from warp_trunk.measures.rows import LENGTH, SPINE_ANGLE, MeasureRow, measure_rows
+from warp_trunk.measures.table import cells_of
 from warp_trunk.results import read_result
 
-from .differences import compared, differences
 from .page import rendered
 from .style import BEFORE, PLANS, Pose
 
@@ -72,10 +74,7 @@ def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: 
     before, *plans = poses
     ends = [result.summary.ending for result in results.values()]
     titles = [plan.look.heading for plan in plans]
-    rows = []
-    for heading, numbers in compared(before, plans).items():
-        known = [number.row() for number in numbers if any(value is not None for value in number.plans)]
-        rows += [[heading], *known]
+    groups = measure_rows([pose.measures for pose in poses])
     return rendered(
         "plans.html",
         drawings,
@@ -98,8 +97,37 @@ def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: 
         ],
         differs=differences(before, plans),
         numbers_head=["", *(pose.look.title for pose in poses)],
-        numbers_rows=rows,
+        numbers_rows=[line for heading, rows in groups.items() for line in ([heading], *cells_of(rows))],
     )
+
+
+def differences(before: Pose, plans: Sequence[Pose]) -> list[str]:
+    """What differs between plans, a sentence each, and last what does not."""
+    groups = measure_rows([before.measures, *(plan.measures for plan in plans)])
+    rows = [row for group in groups.values() for row in group if row.short]
+    lines = [f"{row.name}: {_listed(row, plans)}." for row in rows if row.differs]
+    first = plans[0]
+    for plan in plans[1:]:
+        apart = np.linalg.norm(plan.skin.vertices - first.skin.vertices, axis=1)
+        lines.append(
+            f"The predicted skins of {first.look.title} and {plan.look.title} are up to {apart.max():.0f} mm "
+            f"apart, {apart.mean():.0f} mm on average."
+        )
+    alike = [row.short for row in rows if row.differs is False]
+    if alike:
+        limits = f"within {SPINE_ANGLE:g}° of the spine, {DETECTABLE:g}° of the back and {LENGTH:g} mm"
+        lines.append(f"Too alike to choose by, {limits}: {', '.join(alike)}.")
+    return lines
+
+
+def _listed(row: MeasureRow, plans: Sequence[Pose]) -> str:
+    """The value of a measure in each plan, with its unit."""
+    unit = "°" if row.unit == "°" else f" {row.unit}"
+    cells = []
+    for plan, value in zip(plans, row.values[1:], strict=True):
+        size, *side = row.text(value).split(" ")
+        cells.append(f"{' '.join([f'{size}{unit}', *side])} with {plan.look.title}")
+    return f"{', '.join(cells[:-1])} and {cells[-1]}"
 
 
 def _resolved(folders: Sequence[Path]) -> set[Path]:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.measures.rows import sided
+
 from .relief import in_pelvis
 from .style import FAINT, Pose, new_figure
-from .tables import MISSING, signed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,5 +65,5 @@ def _seen(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
 
 def _angles(angles: Sequence[float | None]) -> str:
     """Before and predicted, and the actual one in brackets."""
-    before, predicted, *actual = [angle if angle == MISSING else f"{angle}°" for angle in map(signed, angles)]
+    before, predicted, *actual = map(sided, angles)
     return f"{before} → {predicted}" + "".join(f" ({angle})" for angle in actual)

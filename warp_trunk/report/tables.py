@@ -1,8 +1,8 @@
-"""The numbers of a result as rows of text."""
+"""The tables of the report."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,77 +11,78 @@ from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures.part import swept_volumes
 from warp_trunk.measures.profile import profile
-
-from .curves import curve_changes
+from warp_trunk.measures.rows import level_rows, number, skin_rows, spine_rows
 
 if TYPE_CHECKING:
-    from warp_trunk.measures import SkinComparison, TrunkMeasures
+    from warp_trunk.measures import SkinComparison
     from warp_trunk.measures.points import FollowedPoint
+    from warp_trunk.results.bands import Bands
 
-    from .curves import CurveChange
     from .style import Pose
 
-MISSING = "–"
-Row = list[str]
-"""A name, then a number for each pose, the change from before to predicted, and the error where it is known; a
-name alone is a heading."""
-Measure = Callable[["TrunkMeasures"], float | None]
-
-SIDED: tuple[tuple[str, Measure], ...] = (
-    ("Back surface rotation (BSR), largest from T1 to T12 [°]", lambda m: m.max_thoracic_bsr),
-    ("Back surface rotation (BSR), largest from L1 to L5 [°]", lambda m: m.max_lumbar_bsr),
-    ("Hump, largest [mm]", lambda m: m.max_hump),
-    ("Higher shoulder, by [mm]", lambda m: m.shoulders and m.shoulders.difference),
+BAND_HEAD = (
+    "measure",
+    "predicted",
+    "± deviation",
+    "19 of 20 between",
+    "and",
+    "plan met exactly: ±",
+    "in proportion",
 )
-"""What is measured on every skin, positive to the patient's right."""
-SAGITTAL: tuple[tuple[str, Measure], ...] = (
-    ("Kyphosis T5 to T12 [°]", lambda m: m.kyphosis["T5-T12"]),
-    ("Kyphosis T1 to T12 [°]", lambda m: m.kyphosis["T1-T12"]),
-    ("Lordosis L1 to L5 [°]", lambda m: m.lordosis["L1-L5"]),
-    ("Lordosis L1 to S1 [°]", lambda m: m.lordosis["L1-S1"]),
-    ("Top of the spine in front of the sacrum [mm]", lambda m: m.trunk_shift and m.trunk_shift.forward),
-    ("Height of the spine [mm]", lambda m: m.spine_height and m.spine_height.height),
-)
-"""What is measured on every spine seen from the side; those that are not known before surgery are left out."""
+SOURCE_HEAD = ("what is uncertain", "by", "rotation, most [°]", "hump [mm]", "where that comes from")
 
 
-def head(poses: Sequence[Pose], name: str) -> Row:
-    """The heading of a table whose first column is called `name`."""
+def head(poses: Sequence[Pose], name: str) -> list[str]:
+    """The head of a table whose first column is called `name`."""
     titles = [pose.look.title for pose in poses]
     return [name, *titles[:2], "change", *([*titles[2:], "error"] if len(poses) > 2 else [])]
 
 
-def measure_rows(poses: Sequence[Pose]) -> list[Row]:
-    """The back and the shoulders, every curve of the spine, and the spine from the side."""
-    rows = [["The back"], *(sided_row(name, [of(pose.measures) for pose in poses]) for name, of in SIDED)]
-    planned = poses[1].measures
-    rows += [
-        [name, MISSING, f"{value:.1f}", MISSING, *_unknown(poses)]
-        for name, value in (
-            ("Movement of the skin, largest [mm]", planned.skin_change_max),
-            ("Movement of the skin, mean [mm]", planned.skin_change_mean),
-        )
-        if value is not None
-    ]
-    for change in curve_changes(poses[0], poses[1]):
-        rows += _curve_rows(change, poses)
-    rows.append(["The spine as a whole, as planned"])
-    shifts = [pose.measures.trunk_shift for pose in poses[:2]]
-    beside = [shift and shift.lateral for shift in shifts]
-    rows.append(sided_row("Top of the spine beside the sacrum [mm]", beside) + _unknown(poses))
-    for name, of in SAGITTAL:
-        before, after = (of(pose.measures) for pose in poses[:2])
-        if before is not None:
-            rows.append([name, plain(before), plain(after), signed(_less(after, before)), *_unknown(poses)])
+def measure_table(poses: Sequence[Pose]) -> list[list[str]]:
+    """The back, then every curve of the spine and the spine as a whole, as planned."""
+    measures = [pose.measures for pose in poses]
+    planned = [*measures[:2], *[None] * len(poses[2:])]  # an actual skin comes without its spine
+    groups = {"The back": skin_rows(measures)}
+    groups |= {f"{heading}, as planned": rows for heading, rows in spine_rows(planned).items()}
+    return [line for heading, rows in groups.items() for line in ([heading], *(r.compared_cells() for r in rows))]
+
+
+def rotation_table(poses: Sequence[Pose]) -> list[list[str]]:
+    """The rotation of the back [degrees], one row for each level."""
+    rows = level_rows([pose.measures for pose in poses])
+    return [[row.name, *row.compared_cells()[1:]] for row in rows]
+
+
+def band_table(poses: Sequence[Pose], bands: Bands) -> list[list[str]]:
+    """Every measure that has a band: of the skin, then of the planned spine."""
+    measures = [pose.measures for pose in poses[:2]]
+    known = {f"bsr {level}": band for level, band in bands.bsr_deg.items()} | bands.spine
+    known |= {"hump": bands.max_hump_mm, "shoulder difference": bands.shoulder_difference_mm}
+    exact = {"hump" if key.startswith("hump ") else key: band for key, band in bands.exact.items()}
+    rows = [*level_rows(measures), *skin_rows(measures)]
+    rows += [row for group in spine_rows(measures).values() for row in group]
+    table = []
+    for row in rows:
+        band = known.get(row.key)
+        if band is not None:
+            met = exact.get(row.key)
+            linear = "" if row.key in bands.spine else "yes" if band.linear else "no"
+            values = [row.text(band.value), number(band.sd), row.text(band.low), row.text(band.high)]
+            table.append([row.title, *values, number(None if met is None else met.sd), linear])
+    return table
+
+
+def source_table(bands: Bands) -> list[list[str]]:
+    """Every source of error, the largest first: what it alone does."""
+    rows = []
+    for source in bands.sources:
+        rotation = max((sd for name, sd in source.sd.items() if name.startswith("bsr ")), default=None)
+        hump = next((sd for name, sd in source.sd.items() if name.startswith("hump ")), None)
+        rows.append([source.name, source.spread, number(rotation), number(hump), source.reference])
     return rows
 
 
-def rotation_rows(poses: Sequence[Pose]) -> list[Row]:
-    """Back surface rotation [degrees], one row for each level."""
-    return [sided_row(level, [pose.measures.bsr.get(level) for pose in poses]) for level in poses[0].measures.bsr]
-
-
-def error_rows(comparison: SkinComparison) -> list[Row]:
+def error_table(comparison: SkinComparison) -> list[list[str]]:
     """How far the predicted skin is from the actual one, each a number with its name."""
     rows = []
     for name, error in comparison.bsr_error.items():
@@ -95,66 +96,7 @@ def error_rows(comparison: SkinComparison) -> list[Row]:
     return rows
 
 
-def sided_row(name: str, values: Sequence[float | None]) -> Row:
-    """A row of values that are positive to the right: the side in words, and changes of the size."""
-    before, predicted, *actual = values
-    cells = [sided(before), sided(predicted), signed(size_change(before, predicted))]
-    for value in actual:
-        error = None if value is None or predicted is None else abs(predicted - value)
-        cells += [sided(value), plain(error)]
-    return [name, *cells]
-
-
-def size_change(before: float | None, after: float | None) -> float | None:
-    """How much larger a value is after, whatever its side; None where one is missing."""
-    return None if before is None or after is None else abs(after) - abs(before)
-
-
-def sided(value: float | None, digits: int = 1) -> str:
-    """A number that is positive to the right, with its side; a dash where it is missing."""
-    if value is None:
-        return MISSING
-    size = f"{abs(value):.{digits}f}"
-    return size if float(size) == 0.0 else f"{size} {'right' if value > 0.0 else 'left'}"
-
-
-def plain(value: float | None, digits: int = 1) -> str:
-    """A number, never -0; a dash where it is missing."""
-    return MISSING if value is None else f"{value:z.{digits}f}".replace("-", "−")
-
-
-def signed(value: float | None, digits: int = 1) -> str:
-    """A number with its sign, 0 without one; a dash where it is missing."""
-    if value is None:
-        return MISSING
-    text = f"{value:+z.{digits}f}".replace("-", "−")
-    return text if float(text[1:]) else text[1:]
-
-
-def _curve_rows(change: CurveChange, poses: Sequence[Pose]) -> list[Row]:
-    curve, was, will = change.before, change.apex_before, change.apex_after
-    where = {"pelvis": "the middle of the pelvis"}.get(was.line, was.line)
-    neutral = " and ".join(level for level in (was.neutral_above, was.neutral_below) if level)
-    return [
-        [f"Curve {change.ends}, convex to the {curve.convex}{', neutral ' * bool(neutral)}{neutral}, as planned"],
-        ["Cobb angle [°]", plain(curve.angle), plain(change.angle_after),
-         signed(change.angle_after - curve.angle), *_unknown(poses)],
-        [*sided_row(f"Rotation of its apex {was.level} [°]", [was.rotation, will.rotation]), *_unknown(poses)],
-        [*sided_row(f"Apex {was.level} beside {where} [mm]", [was.translation, will.translation]),
-         *_unknown(poses)],
-    ]  # fmt: skip
-
-
-def _unknown(poses: Sequence[Pose]) -> Row:
-    """What an actual skin does not tell of a spine: its value and its error."""
-    return [MISSING] * (2 if len(poses) > 2 else 0)
-
-
-def _less(a: float | None, b: float | None) -> float | None:
-    return None if a is None or b is None else a - b
-
-
-def change_rows(poses: Sequence[Pose]) -> list[Row]:
+def change_table(poses: Sequence[Pose]) -> list[list[str]]:
     """How far the skin moves, and the volumes between the skins before and predicted."""
     way = np.linalg.norm(poses[1].skin.vertices - poses[0].skin.vertices, axis=1)
     place = "({:.0f}, {:.0f}, {:.0f})".format(*poses[0].skin.vertices[way.argmax()])
@@ -169,7 +111,7 @@ def change_rows(poses: Sequence[Pose]) -> list[Row]:
     ]
 
 
-def point_rows(points: Sequence[FollowedPoint]) -> list[Row]:
+def point_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
     """How far each point moves, in all and to the left, back and up."""
     return [
         [point.name, point.on, f"{np.linalg.norm(point.way):.1f}", *(f"{part:+z.1f}" for part in point.way)]
@@ -177,12 +119,12 @@ def point_rows(points: Sequence[FollowedPoint]) -> list[Row]:
     ]
 
 
-def ratio_rows(points: Sequence[FollowedPoint]) -> list[Row]:
+def ratio_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
     """How far soft tissue follows bone."""
     return [[point.name, point.bone_point, f"{point.ratio:.2f}"] for point in points if point.ratio is not None]
 
 
-def profile_rows(points: Sequence[FollowedPoint]) -> list[Row]:
+def profile_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
     """The profile of a face before and as predicted, where its points are among those that are followed."""
     was, will = (
         profile({point.name: np.array(getattr(point, when)) for point in points}) for when in ("before", "after")

@@ -1,15 +1,15 @@
-"""The end of a run in words and a table, for a terminal and for the viewer."""
+"""The end of a run in words and tables, for a terminal and for the viewer."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.measures import CobbAngle, TrunkMeasures
-from warp_trunk.measures.cobb import curves_after
+from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.rows import level_rows, measure_rows, sided
+from warp_trunk.measures.table import as_markdown, as_text, cells_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -22,19 +22,18 @@ RESEARCH = "A research simulation, not for clinical use."
 
 
 def plain(result: Result, name: str = "") -> str:
-    """What is printed at the end: why it ended, what changed, and where the files are.
+    """The text at the end of a run: why it ended, the measures, and where the files are.
 
     `name` is that of one among several results; then every block begins with it.
     """
     of = f"{name}: " if name else ""
-    folder, summary = result.folder, result.summary
-    status, bsr = summary.ending, summary.bsr_deg
+    folder, summary, before = result.folder, result.summary, result.measures_before
+    status = summary.ending
     lines = [
         f"{of}{status.name}: {status.value}",
         *(f"{of}Warning: {warning}" for warning in summary.warnings),
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
-        _skin(result.measures),
     ]
     lines += [
         f"{point.name} ({point.on}) moves by {np.linalg.norm(point.way):.1f} mm"
@@ -42,30 +41,12 @@ def plain(result: Result, name: str = "") -> str:
         for point in summary.points
     ]
     lines += [f"{name}: {was:.1f} before, {will:.1f} predicted" for name, (was, will) in summary.chest.items()]
-    if bsr.before:
-        lines += _rotations(of, summary, result.measures_before)
-    lines += ["", f"{of}Written to {folder}: {', '.join(sorted(_files(folder)))}", RESEARCH]
-    return "\n".join(lines)
-
-
-def _rotations(of: str, summary: Summary, before: TrunkMeasures) -> list[str]:
-    """The curves of the spine, and the rotation of the back at each level."""
-    bsr, bands = summary.bsr_deg, {} if summary.bands is None else summary.bands.bsr_deg
-    lines = [
-        f"Cobb angles: {_curves(before.cobb, summary.cobb_deg.followed)}",
-        "",
-        f"{of}Back surface rotation (BSR): how far the back is turned at the height of each vertebra [degrees];",
-        "positive: the right side stands further back",
-        "level  before   after"
-        + ("  actual" if bsr.actual else "")
-        + ("   after, 19 of 20 between" if bands else ""),
-    ]
-    for level in bsr.before:
-        cells = [bsr.before[level], bsr.after.get(level)]
-        cells += [bsr.actual.get(level)] if bsr.actual else []
-        band = f"{bands[level].low:>+z10.1f} and {bands[level].high:+z.1f}" if level in bands else ""
-        lines.append(f"{level:<5}" + "".join(f"{_number(cell):>8}" for cell in cells) + band)
-    return lines
+    lines += ["", as_text([f"{of}measure", "before", "predicted"], _rows(before, result.measures))]
+    if before.bsr:
+        lines += ["", f"{of}Rotation of the back (BSR) at every vertebra, with the side that stands further back"]
+        lines.append(_levels(summary, before, result.measures))
+    files = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    return "\n".join([*lines, "", f"{of}Written to {folder}: {', '.join(files)}", RESEARCH])
 
 
 def markdown(
@@ -73,56 +54,33 @@ def markdown(
 ) -> str:
     """The same for the viewer, which reads Markdown."""
     status = last.relaxation.status
-    return "\n".join(
-        [
-            f"# {case.name}",
-            "",
-            f"**{status.name}**: {status.value}.",
-            "",
-            *(line for warning in warnings for line in (f"**Warning:** {warning}", "")),
-            _skin(after),
-            "",
-            *(_rotations_markdown(case, before, after) if before.bsr else ()),
-            RESEARCH,
-        ]
-    )
+    lines = [f"# {case.name}", "", f"**{status.name}**: {status.value}.", ""]
+    lines += [line for warning in warnings for line in (f"**Warning:** {warning}", "")]
+    lines += [as_markdown(["measure", "before", "predicted"], _rows(before, after)), ""]
+    if before.bsr:
+        rows = cells_of(level_rows([before, after]))
+        lines += [as_markdown(["rotation of the back at", "before", "predicted"], rows), ""]
+    return "\n".join([*lines, RESEARCH])
 
 
-def _rotations_markdown(case: Case, before: TrunkMeasures, after: TrunkMeasures) -> list[str]:
-    rows = [
-        f"| {level} | {_number(angle)} | {_number(after.bsr.get(level))} |" for level, angle in before.bsr.items()
-    ]
-    return [
-        f"Cobb angles: {_curves(before.cobb, curves_after(before.cobb, case.planned_landmarks))}.",
-        "",
-        "Back surface rotation (BSR): how far the back is turned at the height of each vertebra, in degrees; "
-        "positive: the right side stands further back.",
-        "",
-        "| level | before | after |",
-        "|---|---:|---:|",
-        *rows,
-        "",
-    ]
+def _rows(before: TrunkMeasures, after: TrunkMeasures) -> list[list[str]]:
+    """Every measure of the whole trunk, under headings."""
+    groups = measure_rows([before, after])
+    return [line for heading, rows in groups.items() for line in ([heading], *cells_of(rows))]
 
 
-def _skin(after: TrunkMeasures) -> str:
-    return f"The skin moves by up to {after.skin_change_max:.1f} mm, {after.skin_change_mean:.1f} mm on average."
-
-
-def _curves(curves: Sequence[CobbAngle], after: Sequence[float | None]) -> str:
-    """Each curve before surgery and as planned, between the same two vertebrae, as the report has it."""
-    named = [
-        f"{curve.angle:.0f}° to {'?' if angle is None else f'{angle:.0f}°'}, {curve.upper} to {curve.lower}, "
-        f"convex to the {curve.convex}"
-        for curve, angle in zip(curves, after, strict=True)
-    ]
-    return "; ".join(named) or "none of 10° or more before surgery"
-
-
-def _number(angle: float | None) -> str:
-    """An angle [degrees] with its sign; 'missing' where the plane missed the trunk."""
-    return "missing" if angle is None else f"{angle:+z.1f}"
-
-
-def _files(folder: Path) -> list[str]:
-    return [path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")]
+def _levels(summary: Summary, before: TrunkMeasures, after: TrunkMeasures) -> str:
+    """The rotation at every vertebra, with the actual one and the band where they are known."""
+    actual, bands = summary.bsr_deg.actual, summary.bands
+    head = ["level [°]", "before", "predicted"]
+    head += ["actual"] if actual else []
+    head += ["19 of 20 between", "and"] if bands else []
+    table = []
+    for row in level_rows([before, after]):
+        cells = [row.name, *row.cells()[1:]]
+        cells += [sided(actual.get(row.name))] if actual else []
+        if bands:
+            band = bands.bsr_deg.get(row.name)
+            cells += [sided(band and band.low), sided(band and band.high)]
+        table.append(cells)
+    return as_text(head, table)

@@ -1,0 +1,131 @@
+"""The rows of measures, and the sentences made of them, of spines whose angles are known."""
+
+import re
+
+import pytest
+
+from support.known_spine import known_spine
+from support.trunk_shapes import flat_back, rotation, tube
+from warp_trunk.measures import measure
+from warp_trunk.measures.followed_curves import followed_curves, main_curves
+from warp_trunk.measures.rows import level_rows, measure_rows, number, sided
+from warp_trunk.measures.table import as_html, as_markdown, as_text
+from warp_trunk.report.sentences import glance, sentences
+from warp_trunk.report.style import BEFORE, PREDICTED, Pose
+
+THORACIC = {"T1": -10.0, "T5": 30.0, "T12": -30.0, "L4": 0.0}
+DOUBLE = {"T1": 28.0, "T4": 30.0, "T11": -30.0, "L4": 28.0}
+
+
+def scaled(angles, share):
+    return {level: share * angle for level, angle in angles.items()}
+
+
+def pose(look, spine, turn=0.0):
+    """A trunk with a flat back, turned clockwise seen from above, and its spine."""
+    skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
+    return Pose(look, skin, spine, measure(skin, spine))
+
+
+def poses(before, planned, turned=(12.0, 4.0), **options):
+    return [
+        pose(BEFORE, known_spine(to_left=before, **options), turned[0]),
+        pose(PREDICTED, known_spine(to_left=planned, **options), turned[1]),
+    ]
+
+
+def compared(states):
+    """The compared cells of every row, by title."""
+    groups = measure_rows([state.measures for state in states])
+    return {row.title: row.compared_cells()[1:] for rows in groups.values() for row in rows}
+
+
+def test_a_left_curve_and_a_left_hump_that_improve_become_less():
+    """Mirrored, a thoracic 60 with its hump on the left: sizes fall, and no change is printed as more."""
+    left = poses(scaled(THORACIC, -1.0), scaled(THORACIC, -0.3), turned=(-12.0, -4.0))
+    rows = compared(left)
+    assert rows["Rotation of the back (BSR), largest from T1 to T12 [°]"] == ["12 left", "4.0 left", "−8.0"]
+    improved = [
+        cells[2] for title, cells in rows.items() if title.startswith(("Rotation of the back", "Hump", "Cobb"))
+    ]
+    assert len(improved) == 6
+    assert all(change.startswith("−") for change in improved)
+    levels = level_rows([state.measures for state in left])
+    assert all(row.compared_cells()[3].startswith("−") for row in levels)
+    assert "left side of the back still stands further back, by 4 degrees" in sentences(left, None)["What stays"]
+
+
+def test_a_hump_that_changes_its_side_has_both_sides():
+    stays = sentences(poses(THORACIC, THORACIC, turned=(-12.0, 4.0)), None)["What stays"]
+    assert "right side of the back then stands further back, by 4 degrees" in stays
+    assert stays.index("(right)") < stays.index("instead of") < stays.index("(left)")
+
+
+def test_every_curve_is_followed_between_the_same_vertebrae():
+    both = poses(THORACIC, scaled(THORACIC, 0.3))
+    groups = measure_rows([state.measures for state in both])
+    curves = {"T1 to T5": (40.0, 12.0), "T5 to T12": (60.0, 18.0), "T12 to L4": (30.0, 9.0)}
+    assert [name.split(",")[0] for name in groups if name.startswith("Curve")] == [
+        f"Curve {ends}" for ends in curves
+    ]
+    cobb = [row for rows in groups.values() for row in rows if row.name.startswith("Cobb")]
+    for row, (ends, angles) in zip(cobb, curves.items(), strict=True):
+        assert row.short == f"Cobb angle {ends}"
+        assert row.values == pytest.approx(angles, abs=1e-6)
+    over = compared(poses(THORACIC, scaled(THORACIC, -0.1)))  # overcorrected: below zero
+    assert [cells[1] for title, cells in over.items() if title.startswith("Cobb")] == ["−4.0", "−6.0", "−3.0"]
+
+
+def test_a_double_major_is_described_by_both_its_curves():
+    both = poses(DOUBLE, scaled(DOUBLE, 0.5))
+    said = sentences(both, None)
+    assert (
+        "main curves of the spine from 60 to 30 degrees (T4 to T11, to the right) and from 58 to 29 degrees "
+        "(T11 to L4, to the left)"
+    ) in said["What is planned"]
+    assert "in the lower back 4 instead of 12" in said["What changes"]
+    assert [value for _, value in glance(both)[:2]] == ["60° → 30°", "58° → 29°"]
+    curves = main_curves(followed_curves(both[0].measures, both[1].measures))
+    assert [curve.before.upper for curve in curves] == ["T4", "T11"]
+
+
+def test_a_single_curve_has_smaller_ones_beside_it_and_may_be_made_larger():
+    said = sentences(poses(THORACIC, scaled(THORACIC, 0.3)), None)["What is planned"]
+    assert "straighten the main curve of the spine from 60 to 18 degrees (T5 to T12, to the right)." in said
+    assert "The smaller curves go from 40 to 12 degrees (T1 to T5, to the left) and from 30 to 9" in said
+    larger = sentences(poses(THORACIC, scaled(THORACIC, 1.2)), None)["What is planned"]
+    assert "is planned to change the main curve" in larger
+
+
+def test_sagittal_measures_and_height_have_their_rows():
+    back = {"T1": -20.0, "T12": 15.0, "L5": -20.0}
+    both = poses(THORACIC, scaled(THORACIC, 0.3), back=back)
+    rows = compared(both)
+    assert rows["Kyphosis T1 to T12 [°]"] == ["35", "35", "0.0"]
+    assert "Lordosis L1 to S1 [°]" not in rows
+    was, will, _ = (float(cell) for cell in rows["Height of the spine [mm]"])
+    assert will - was > 5.0
+    said = re.search(r"the spine stands (\d+) mm taller", sentences(both, None)["What changes"].lower())
+    assert said is not None
+    assert abs(int(said[1]) - (will - was)) <= 1.0
+    assert ("height of the spine", f"+{said[1]} mm") in glance(both)
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "side"),
+    [(12.24, "12", "12 right"), (-0.04, "0.0", "0.0"), (-3.0, "−3.0", "3.0 left"), (None, "–", "–")],
+)
+def test_numbers_have_two_digits_and_sides_are_words(value, text, side):
+    assert number(value) == text
+    assert sided(value) == side
+
+
+def test_a_table_has_the_same_cells_in_every_form():
+    head, rows = ["name", "one", "two"], [["A & B"], ["first", "1.0", "22"], ["second", "–", "3.0 right"]]
+    assert as_text(head, rows).splitlines() == [
+        "name    one        two", "A & B", "first   1.0         22", "second    –  3.0 right",
+    ]  # fmt: skip
+    assert as_markdown(head, rows).splitlines()[2:4] == ["| **A & B** |  |  |", "| first | 1.0 | 22 |"]
+    html = as_html(head, rows)
+    assert "A &amp; B" in html
+    assert '<tr><th scope="row">second</th><td>–</td><td>3.0 right</td></tr>' in html
