@@ -1,4 +1,4 @@
-"""What the clinic gives: a patient's skin, bones and landmarks, read, checked and written as a case folder."""
+"""A patient's skin, bones and landmarks, read, checked and written as a case folder."""
 
 from .axes import Axes
 from .case import Case

@@ -1,4 +1,4 @@
-"""What a case must be before any long work begins."""
+"""Checks of a case before any long work begins."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def _check_both(case: Case, options: CheckOptions, source: CaseSource) -> list[s
 
 
 def _posture(case: Case) -> list[str]:
-    """What is to be said of a patient who was not scanned standing."""
+    """The warning about a patient who was not scanned standing."""
     if case.posture == "standing":
         return []
     return [

@@ -106,7 +106,7 @@ _RULES = (
 def check_order(landmarks: Landmarks, where: str) -> list[str]:
     """Check that vertebrae follow each other down the spine, and the order of the six points of each.
 
-    The order is told in each vertebra's own axes, so that no curve or turn of it matters.
+    The order is determined in each vertebra's own axes, so that no curve or turn of it matters.
 
     Args:
         landmarks: six for each vertebra, and the iliac spines [mm].
@@ -223,7 +223,7 @@ MISFIT = 4.0
 """Misfit of half of the vertebrae [mm] beyond which they are another patient's; errors of landmarks come to 3.6
 in one case of a thousand."""
 _ENOUGH = 8
-"""So many vertebrae tell a patient from another."""
+"""Number of vertebrae that identify a patient."""
 
 
 def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:

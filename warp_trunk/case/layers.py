@@ -63,7 +63,7 @@ class Layers:
     fat_thickness: float | np.ndarray = FAT_THICKNESS
     """Thickness of the fat under it [mm], likewise."""
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """What the case gives of a layer's `Tissue`, by name of layer and constant."""
+    """Constants of `Tissue` that the case gives, by name of layer and constant."""
     mesh: Path | None = None
     """A mesh (.vtu, mm, LPS) whose cells say in the cell data `tissue` which layer they are of."""
 
@@ -104,7 +104,7 @@ class Layers:
 
 @dataclass(frozen=True)
 class LayerTable:
-    """What [layers] says; every key may be left out."""
+    """The table [layers]; every key may be omitted."""
 
     skin_thickness: float | str | None = None
     """In the unit of the case, or the name of a file with one number for each vertex of the skin."""
@@ -113,7 +113,7 @@ class LayerTable:
     mesh: str | None = None
     """Name of a mesh with labels."""
     constants: dict[str, dict[str, float]] = field(default_factory=dict)
-    """What the tables [layers.skin], [layers.fat] and [layers.muscle] give of `Tissue`."""
+    """Constants of `Tissue` in the tables [layers.skin], [layers.fat] and [layers.muscle]."""
 
 
 def layer_table(path: Path, table: dict[str, Any]) -> LayerTable:

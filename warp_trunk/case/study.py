@@ -8,7 +8,7 @@ from typing import Literal, get_args
 from warp_trunk.errors import InputError
 
 Pose = Literal["surgery", "bending"]
-"""What changed the trunk from before to after."""
+"""The change of the trunk from before to after."""
 KINDS = {"patient": "text", "pose": "text", "months_after": "a number", "virtual": "true or false"}
 """The kind of each value in the table."""
 
@@ -20,7 +20,7 @@ class Study:
     patient: str = ""
     """Identifier of the patient: cases with the same one are of one person. The case itself if empty."""
     pose: Pose = "surgery"
-    """What lies between before and after: surgery, or the same patient bending sideways, when the landmarks after
+    """The change from before to after: surgery, or sideways bending of the same patient, when the landmarks after
     and the actual skin are those of the bent trunk."""
     months_after: float | None = None
     """Months from surgery to the scan of the actual skin; None if unknown."""

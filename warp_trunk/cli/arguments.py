@@ -60,7 +60,7 @@ def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
 
 
 def _message(said: str) -> str:
-    """What tyro says between its title and the rule above its help, in one line."""
+    """The message of tyro between its title and the rule above its help, in one line."""
     parts: list[list[str]] = [[]]
     for row in said.splitlines():
         if not row.strip(" -"):  # a rule

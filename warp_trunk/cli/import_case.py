@@ -49,7 +49,7 @@ class Import:
     """Where the fat under the skin and the muscles are, from which layers are measured: what TotalSegmentator -ta
     tissue_types writes, a folder or a label map."""
     labels: str | None = None
-    """What the numbers mean where the file does not say it: totalsegmentator-v2, totalsegmentator-v1, or a file
+    """Meaning of the numbers if the file does not state it: totalsegmentator-v2, totalsegmentator-v1, or a file
     .csv of numbers and names."""
     cut_above: float | None = None
     """Cut the trunk flat at this z [mm], the neck; 25 mm above T1 when left out."""

@@ -21,7 +21,7 @@ PAUSE = 0.7
 MOST_UNDO = 100
 """So many wishes can be undone."""
 KYPHOSIS = (0, 90)
-"""What a plan may ask for [degrees]."""
+"""Range of the targets of a plan [degrees]."""
 REACH = 20
 """A slider of a motion reaches at least this far to either side [mm or degrees]."""
 COMPONENTS = ("Left mm", "Back mm", "Up mm", "Pitch °", "Roll °", "Yaw °")

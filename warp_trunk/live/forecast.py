@@ -1,4 +1,4 @@
-"""What relaxation adds to what the bones carry along, foretold from the plans that were relaxed before."""
+"""The displacement that relaxation adds, extrapolated from plans that were relaxed before."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ MOST = 12
 _APART = 0.5
 """A plan that is nearer than this to a remembered one takes its place [mm]."""
 _DOUBT = 0.5
-"""Plans are weighed as if landmarks were off by so much [mm]: what was relaxed to a millimetre tells no more."""
+"""Plans are weighted as if landmarks had this error [mm], because they were relaxed to a millimetre only."""
 
 
 class Forecast:

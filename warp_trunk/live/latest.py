@@ -13,7 +13,7 @@ class Latest(Generic[T]):
     """Nothing queues in it: who takes gets the latest, and what came before is gone."""
 
     def __init__(self, pause: float = 0.0) -> None:
-        """Empty; from one value taken to the next at least so long goes by [s]."""
+        """Empty; at least this time passes from one value to the next [s]."""
         self._pause, self._taken = pause, -pause
         self._changed = threading.Condition()
         self._value: T | None = None

@@ -59,7 +59,7 @@ class LoopbackServer(viser.ViserServer):
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
+        """The address to open in a browser."""
         return f"http://{LOOPBACK}:{self.get_port()}"
 
 
@@ -77,7 +77,7 @@ def check_free(port: int) -> None:
 
 
 def refusal(request: Request, port: int) -> Response | None:
-    """What to answer a request that does not come from the page of a port; None where it does."""
+    """The answer to a request that does not come from the page of a port; None if it does."""
     names = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if all(host in names for host in hosts) and all(
@@ -91,7 +91,7 @@ def refusal(request: Request, port: int) -> Response | None:
 
 @contextmanager
 def _guarded(port: int) -> Iterator[list[int]]:
-    """While the block runs, servers are started with the guard; tells the port of each.
+    """While the block runs, servers are started with the guard; reports the port of each.
 
     viser has no place to hand one in. Should a later viser start its server another way, the list stays empty, and
     the page does not open.

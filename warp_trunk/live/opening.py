@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 PORT = 8137
 """Where the page is when nothing else is asked for."""
 PACKAGES = ("threadpoolctl", "viser")
-"""What the extra `live` installs."""
+"""The packages of the extra `live`."""
 
 
 def check_packages() -> None:
@@ -56,7 +56,7 @@ def plan_live(
         case: the patient; what is planned in it is not read.
         folder: where kept plans go.
         options: how the tissue is simulated.
-        progress: what to tell it to.
+        progress: receives the stages.
         plan: where the sliders stand first; at rest when left out.
         port: where the page is, on this machine alone.
 

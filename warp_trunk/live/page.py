@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from warp_trunk.run.patient import Patient
 
 NOTHING = "nothing"
-"""What to compare with, at first."""
+"""The first choice of the comparison."""
 PAUSE = 0.1
-"""From one table of numbers to the next [s]: nobody reads faster, and a browser lays each of them out anew."""
+"""From one table of numbers to the next [s]: a reader needs no more, and a browser lays out each of them again."""
 
 
 class Page:
@@ -54,7 +54,7 @@ class Page:
         self.stopped = threading.Event()
         """Set when the page is to end."""
         self.failure: str | None = None
-        """What went wrong, where that is why."""
+        """The error that ended the page, if there was one."""
         self.kept = KeptPlans(folder, case)
         """The plans that were kept, now and before."""
         self._before = measure(case.skin, case.landmarks_before if case.has_spine else NO_LANDMARKS)
@@ -68,7 +68,7 @@ class Page:
         """The server; it is on `server.address`."""
         self._session = Session(patient, plan, self._show, self._fail)
         self.scene = Scene(self.server, case)
-        """What is drawn."""
+        """The objects that are drawn."""
         gui = self.server.gui
         gui.main_panel.dock_left()
         self._status = gui.add_html(status_html(None, None))
@@ -101,7 +101,7 @@ class Page:
 
     @property
     def view(self) -> View | None:
-        """What is shown."""
+        """The view that is shown."""
         return self._view
 
     def _add_keeping(self, gui: viser.GuiApi) -> None:
@@ -136,7 +136,7 @@ class Page:
             shows(bool(value))
 
     def _show(self, told: View | Refusal | Measured) -> None:
-        """Draws what the session tells; it tells one after another."""
+        """Draws a view of the session; the session reports one view after another."""
         with self._drawing, self.server.atomic():
             if isinstance(told, Measured):
                 self._measures = told.measures

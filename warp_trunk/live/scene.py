@@ -1,4 +1,4 @@
-"""What is drawn: skin, bones, lines of depth, and from where they are seen."""
+"""The scene: skin, bones, lines of depth, and from where they are seen."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .wish import Wish
 
 FIRST = {"cpu": 1.0, "cuda": 0.1}
-"""What a relaxation comes to while sliders may still move, by the kind of device [mm]."""
+"""Tolerance of a relaxation while sliders may still move, by the kind of device [mm]."""
 REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
 PAUSE = 0.1
@@ -44,14 +44,14 @@ PAUSE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What is shown of a plan: the best that is known of it so far."""
+    """The view of a plan: its best result so far."""
 
     number: int
     """Of its wish, from 1; views of one wish get better."""
     wish: Wish | MotionWish
     """Where the sliders stood."""
     surgery: PlannedSurgery | MotionPlan
-    """What the plan asks of each vertebra or bone."""
+    """The planned motion of each vertebra or bone."""
     motions: Mapping[str, RigidTransform] | None
     """Where the model has each bone; None of an image, and where the spline of the landmarks carries them."""
     skin: np.ndarray
@@ -63,7 +63,7 @@ class View:
     measures: TrunkMeasures | None
     """Measures of a relaxed skin; None of an image, and while they are being taken."""
     warnings: tuple[str, ...]
-    """What to look at, in sentences."""
+    """Warnings, a sentence each."""
     settled: bool = False
     """Whether it is relaxed to the end."""
 
@@ -83,7 +83,7 @@ class Measured:
     """Measures of a skin that was relaxed on the way to something newer."""
 
     measures: TrunkMeasures
-    """What was measured."""
+    """The measures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class _Aside:
 
 
 class Session:
-    """One patient's live plan. `ask` from any thread; what comes of it is told to `show`, one after another."""
+    """One patient's live plan. `ask` from any thread; the views are passed to `show`, one after another."""
 
     def __init__(
         self,
@@ -115,8 +115,8 @@ class Session:
         Args:
             patient: made ready; the session owns her model from now on.
             base: what a plan says beside the sliders.
-            show: told of every view and refusal; never of an older wish after a newer one.
-            tell_error: told where a thread ended by a fault of the program.
+            show: gets every view and refusal; never of an older wish after a newer one.
+            tell_error: called if a thread ended by a fault of the program.
         """
         self._patient, self._base = patient, base
         self._tell_show = show
@@ -165,7 +165,7 @@ class Session:
         Args:
             plan: what is asked.
             wish: where the sliders would stand.
-            tell: told of its views.
+            tell: gets its views.
 
         Raises:
             InputError: no spine can meet it.

@@ -1,4 +1,4 @@
-"""What the sliders of the page say, and the plan that it is."""
+"""The positions of the sliders and the plan that they define."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KYPHOSIS = "T5-T12"
 
 @dataclass(frozen=True)
 class Spine:
-    """What is known of the spine before surgery, from which sliders are made."""
+    """Data of the spine before surgery, from which sliders are made."""
 
     levels: tuple[str, ...]
     """Vertebrae with landmarks, top to bottom."""
@@ -82,7 +82,7 @@ class Wish:
 
 
 def spine_before(landmarks: Landmarks) -> Spine:
-    """What sliders are made from."""
+    """The data from which sliders are made."""
     spine = spine_of(landmarks)
     rotation = axial_rotation(spine, asis_axis(landmarks))
     curves = cobb_angles(landmarks)

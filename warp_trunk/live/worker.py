@@ -10,7 +10,7 @@ _log = logging.getLogger("warp_trunk")
 
 
 def worker(name: str, work: Callable[[], None], tell_error: Callable[[str], None]) -> threading.Thread:
-    """A thread, not started yet, that tells of a fault of the program by which it ends; the log has its trace."""
+    """A thread, not started yet, that reports a fault of the program that ends it; the log has its trace."""
 
     def guarded() -> None:
         try:

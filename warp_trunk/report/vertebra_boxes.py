@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
 
 WIDE, DEEP = 1.6, 1.3
-"""Width and depth of a vertebral body over its height: usual ones, the landmarks tell only the height."""
+"""Width and depth of a vertebral body over its height: usual ones, because the landmarks give only the height."""
 
 
 FACES = ((0, 1, 2, 3), (7, 6, 5, 4), (1, 0, 4, 5), (2, 1, 5, 6), (3, 2, 6, 7), (0, 3, 7, 4))

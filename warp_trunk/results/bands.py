@@ -43,13 +43,13 @@ class BandSource:
     """One source of error."""
 
     name: str
-    """What is uncertain."""
+    """The uncertain quantity."""
     spread: str
     """By how much: one standard deviation, in words."""
     reference: str
     """Where that comes from."""
     sd: dict[str, float]
-    """What it alone does to each number, in the number's unit: `bsr T8`, `hump T9`, `shoulder difference`."""
+    """Its own effect on each number, in the number's unit: `bsr T8`, `hump T9`, `shoulder difference`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ class Bands:
     """The same numbers of the skin, by the names of the sources' `sd`, where surgery meets the plan and each
     landmark has the same error before and after: "this plan carried out exactly"."""
     sources: tuple[BandSource, ...]
-    """What the bands come from, what matters most for back surface rotation first."""
+    """The sources of error, the most important for back surface rotation first."""
     skin_mean_mm: float
     """Mean over the skin of the standard deviation of its places along the normal [mm]."""
     skin_max_mm: float

@@ -1,4 +1,4 @@
-"""What a simulation depends on, so that it goes on only where it would have come anyway."""
+"""Fingerprint of the inputs of a simulation, so that a finished result is kept only if they are the same."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ Fingerprint = dict[str, Any]
 CHANGES_NOTHING = frozenset(
     {"cache", "device", "from_mesh", "live", "record", "record_colours", "record_steps", "threads"}
 )
-"""Options that leave every displacement as it is, or that are told below as what they come to."""
+"""Options that change no displacement, or that are included below by their effect."""
 PROGRAMS = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh")
-"""What the numbers come from."""
+"""Programs on which the numbers depend."""
 
 _MARK = "blake2b:"
 
 
 def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh | None = None) -> Fingerprint:
-    """What the displacements of a run depend on.
+    """The inputs on which the displacements of a run depend.
 
     Args:
         case: what is simulated.
@@ -85,7 +85,7 @@ def _digest(*parts: np.ndarray | str | bytes) -> str:
 
 
 def surface_digest(surface: Surface) -> str:
-    """What tells a surface from every other one."""
+    """The digest of a surface."""
     return _digest(surface.vertices, surface.faces)
 
 

@@ -1,4 +1,4 @@
-"""A skin measured, and judged by the actual one where that is known: what `measure` tells and writes."""
+"""A skin measured, and compared with the actual one if it is known, as `measure` prints and writes it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def judged(
 
     Args:
         case: whose skin it is, with its landmarks.
-        file: where the skin was read from; in a result, its bands and the volume of its tissue are told too.
+        file: where the skin was read from; in a result, its bands and the volume of its tissue are included.
         skin: the skin [mm].
         actual: the actual skin after surgery, where it is to be judged.
         when: whose landmarks go with it; found out where left out.

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
 """The parts of every run, whose seconds a summary gives."""
 SCENE_STAGES = ("layers", "rest", "bands")
-"""Those that only a scene with layers or gravity has, or a run that tells how sure it is."""
+"""Those that only a scene with layers or gravity has, or a run with bands."""
 
 
 def summarize(

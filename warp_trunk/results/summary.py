@@ -1,4 +1,4 @@
-"""What a result says of itself in summary.json: one record, written and read here and nowhere else.
+"""The content of summary.json: one record, written and read here and nowhere else.
 
 A field of `Summary` is an entry of the file under the same name, and its type is what is accepted when the file is
 read. A field that older results lack has a default.
@@ -63,7 +63,7 @@ class IncrementSummary:
     estimated_error_mm: float | None
     """Estimated largest distance of a node from its equilibrium at the end [mm]."""
     seconds: float
-    """What it took [s]."""
+    """Duration [s]."""
     history: tuple[StepSummary, ...]
     """Every step in order."""
 
@@ -100,17 +100,17 @@ class Summary:
     case: str
     """Name of the case."""
     status: str
-    """Why the last relaxation ended, a name of `RelaxStatus`."""
+    """Status of the last relaxation, a name of `RelaxStatus`."""
     tets: int
     """Tetrahedra of the mesh."""
     nodes: int
-    """Its nodes."""
+    """Nodes of the mesh."""
     free_nodes: int
-    """Those that are not on bone."""
+    """Nodes that are not on bone."""
     inverted_tets: int
     """Tetrahedra without positive volume at the end."""
     device: str
-    """Where it was computed."""
+    """Device of the computation."""
     precision: str
     """float32 or float64."""
     parameters: dict[str, Any]
@@ -118,11 +118,11 @@ class Summary:
     sag_mm: float
     """Largest distance of a node at rest from where the scan has it [mm]; 0 without gravity."""
     tissues: tuple[Tissue, ...]
-    """What the trunk is made of."""
+    """Materials of the trunk."""
     terms: tuple[str, ...]
     """Terms of the energy."""
     increments: Annotated[tuple[IncrementSummary, ...], msgspec.Meta(min_length=1)]
-    """Each of them, in order."""
+    """Increments in order."""
     bsr_deg: RotationSummary
     """Back surface rotation [degrees] by level."""
     cobb_deg: CobbSummary
@@ -132,15 +132,15 @@ class Summary:
     peak_memory_mb: float | None
     """Largest resident memory [MB]."""
     versions: dict[str, str | None]
-    """Of this program and of what its numbers depend on."""
+    """Versions of this program and of the libraries on which its numbers depend."""
     warnings: tuple[str, ...] = ()
-    """What makes the result doubtful, a sentence each."""
+    """Reasons to doubt the result, a sentence each."""
     skin_quality: SkinQuality | None = None
     """Worst stretch and fold of the predicted skin."""
     virtual: bool = False
-    """Whether the trunk was made by a computer: nobody's."""
+    """Whether the trunk is synthetic."""
     bands: Bands | None = None
-    """How sure each number is; None where that was not asked for."""
+    """95 % intervals; None without `--bands`."""
     points: tuple[FollowedPoint, ...] = ()
     """How far the points of the case move."""
     chest: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -186,5 +186,5 @@ def parse_summary(path: Path) -> Summary:
 
 
 def _plain(value: object) -> object:
-    """What JSON has for a NumPy number; of what it does not know, such as a path among the options, the text."""
+    """The JSON value of a NumPy number; of other objects, such as a path among the options, the text."""
     return value.item() if isinstance(value, np.generic) else str(value)

@@ -1,4 +1,4 @@
-"""What this machine has of what the program needs, and one line of cure for what it lacks."""
+"""Checks the installation, with one line of cure for each missing part."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from warp_trunk.results.result import LEAST_SPACE
 from warp_trunk.results.versions import versions
 
 VIEWER_TIMEOUT = 60.0
-"""Longest wait for Rerun's viewer to tell its version [s]."""
+"""Longest wait for the version of Rerun's viewer [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +28,11 @@ class Finding:
     """One thing that was looked for."""
 
     name: str
-    """What it is."""
+    """Name of the part."""
     found: str
-    """What was found, in words."""
+    """The finding, in words."""
     cure: str = ""
-    """What to do about it; empty where nothing is to be done."""
+    """The cure; empty if nothing is to be done."""
     needed: bool = False
     """Whether no simulation runs without it."""
 

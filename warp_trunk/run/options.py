@@ -40,10 +40,10 @@ class RunOptions:
     """Energy of the tissue: neo-hookean (continuum) or itmsm (springs on edges, faces, volumes; the papers'); when
     left out the continuum with --bones follow, whose rigid ribs crumple itmsm, and itmsm with the spline."""
     weights: WeightsName = "count"
-    """What an edge, face or tetrahedron weighs in itmsm: count (each the same, the papers') or volume (what it
-    stands for, so that tissue is not stiffer where tetrahedra are small)."""
+    """Weight of an edge, face or tetrahedron in itmsm: count (each the same, the papers') or volume (the volume it
+    represents, so that the stiffness does not depend on the size of tetrahedra)."""
     skin_rigidity: float | None = None
-    """What skin resists bending with, its flexural rigidity [N mm], 0 is off; when left out 0.4 (2 mm of 0.42 MPa)
+    """Flexural rigidity of the skin [N mm], 0 is off; by default 0.4 (2 mm of 0.42 MPa)
     with --bones follow, and off with the spline (the papers)."""
     device: str = "auto"
     """Where to compute: auto (a CUDA device if there is one), cpu, or cuda:0."""
@@ -63,14 +63,14 @@ class RunOptions:
     """How bones are carried: each rigidly, known ones first, vertebrae by their landmarks, and ribs follow them by
     the shares of [ribs]; or by the thin-plate spline through all landmarks, which bends them (the papers)."""
     bands: bool = False
-    """Tell how sure each number is, from the errors that case.toml states in [uncertainty]; takes three
-    to five times as long as the relaxation, some seconds, longer under gravity."""
+    """Compute 95 % intervals from the errors that case.toml states in [uncertainty]; takes some seconds, longer
+    under gravity."""
     record: bool = True
     """Write recording.rrd, which the viewer steps through."""
     record_steps: bool = False
     """Record every step of the relaxations too, on a second timeline."""
     record_colours: tuple[FurtherColour, ...] = ()
-    """What else the colours of the recorded skin can show than its displacement; costs time at every increment."""
+    """Further colours of the recorded skin beside its displacement; they cost time at every increment."""
     live: bool = False
     """Show it live: `plan` opens the planning page in the browser, all else the recording in the viewer as it
     grows."""
@@ -147,7 +147,7 @@ def parameters(options: RunOptions) -> dict[str, Any]:
     add(dataclasses.asdict(options))
     for name in ("energy", "skin_rigidity"):
         del flat[name]
-    flat["energy"] = options.energy_of_tissue  # after what it goes by
+    flat["energy"] = options.energy_of_tissue  # after the options that it depends on
     flat["skin_rigidity"] = options.rigidity_of_skin
     if options.from_mesh is not None:
         flat["from_mesh"] = str(options.from_mesh)

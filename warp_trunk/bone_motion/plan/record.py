@@ -26,7 +26,7 @@ _CHOICES = {"unfused": ("follow", "fixed"), "balance": ("keep", "centre")}
 
 @dataclass(frozen=True)
 class CurvePlan:
-    """What is asked of one curve; what is left out is asked of nothing.
+    """The targets of one curve; a target that is omitted is free.
 
     >>> wt.CurvePlan("T8", correction=0.65).derotation is None
     True
@@ -60,7 +60,7 @@ class CurvePlan:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What the surgeon intends. Angles are between vertebral axes, from endplate centre to endplate centre.
+    """The intended surgery. Angles are between vertebral axes, from endplate centre to endplate centre.
 
     >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65, derotation=0.4)])
     >>> plan.moves
@@ -72,7 +72,7 @@ class Plan:
     liv: str
     """Lower instrumented vertebra, the lowest that is fused."""
     curves: Sequence[CurvePlan] = ()
-    """What is asked of each curve; of the others nothing is."""
+    """The targets of each curve; curves that are not listed have none."""
     kyphosis_T5_T12: float | None = None  # noqa: N815 - the clinic's name
     """Thoracic kyphosis after [degrees], seen from the side; kept when left out."""
     lordosis_L1_L5: float | None = None  # noqa: N815
