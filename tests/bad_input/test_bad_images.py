@@ -10,7 +10,6 @@ from typing import Any
 import nibabel
 import numpy as np
 import pytest
-import SimpleITK
 from label_maps.voxelise import write_labels
 from nibabel.nifti1 import Nifti1Extension
 
@@ -89,17 +88,6 @@ def slicer(keys: dict[str, str] | None = None, values: np.ndarray | None = None,
     return spoil
 
 
-def metaimage(old: bytes, new: bytes) -> Spoil:
-    """An .mha in place of the NIfTI, with a change in its header."""
-
-    def spoil(folder: Path) -> None:
-        (folder / SEG).unlink()
-        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(labels()[0]), folder / "a.mha")
-        content("a.mha", lambda b: b.replace(old, new, 1))(folder)
-
-    return spoil
-
-
 def extension(xml: str) -> Spoil:
     def change(i: Any) -> Any:
         new = nibabel.Nifti1Image(np.asarray(i.dataobj), i.affine)
@@ -129,7 +117,7 @@ def gz(path: str, data: bytes) -> Spoil:
 NAMED = "<CaretExtension><LabelTable><Label Key='{}'>vertebrae_T8</Label></LabelTable></CaretExtension>"
 # fmt: off
 ROWS: list[tuple[Any, ...]] = [
-    ("no such file", lambda f: (f / SEG).unlink(), "no such file; a label map (.nii, .nii.gz, .nrrd, .mha)"),
+    ("no such file", lambda f: (f / SEG).unlink(), "no such file; a label map (.nii, .nii.gz, .nrrd)"),
     ("empty", content(SEG, lambda b: b""), "cannot be read as a label map"),
     ("noise", content(SEG, lambda b: bytes(range(256)) * 9), "cannot be read as a label map", "write it again"),
     ("truncated gzip", content(SEG, lambda b: b[: len(b) // 2]), "cannot be read as a label map"),
@@ -201,10 +189,6 @@ ROWS: list[tuple[Any, ...]] = [
     ("two segments of one label",
      slicer({"Segment1_Name": "T9", "Segment1_LabelValue": "36", "Segment1_Layer": "0"}),
      "have the same label 36"),
-    ("MetaImage in another file", metaimage(b"LOCAL", b"a.raw"), "keeps its voxels in another file"),
-    ("MetaImage without axes", metaimage(b"TransformMatrix", b"Comment"), "does not state its TransformMatrix"),
-    ("MetaImage cut off", lambda f: (metaimage(b"", b"")(f), content("a.mha", lambda b: b[:-400])(f)),
-     "cannot be read"),
     ("a folder of nothing", masks(lambda m: (m / "vertebrae_T8.nii.gz").unlink()), "there is no mask"),
     ("a folder of no bones", masks(lambda m: (m / "vertebrae_T8.nii.gz").rename(m / "spleen.nii.gz")),
      "is a bone that is known"),
@@ -260,9 +244,7 @@ def test_a_broken_image_is_refused_in_one_line(good_map, refused, tmp_path, monk
     monkeypatch.chdir(tmp_path / "map")
     row[1](Path())
     options, said = words(row[2:])
-    given = next(
-        name for name in ("masks", "a.seg.nrrd", "a.mha", "a.dcm", SEG) if Path(name).exists() or name == SEG
-    )
+    given = next(name for name in ("masks", "a.seg.nrrd", "a.dcm", SEG) if Path(name).exists() or name == SEG)
     refused(["import", given, "--body", BODY, "--out", str(tmp_path / "out"), *options], *said)
     assert not (tmp_path / "out").exists()
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import SimpleITK
 from label_maps.voxelise import write_labels
 
 from support.biplanar import biplanar
@@ -80,8 +79,6 @@ def image_file(path: Path) -> None:
     affine = np.diag([2.0, 2.0, 2.0, 1.0])
     if path.name.endswith(".nrrd"):
         write_nrrd(path, labels, affine, {"Segment0_Name": "T8", "Segment0_LabelValue": "5"})
-    elif path.name.endswith(".mha"):
-        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(labels), str(path), useCompression=True)
     else:
         write_labels(path, labels, affine, {5: "vertebrae_T8"})
 
@@ -138,7 +135,6 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
     "labels .nii": ("a.nii", image_file, read_labels),
     "labels .nii.gz": ("a.nii.gz", image_file, read_labels),
     "labels .seg.nrrd": ("a.seg.nrrd", image_file, read_labels),
-    "labels .mha": ("a.mha", image_file, read_labels),
     "scan .nii.gz": ("a.nii.gz", image_file, read_scan),
     "label table": ("a.csv", text_file("number,name\n5,vertebrae_T8\n"), lambda path: label_table(str(path))),
     "trunk.vtu": ("a.vtu", volume_file, read_trunk),

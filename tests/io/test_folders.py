@@ -1,11 +1,17 @@
-"""Folders to write to."""
+"""Folders to write to, and two processes with one result folder."""
 
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from warp_trunk.errors import InputError
-from warp_trunk.io.folders import make_writable, removed_if_empty
+from warp_trunk.io.folders import LOCK, locked, make_writable, removed_if_empty
 
 
 def test_a_folder_is_made_and_stays_empty(tmp_path: Path) -> None:
@@ -32,3 +38,66 @@ def test_what_has_something_in_it_stays(tmp_path: Path) -> None:
         (tmp_path / "x" / "y").mkdir(parents=True)
         (tmp_path / "x" / "kept").write_text("")
     assert sorted(tmp_path.rglob("*")) == [tmp_path / "x", tmp_path / "x" / "kept"]
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from warp_trunk.io.folders import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def holder(folder: Path) -> subprocess.Popen[str]:
+    process = subprocess.Popen([sys.executable, "-c", HOLD, str(folder)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "held\n"
+    return process
+
+
+def test_the_second_process_is_refused_until_the_first_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "result").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "result")
+    process = holder(tmp_path / "result")
+    try:
+        for name in ("result", "link"):
+            with (
+                pytest.raises(InputError, match=f"process {process.pid} writes") as error,
+                locked(tmp_path / name),
+            ):
+                pass
+            assert str(error.value).startswith(str(tmp_path / name))
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    with locked(tmp_path / "link"):
+        assert (tmp_path / "result" / LOCK).read_text() == f"{os.getpid()}\n"
+    assert list((tmp_path / "result").iterdir()) == []
+
+
+def test_the_lock_ends_with_its_block_also_by_an_error(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), locked(tmp_path):
+        raise RuntimeError
+    with locked(tmp_path), pytest.raises(InputError, match=f"process {os.getpid()} "), locked(tmp_path):
+        pass
+    with locked(tmp_path):
+        pass
+
+
+def test_a_lock_removed_while_it_is_taken_is_taken_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process before ends between this one's opening of the file and its lock: it would hold a file without
+    a name, and a third process could lock a new one."""
+    opened, left = os.open, [1]
+
+    def opens(path, *more):
+        handle = opened(path, *more)
+        if left:
+            left.pop()
+            Path(path).unlink()
+        return handle
+
+    monkeypatch.setattr("warp_trunk.io.folders.os.open", opens)
+    with locked(tmp_path), pytest.raises(InputError), locked(tmp_path):
+        pass

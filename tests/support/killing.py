@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from warp_trunk.io.lock import LOCK
+from warp_trunk.io.folders import LOCK
 
 PATIENCE = 120.0
 """How long a process at work is waited for [s]."""

@@ -1,12 +1,16 @@
-"""Folders to write to: known to take files before any long work, and gone again where nothing was put in them."""
+"""Folders to write to: writable before any long work, locked for one process, removed where they stay empty."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from warp_trunk.errors import InputError
+
+LOCK = ".lock"
+"""The file that the process writing into a folder holds, with its number."""
 
 
 def make_writable(folder: Path, what: str) -> None:
@@ -40,3 +44,29 @@ def removed_if_empty(folder: Path) -> Iterator[None]:
         with suppress(OSError):  # something is in it
             for path in new:
                 path.rmdir()
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keeps other processes out of a folder while the block runs; the lock ends with the process, however it ends.
+
+    Raises:
+        InputError: another process holds it, by this or another name of the folder.
+    """
+    from filelock import FileLock, Timeout
+
+    path = folder / LOCK
+    lock = FileLock(path, timeout=0.2, poll_interval=0.05)  # again where the process before has just removed it
+    try:
+        lock.acquire()
+    except Timeout:
+        owner = path.read_text(errors="replace").strip() if path.is_file() else "unknown"
+        raise InputError(
+            f"{folder}: process {owner} writes its result here; wait for its end or give another --out"
+        ) from None
+    try:
+        path.write_text(f"{os.getpid()}\n")
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        lock.release()

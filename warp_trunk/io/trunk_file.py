@@ -1,4 +1,4 @@
-"""The file of a trunk mesh, trunk.vtu: what is simulated with how far it moved."""
+"""The file of a trunk mesh, trunk.vtu: the mesh that is simulated, with its displacement."""
 
 from __future__ import annotations
 
@@ -12,48 +12,35 @@ from warp_trunk.errors import InputError
 
 from .file_access import reason
 from .volume_files import read_mesh
-from .vtu_writing import write_vtu
 
 
 def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
-    """A mesh with its displacement (nodes, 3) [mm] as a meshio.Mesh; `write_trunk` tells its data."""
+    """A mesh with its displacement (nodes, 3) [mm] as a meshio.Mesh; `write_trunk` describes its data."""
     import meshio  # heavy
 
-    triangles, point_data, cell_data = _data(trunk, displacement)
-    return meshio.Mesh(
-        trunk.nodes,
-        [("tetra", trunk.tets), ("triangle", triangles)],
-        point_data=point_data,
-        cell_data={
-            name: [values[: len(trunk.tets)], values[len(trunk.tets) :]] for name, values in cell_data.items()
-        },
-    )
-
-
-def _data(trunk: TrunkMesh, displacement: np.ndarray) -> tuple[np.ndarray, dict[str, Any], dict[str, np.ndarray]]:
-    """The triangles of skin and bone in node numbers, and the data of points and of cells."""
     skin_vertex = np.full(len(trunk.nodes), -1, dtype=np.int32)
     skin_vertex[trunk.skin_nodes] = np.arange(len(trunk.skin_nodes), dtype=np.int32)
     kind = np.where(trunk.bone >= 0, 2, 0).astype(np.int32)
     kind[trunk.skin_nodes] = 1
     triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
-    sizes = [len(trunk.tets), len(trunk.skin_faces), len(trunk.bone_faces)]
-    cell_data: dict[str, np.ndarray] = {"part": np.repeat(np.arange(3, dtype=np.int32), sizes)}
+    skin = np.arange(len(triangles)) < len(trunk.skin_faces)
+    cell_data: dict[str, list[np.ndarray]] = {
+        "part": [np.zeros(len(trunk.tets), dtype=np.int32), np.where(skin, 1, 2).astype(np.int32)]
+    }
     if trunk.tissue is not None:
-        parts = trunk.tissue.ndim == 2
-        label = trunk.tissue.argmax(axis=1) if parts else trunk.tissue
-        cell_data["tissue"] = np.append(label, np.full(len(triangles), -1)).astype(np.int32)
-        if parts:
-            cell_data["tissue_parts"] = np.vstack(
-                [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
-            )
+        shares = trunk.tissue.ndim == 2
+        label = trunk.tissue.argmax(axis=1) if shares else trunk.tissue
+        cell_data["tissue"] = [label.astype(np.int32), np.full(len(triangles), -1, dtype=np.int32)]
+        if shares:
+            cell_data["tissue_parts"] = [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
     point_data = {
         "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
         "node_kind": kind,
         "bone": trunk.bone,
         "skin_vertex": skin_vertex,
     }
-    return triangles, point_data, cell_data
+    cells = [("tetra", trunk.tets), ("triangle", triangles)]
+    return meshio.Mesh(trunk.nodes, cells, point_data=point_data, cell_data=cell_data)
 
 
 def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | None = None) -> None:
@@ -61,23 +48,29 @@ def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | N
 
     Points at rest [mm]; point data `displacement` [mm] (nodes, 3), `node_kind` (0 free, 1 skin, 2 bone),
     `bone` (index into the names, or -1) and `skin_vertex` (number of the skin vertex, or -1). Cells are the
-    tetrahedra, then the triangles of skin and bone surface, told apart by the cell data `part` (0 tissue,
-    1 skin, 2 bone). Where there are several tissues, `tissue` says of which a tetrahedron is, or most of it,
-    and `tissue_parts` how much of each. The names of the bones are field data, UTF-8 codes with one name a line.
+    tetrahedra, then the triangles of skin and bone surface; the cell data `part` is 0 for tissue, 1 for skin and 2
+    for bone. Where there are several tissues, `tissue` is that of a tetrahedron, or of most of it, and
+    `tissue_parts` the share of each. The names of the bones are field data, UTF-8 codes with one name a line;
+    meshio 5.3 writes none, so that they are inserted.
 
     Raises InputError when the displacement does not have one row for each node.
     """
-    count = len(trunk.nodes)
+    import meshio  # heavy
+
+    path, count = Path(path), len(trunk.nodes)
     if displacement is None:
         displacement = np.zeros((count, 3))
     if displacement.shape != (count, 3):
         raise InputError(
             f"{path}: the displacement must have shape ({count}, 3), one row a node, not {displacement.shape}"
         )
-    triangles, point_data, cell_data = _data(trunk, displacement)
+    meshio.vtu.write(path, as_meshio(trunk, displacement))
     names = "\n".join(trunk.bone_names).encode()
-    cells = (trunk.tets, triangles)
-    write_vtu(Path(path), trunk.nodes, cells, point_data=point_data, cell_data=cell_data, names=names)
+    field = (
+        f'<UnstructuredGrid>\n<FieldData><DataArray type="UInt8" Name="bone_names" NumberOfTuples="{len(names)}" '
+        f'format="ascii">{" ".join(map(str, names))}</DataArray></FieldData>'
+    )
+    path.write_bytes(path.read_bytes().replace(b"<UnstructuredGrid>", field.encode(), 1))
 
 
 def read_trunk(path: str | Path) -> tuple[TrunkMesh, np.ndarray]:

@@ -1,7 +1,7 @@
 """The result folder of a simulation, written and read, and its end in words."""
 
 from warp_trunk.io.atomic_write import partial
-from warp_trunk.io.lock import locked
+from warp_trunk.io.folders import locked
 
 from .fingerprint import fingerprint_of
 from .result import (

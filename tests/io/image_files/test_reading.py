@@ -10,7 +10,6 @@ from typing import Any
 import nibabel
 import numpy as np
 import pytest
-import SimpleITK
 
 from support.label_maps import write_nrrd
 from warp_trunk.errors import InputError
@@ -104,17 +103,6 @@ def test_an_nrrd_says_itself_where_left_is(tmp_path, encoding, space, signs):
     image = read_labels(tmp_path / "a.nrrd")
     np.testing.assert_array_equal(image.layers[0], VALUES)
     np.testing.assert_allclose(image.affine, np.diag([*signs, 1, 1]) @ RAS)
-
-
-def test_a_metaimage_is_read_in_lps(tmp_path):
-    image = SimpleITK.GetImageFromArray(VALUES.T)
-    image.SetSpacing([1.0, 2.0, 3.0])
-    image.SetDirection([0, -1, 0, 1, 0, 0, 0, 0, 1])
-    image.SetOrigin([4.0, 5.0, 6.0])
-    SimpleITK.WriteImage(image, tmp_path / "a.mha", useCompression=True)
-    back = read_labels(tmp_path / "a.mha")
-    np.testing.assert_array_equal(back.layers[0], VALUES)
-    np.testing.assert_allclose(back.affine[:3], [[0, -2, 0, 4], [1, 0, 0, 5], [0, 0, 3, 6]])
 
 
 def test_segments_of_slicer_lie_in_layers(tmp_path):

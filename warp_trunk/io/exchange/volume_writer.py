@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,10 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
 from ..trunk_file import as_meshio, write_trunk
-from .abaqus import write_abaqus
-from .febio import write_febio
+from .solver_files import write_abaqus, write_febio
+
+ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp", ".feb")
+"""Endings of the files that are written."""
 
 
 def write_volume(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
@@ -43,59 +44,20 @@ def write_volume(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray, t
             f"{path}: the displacement must have shape {trunk.nodes.shape}, one row a node, not "
             f"{displacement.shape}"
         )
-    ENDINGS[path.suffix.lower()](path, trunk, displacement, tissue)
-
-
-def node_sets(trunk: TrunkMesh) -> dict[str, np.ndarray]:
-    """Nodes of the skin, of all bones, and of each bone by its name, in ascending order."""
-    sets = {"skin": np.sort(trunk.skin_nodes), "bones": np.flatnonzero(trunk.prescribed)}
-    for number, name in enumerate(trunk.bone_names):
-        on_it = np.flatnonzero(trunk.bone == number)
-        if on_it.size:
-            sets[f"bone_{name}"] = on_it
-    return sets
-
-
-def _vtu(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
-    write_trunk(path, trunk, displacement)
-
-
-def _vtk(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
     import meshio  # heavy
 
-    meshio.vtk.write(path, as_meshio(trunk, displacement))
-
-
-def _xdmf(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
-    import meshio  # heavy
-
-    # all in one file, so that it can be moved
-    meshio.xdmf.write(path, as_meshio(trunk, displacement), data_format="XML")
-
-
-def _gmsh(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
-    import meshio  # heavy
-
-    whole = as_meshio(trunk, displacement)
-    # meshio writes one kind of cell to this format; the boundary follows from the tetrahedra
-    tets: Any = meshio.Mesh(whole.points, whole.cells[:1], point_data=whole.point_data)
-    meshio.gmsh.write(str(path), tets, fmt_version="4.1")
-
-
-def _abaqus(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
-    write_abaqus(path, trunk, displacement, tissue, node_sets(trunk))
-
-
-def _febio(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
-    write_febio(path, trunk, displacement, tissue, node_sets(trunk))
-
-
-ENDINGS: dict[str, Callable[[Path, TrunkMesh, np.ndarray, Tissue], None]] = {
-    ".vtu": _vtu,
-    ".vtk": _vtk,
-    ".xdmf": _xdmf,
-    ".msh": _gmsh,
-    ".inp": _abaqus,
-    ".feb": _febio,
-}
-"""How each ending is written."""
+    ending, mesh = path.suffix.lower(), as_meshio(trunk, displacement)
+    if ending == ".vtu":
+        write_trunk(path, trunk, displacement)
+    elif ending == ".vtk":
+        meshio.vtk.write(path, mesh)
+    elif ending == ".xdmf":
+        meshio.xdmf.write(path, mesh, data_format="XML")  # all in one file, so that it can be moved
+    elif ending == ".msh":
+        # meshio writes one kind of cell to this format; the boundary follows from the tetrahedra
+        tets: Any = meshio.Mesh(mesh.points, mesh.cells[:1], point_data=mesh.point_data)
+        meshio.gmsh.write(str(path), tets, fmt_version="4.1")
+    elif ending == ".inp":
+        write_abaqus(path, trunk, displacement, tissue)
+    else:
+        write_febio(path, trunk, displacement, tissue)

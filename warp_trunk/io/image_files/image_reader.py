@@ -1,12 +1,12 @@
 """From a file or a folder to labels or a scan.
 
-SimpleITK reads NRRD, segmentations of 3D Slicer, MetaImage and folders of DICOM; nibabel reads NIfTI. SimpleITK
-2.5 loses data of NIfTI without an error: it fills a file that is cut off with zeros, ignores the lengths of
-axes in the sform, accepts a file that does not state its orientation, and does not return the names of labels.
-It also refuses the sheared grid of a tilted gantry.
+SimpleITK reads NRRD, segmentations of 3D Slicer and folders of DICOM; nibabel reads NIfTI. SimpleITK 2.5 loses
+data of NIfTI without an error: it fills a file that is cut off with zeros, ignores the lengths of axes in the
+sform, accepts a file that does not state its orientation, and does not return the names of labels. It also
+refuses the sheared grid of a tilted gantry. MetaImage is not read: a damaged header of one ends the process.
 
-Peak memory for 512 x 512 x 900 voxels: labels in NIfTI 0.3 GB (float64: 0.4), in NRRD or MetaImage 0.65 GB, in
-NRRD with four layers 2.1 GB; a CT in NIfTI 0.6 GB, in NRRD 1.2 GB, in DICOM 1.2 GB.
+Peak memory for 512 x 512 x 900 voxels: labels in NIfTI 0.3 GB (float64: 0.4), in NRRD 0.65 GB, in NRRD with
+four layers 2.1 GB; a CT in NIfTI 0.6 GB, in NRRD 1.2 GB, in DICOM 1.2 GB.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from warp_trunk.errors import InputError
 from ..file_access import MOST_SURFACE, check_file, limited_memory, reason
 from .grid_checks import check_grid
 
-ENDINGS = (".nii", ".nii.gz", ".nrrd", ".mha")
+ENDINGS = (".nii", ".nii.gz", ".nrrd")
 """Endings of the files that are read; `.seg.nrrd` is one of `.nrrd`."""
 _MOST_VOXELS = 1_000_000_000
 """No label map or scan has more; 512 x 512 x 900 are 236 millions."""
@@ -99,7 +99,7 @@ def _read(path: Path, scan: bool) -> Image:
             "(in a clone: uv sync --extra images)"
         )
     from .nifti import open_nifti
-    from .simpleitk import open_file, open_series
+    from .simpleitk import open_nrrd, open_series
 
     try:
         if path.is_dir():
@@ -108,7 +108,7 @@ def _read(path: Path, scan: bool) -> Image:
             if path.name.lower().endswith((".nii", ".nii.gz")):
                 with open_nifti(path, scan) as stored:
                     return _converted(path, stored, scan)
-            return _converted(path, open_file(path), scan)
+            return _converted(path, open_nrrd(path), scan)
     except InputError:
         raise
     except Exception as error:  # each format fails with errors of its own

@@ -1,4 +1,4 @@
-"""NRRD, segmentations of 3D Slicer (.seg.nrrd), MetaImage and folders of DICOM, by SimpleITK."""
+"""NRRD, segmentations of 3D Slicer (.seg.nrrd) and folders of DICOM, by SimpleITK."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _SPACES = r"(left|right)-(anterior|posterior)-superior|[lr][ap]s"
 """Axes of an NRRD that SimpleITK converts to LPS; it takes any other for LPS without an error."""
 
 
-def open_file(path: Path) -> Stored:
-    """The image of an NRRD or a MetaImage; no other file is opened, whatever the header names.
+def open_nrrd(path: Path) -> Stored:
+    """The image of an NRRD; no other file is opened, whatever the header names.
 
     Raises:
         ValueError: its header names another file, or does not state the orientation, or the segments do not fit.
         RuntimeError: what SimpleITK refuses.
     """
-    (_check_nrrd if path.suffix.lower() == ".nrrd" else _check_metaimage)(path)
+    _check_header(path)
     package = _package()
     try:
-        image = package.ReadImage(str(path))
+        image = package.ReadImage(str(path), imageIO="NrrdImageIO")
     except RuntimeError as error:
         raise RuntimeError(_last_words(error)) from error
     voxels, count = package.GetArrayViewFromImage(image), image.GetNumberOfComponentsPerPixel()
@@ -43,7 +43,7 @@ def open_file(path: Path) -> Stored:
     return Stored(lambda part, _kept=image: voxels[part].T, shape, affine, names)
 
 
-def _check_nrrd(path: Path) -> None:
+def _check_header(path: Path) -> None:
     """ValueError for a header with which SimpleITK would read another file, or put voxels at a wrong place."""
     with path.open("rb") as file:
         if file.read(4) != b"NRRD":
@@ -64,16 +64,6 @@ def _check_nrrd(path: Path) -> None:
     units = {unit.strip('"').lower() for unit in header.get("space units", "").split()}
     if units - {"mm", "millimeter", "millimeters", ""}:
         raise ValueError(f"its lengths are in {', '.join(sorted(units))}; save it in mm")
-
-
-def _check_metaimage(path: Path) -> None:
-    with path.open("rb") as file:
-        text = file.read(1_000_000).decode("latin-1")
-    header = dict(re.findall(r"(?m)^(\w+)[ \t]*=[ \t]*(.*?)\s*$", text[: text.find("ElementDataFile") + 100]))
-    if header.get("ElementDataFile", "").upper() != "LOCAL":
-        raise ValueError("it keeps its voxels in another file, which is not opened; save all in one .mha")
-    if not {"TransformMatrix", "Orientation", "Rotation"} & set(header):
-        raise ValueError("it does not state its TransformMatrix; save it so that the patient's left is known")
 
 
 def _segments(header: Mapping[str, str], layers: int) -> tuple[dict[int, str], ...]:

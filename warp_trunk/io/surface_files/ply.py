@@ -1,7 +1,8 @@
 """PLY: text or binary of either byte order, with polygons of any size and whatever else it holds passed over.
 
 A reader of our own: trimesh 5.2 refuses binary files with polygons of several sizes, which Blender writes, and
-takes a damaged size for that of the first; meshio 5.3 refuses `vertex_index` and further elements, such as edges.
+reads a text that lacks its last face, a corner 1.5 and a damaged number of corners without an error; meshio 5.3
+refuses `vertex_index` and further elements, such as edges.
 """
 
 from __future__ import annotations

@@ -12,10 +12,9 @@ from warp_trunk.geometry.surface import Surface, check_surface
 
 from ..file_access import MOST_SURFACE, limited_memory, read_bytes, reason
 from .by_trimesh import read_glb, read_off, read_stl
-from .legacy_vtk import read_vtk
 from .ply import read_ply
-from .vtp import read_vtp
-from .wavefront import read_obj
+from .polygons import read_obj
+from .vtk import read_vtk, read_vtp
 
 _READERS: dict[str, Callable[[bytes], tuple[np.ndarray, np.ndarray]]] = {
     ".ply": read_ply,
@@ -28,6 +27,28 @@ _READERS: dict[str, Callable[[bytes], tuple[np.ndarray, np.ndarray]]] = {
 }
 ENDINGS = frozenset(_READERS)
 """Endings of the files that are read."""
+
+
+def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
+    """The surface files of a folder by name without ending, sorted; only those called `stem` where given.
+
+    Hidden files, folders and pipes are passed over.
+
+    Raises:
+        InputError: two files of one name.
+    """
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        ours = path.is_file() and path.suffix.lower() in ENDINGS and not path.name.startswith(".")
+        if not ours or (stem is not None and path.stem != stem):
+            continue
+        if path.stem in found:
+            raise InputError(
+                f"{path}: there is {found[path.stem].name} beside it; give '{path.stem}' in one file "
+                "and remove the other"
+            )
+        found[path.stem] = path
+    return found
 
 
 def read_surface(path: str | Path) -> Surface:

@@ -1,4 +1,4 @@
-"""From a surface to a file, by the file's ending."""
+"""From a surface to a file, in the format of the file's ending."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
 
 
 def write_surface(path: str | Path, surface: Surface) -> None:
-    """Write a surface in the format of the name's ending, vertices in their order; whole or not at all.
+    """Write a surface in the format of the name's ending, vertices in their order; the write is atomic.
 
     PLY keeps float64, so that positions come back to the last bit; trimesh writes the other formats.
 

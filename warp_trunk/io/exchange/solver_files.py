@@ -1,8 +1,9 @@
-"""A problem for FEBio (.feb, version 4.0 of its format), in mm, N, s and MPa."""
+"""A problem for other solvers, in mm, N and MPa: Abaqus and CalculiX (.inp), FEBio (.feb, version 4.0)."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
@@ -14,11 +15,46 @@ STEPS = 10
 """Time steps over which FEBio moves the bones."""
 
 
-def write_febio(
-    path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue, sets: dict[str, np.ndarray]
-) -> None:
+def node_sets(trunk: TrunkMesh) -> dict[str, np.ndarray]:
+    """Nodes of the skin, of all bones, and of each bone by its name, in ascending order."""
+    sets = {"skin": np.sort(trunk.skin_nodes), "bones": np.flatnonzero(trunk.prescribed)}
+    for number, name in enumerate(trunk.bone_names):
+        on_it = np.flatnonzero(trunk.bone == number)
+        if on_it.size:
+            sets[f"bone_{name}"] = on_it
+    return sets
+
+
+def write_abaqus(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
+    """Nodes, linear tetrahedra, node sets, a linear material under large displacements, and a static step in
+    which every node on bone is moved."""
+    import meshio  # heavy
+
+    named: Any = node_sets(trunk)
+    mesh = meshio.Mesh(
+        trunk.nodes,
+        [("tetra", trunk.tets)],
+        point_sets=named,
+        cell_sets={"tissue": [np.arange(len(trunk.tets))]},
+    )
+    meshio.abaqus.write(path, mesh, float_fmt=".12g")
+    held = np.flatnonzero(trunk.prescribed)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(
+            "*MATERIAL, NAME=TISSUE\n*ELASTIC\n"
+            f"{tissue.youngs_modulus * 1e-3:.9g}, {tissue.poisson_ratio:.9g}\n"
+            "*SOLID SECTION, ELSET=tissue, MATERIAL=TISSUE\n"
+            "*STEP, NLGEOM, INC=1000\n*STATIC\n0.1, 1.0\n*BOUNDARY\n"
+        )
+        for node, motion in zip((held + 1).tolist(), displacement[held].tolist(), strict=True):
+            file.writelines(f"{node}, {axis}, {axis}, {u:.12g}\n" for axis, u in enumerate(motion, start=1))
+        file.write("*NODE FILE\nU\n*END STEP\n")
+
+
+def write_febio(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue: Tissue) -> None:
     """Nodes, linear tetrahedra, node sets, the surface of the skin, FEBio's neo-Hookean material, and a static
     analysis in which every node on bone is moved along a straight line."""
+    sets = node_sets(trunk)
     root = Element("febio_spec", version="4.0")
     SubElement(root, "Module", type="solid")
     control = SubElement(root, "Control")
