@@ -24,7 +24,7 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
     kind[trunk.skin_nodes] = 1
     triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
     skin = np.arange(len(triangles)) < len(trunk.skin_faces)
-    cell_data: dict[str, list[np.ndarray]] = {
+    cell_data: dict[str, Any] = {
         "part": [np.zeros(len(trunk.tets), dtype=np.int32), np.where(skin, 1, 2).astype(np.int32)]
     }
     if trunk.tissue is not None:
@@ -33,13 +33,13 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
         cell_data["tissue"] = [label.astype(np.int32), np.full(len(triangles), -1, dtype=np.int32)]
         if shares:
             cell_data["tissue_parts"] = [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
-    point_data = {
+    point_data: dict[str, Any] = {
         "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
         "node_kind": kind,
         "bone": trunk.bone,
         "skin_vertex": skin_vertex,
     }
-    cells = [("tetra", trunk.tets), ("triangle", triangles)]
+    cells: Any = [("tetra", trunk.tets), ("triangle", triangles)]
     return meshio.Mesh(trunk.nodes, cells, point_data=point_data, cell_data=cell_data)
 
 
