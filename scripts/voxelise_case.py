@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from warp_trunk import Surface, read_surface
 from warp_trunk.io.surface_files import surface_files
-from warp_trunk.preparation.label_maps.tables import TABLES
+from warp_trunk.preparation.label_maps.names import TABLES
 
 
 def main() -> None:

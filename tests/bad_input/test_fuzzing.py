@@ -34,8 +34,8 @@ from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.transform_file import read_transform
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.meshing import cache
-from warp_trunk.meshing.layers.labels import labels_from_mesh
-from warp_trunk.preparation.label_maps.tables import label_table
+from warp_trunk.meshing.layers import labels_from_mesh
+from warp_trunk.preparation.label_maps.names import label_table
 from warp_trunk.preparation.reconstruction import read_film
 from warp_trunk.preparation.reconstruction.films import read_projection
 from warp_trunk.results import read_result

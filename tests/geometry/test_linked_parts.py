@@ -1,6 +1,6 @@
 import numpy as np
 
-from warp_trunk.geometry.linked_parts import linked_parts
+from warp_trunk.geometry.surface_checks import linked_parts
 
 
 def test_parts_are_numbered_in_the_order_of_their_first_things() -> None:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from warp_trunk.geometry.spline import fit_spline
-from warp_trunk.geometry.spline_derivative import SplineDerivative
+from warp_trunk.geometry.spline import SplineDerivative, fit_spline
 
 RNG = np.random.default_rng(8)
 CENTRE = np.array([0.0, 30.0, 1200.0])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.spline import fit_spline
-from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.geometry.spline import fit_spline, spline_response
 
 RANDOM = np.random.default_rng(5)
 SOURCES = RANDOM.uniform(-200.0, 200.0, (30, 3))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from support.meshes import block_with_bone
-from warp_trunk.meshing.set_up_cache import SetUpCache
+from warp_trunk.meshing.cache import SetUpCache
 
 TRUNK = block_with_bone((3, 3, 3), holes=((1, 1, 1),))
 VALUES = np.arange(5000)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from warp_trunk.meshing.space_order import morton_order
+from warp_trunk.meshing.build import morton_order
 
 
 def test_cells_of_a_cube_come_in_z_order():

@@ -10,7 +10,7 @@ from support.small_trunk import boned_case
 from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.geometry.spline import spline_response
 from warp_trunk.run.error_fields import SAMPLE, ErrorFields, draw_landmarks, rigid_fields, spline_fields
 
 CASE, TRUNK = boned_case()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.spline_derivative import SplineDerivative
+from warp_trunk.geometry.spline import SplineDerivative
 
 from .small_changes import ARM
 

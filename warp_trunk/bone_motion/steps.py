@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_adjoint, on_line
-from warp_trunk.geometry.spline import Spline
-from warp_trunk.geometry.spline_derivative import SplineDerivative
+from warp_trunk.geometry.spline import Spline, SplineDerivative
 
 from .small_changes import ARM, carried_along, jacobian
 

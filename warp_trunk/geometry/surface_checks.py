@@ -11,10 +11,28 @@ from warp_trunk.errors import InputError
 from warp_trunk.kernels.surface import crossed_by_any, crossing_faces
 
 from .cores import launch_over_cores
-from .linked_parts import linked_parts
 from .normals import area_vectors
 from .search_tree import search_tree
 from .surface import Surface
+
+
+def linked_parts(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
+    """Number of the connected part of each of `count` things, from 0 in the order of their first ones.
+
+    Args:
+        first: one thing of each link, shape (links,), integers from 0.
+        second: the other, shape (links,).
+        count: number of things.
+
+    Returns:
+        Shape (count,), int32.
+    """
+    from scipy.sparse import coo_array  # heavy
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
+    return connected_components(links, directed=False)[1]
+
 
 _INT: Any = wp.int32
 _BOOL: Any = wp.bool

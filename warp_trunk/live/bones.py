@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.geometry.rigid import fit_rigid_all
-from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.geometry.spline import spline_response
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform

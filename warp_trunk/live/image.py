@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.geometry.spline import spline_response
 
 from .forecast import Forecast
 

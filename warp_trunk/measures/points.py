@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.points import SKIN
-from warp_trunk.geometry.nearest import nearest
+from warp_trunk.geometry.search_tree import nearest
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.linked_parts import linked_parts
 from warp_trunk.geometry.normals import area_vectors, unit
+from warp_trunk.geometry.surface_checks import linked_parts
 
 from .spine import asis_axis, spine_of
 

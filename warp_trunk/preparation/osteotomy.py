@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.linked_parts import linked_parts
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.geometry.surface_checks import components, enclosed_volume, manifold_fault
+from warp_trunk.geometry.surface_checks import components, enclosed_volume, linked_parts, manifold_fault
 
 from .scanning import CutPlane
 from .scanning.cutting import cut_within

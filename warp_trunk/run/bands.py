@@ -19,7 +19,7 @@ from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.geometry.spline import spline_response
 from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 

@@ -17,13 +17,13 @@ from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume
 from warp_trunk.meshing import make_trunk
+from warp_trunk.meshing.cache import SetUpCache
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
-from warp_trunk.meshing.set_up_cache import SetUpCache
 
 from .options import RunOptions
 from .progress import stage_of

@@ -13,7 +13,7 @@ from warp_trunk.bone_motion.steps import RememberedSteps
 from warp_trunk.engine.linearization import Adjoints, Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.spline_response import spline_response
+from warp_trunk.geometry.spline import spline_response
 from warp_trunk.measures import measure
 from warp_trunk.measures.derivatives import (
     Derivative,

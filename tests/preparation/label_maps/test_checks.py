@@ -9,9 +9,8 @@ from support.blocks import blocks, moved, spine_and_hips
 from support.label_maps import mask_of
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.preparation.label_maps.image_checks import doubts_of_image
 from warp_trunk.preparation.label_maps.mask import Mask
-from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_bones
+from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_bones, doubts_of_image
 
 Bones = dict[str, Surface]
 

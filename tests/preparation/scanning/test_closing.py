@@ -9,8 +9,8 @@ import pytest
 from support.partial_scans import scan
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.nearest import nearest
 from warp_trunk.geometry.normals import vertex_areas
+from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.io.surface_files import read_surface, write_surface

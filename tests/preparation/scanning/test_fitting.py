@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial import Delaunay
 
 from support.synthetic import sphere
-from warp_trunk.geometry.nearest import nearest
 from warp_trunk.geometry.normals import vertex_areas
+from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.scanning.fitting import fit_to_points
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.case.layers import SKIN_THICKNESS
-from warp_trunk.geometry.nearest import nearest
 from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 
 from ..scanning import CutPlane

@@ -24,10 +24,9 @@ from ..landmark_finder import FoundLandmarks, find_landmarks
 from ..scanning import CutPlane
 from .cartilages import split_cartilages
 from .fat import FatThickness, fat_thickness
-from .image_checks import doubts_of_image
 from .mask import Mask
 from .names import CARTILAGES, FAT, MUSCLE, RIB, SKIN
-from .segmentation_checks import doubts_of_bones
+from .segmentation_checks import doubts_of_bones, doubts_of_image
 from .skin import body_skin, check_cuts
 from .sources import Source
 from .surfaces import BoneShape, bone_shape

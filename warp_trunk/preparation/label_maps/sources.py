@@ -14,8 +14,7 @@ from warp_trunk.io.image_files.image_reader import ENDINGS, Image, image_ending,
 from warp_trunk.io.surface_files import read_surface, surface_files
 
 from .mask import Mask, boxes, joined
-from .names import ARMS, FAT, MUSCLE, SKIN, known_name
-from .tables import TABLES, label_table
+from .names import ARMS, FAT, MUSCLE, SKIN, TABLES, known_name, label_table
 
 _JOINED = {"sacrum", SKIN}
 """Things that may be in several labels: the first sacral vertebra is one of its own in TotalSegmentator."""

@@ -11,7 +11,7 @@ from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import components
 
-from .record import FoundVertebra
+from .found_landmarks import FoundVertebra
 
 _PIECE = 0.1
 """Pieces that hold more than this share of a bone's vertices beside the largest are no specks."""

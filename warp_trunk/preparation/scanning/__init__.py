@@ -1,10 +1,9 @@
 """From the scans of digitizers to one closed skin."""
 
-from .alignment import Alignment, align_parts
+from .alignment import Alignment, align_parts, moved
 from .closing import ClosedSkin, CloseOptions, close_skin
 from .cutting import CutPlane
 from .parts import check_parts
-from .transforms import moved
 
 __all__ = [
     "Alignment",

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.nearest import nearest
 from warp_trunk.geometry.normals import vertex_areas
+from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 
-from .overlap import covered_by, reach_of
-from .transforms import moved
+from .parts import covered_by, reach_of
 
 _ROUNDS = 30
 """How often the nearest places are searched at most."""
@@ -128,3 +127,8 @@ def _alignment(part: Surface, matrix: np.ndarray, distance: float) -> Alignment:
     shift = float(np.linalg.norm(matrix[:3, :3] @ middle + matrix[:3, 3] - middle))
     half = float(np.linalg.norm(matrix[:3, :3] - np.eye(3))) / np.sqrt(8.0)  # sine of half the angle
     return Alignment(matrix, shift, float(np.degrees(2.0 * np.arcsin(min(half, 1.0)))), distance)
+
+
+def moved(surface: Surface, matrix: np.ndarray) -> Surface:
+    """The surface carried by a rigid transform (4, 4)."""
+    return Surface(surface.vertices @ matrix[:3, :3].T + matrix[:3, 3], surface.faces)

@@ -19,8 +19,7 @@ from warp_trunk.geometry.surface_checks import check_solid
 from .cutting import CutPlane, cut_flat, cut_within, goes_on_beyond
 from .fitting import fit_to_points
 from .openings import Opening, find_openings, patches, rim_of
-from .overlap import covered_by, reach_of
-from .parts import check_parts
+from .parts import check_parts, covered_by, reach_of
 from .winding import sheet_samples, winding_field
 
 _GRID = 0.7

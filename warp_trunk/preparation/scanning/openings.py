@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_trunk.geometry.linked_parts import linked_parts
 from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import linked_parts
 
-from .overlap import boundary_vertices, covered_by
+from .parts import boundary_vertices, covered_by
 
 _STEEP = 0.8
 """At an open end the skin at the rim leans on the plane through it by more than 37 degrees: its mean cosine."""

@@ -22,8 +22,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
-from warp_trunk.meshing.layers import layered
-from warp_trunk.meshing.layers.depth import part_negative, real_skin
+from warp_trunk.meshing.layers import layered, part_negative, real_skin
 
 
 def slab(cells: tuple[int, int, int] = (6, 6, 4), size: float = 10.0) -> TrunkMesh:
