@@ -60,11 +60,6 @@ def test_points_on_a_line_are_turned_by_the_least_angle() -> None:
     np.testing.assert_array_equal(fit_rigid(line, line).apply(POINTS), POINTS)
 
 
-def test_one_point_gives_a_shift() -> None:
-    motion = fit_rigid(POINTS[:1], POINTS[:1] + 7.0 * UP)
-    np.testing.assert_allclose(motion.apply(POINTS), POINTS + 7.0 * UP, atol=1e-12)
-
-
 def test_bad_points_are_refused() -> None:
     with pytest.raises(InputError, match="one shape"):
         fit_rigid(POINTS, POINTS[1:])

@@ -11,6 +11,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings, manifold_fault
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.meshing import MeshOptions, build_trunk, make_trunk
+from warp_trunk.meshing.build import morton_order
 from warp_trunk.meshing.quality import mean_ratio
 
 SKIN = sphere(100.0)
@@ -99,12 +100,10 @@ def test_anatomy():
     folder = Path(os.environ["WARP_TRUNK_ANATOMY"])
     skin = read_surface(folder / "skin.ply")
     bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
-    made = make_trunk(skin, bones, MeshOptions(cache=False))
-    trunk = made.trunk
+    trunk = make_trunk(skin, bones, MeshOptions(cache=False)).trunk
     assert abs(len(trunk.tets) - 225_000) <= 0.15 * 225_000
     np.testing.assert_array_equal(trunk.nodes[trunk.skin_nodes], skin.vertices)
     assert set(trunk.bone[trunk.prescribed]) == set(range(len(bones)))
-    assert made.voxel == 4.0
     bone = Surface(trunk.nodes[trunk.prescribed], _renumbered(trunk))
     assert manifold_fault(bone) is None
     assert len(crossings(bone)) == 0
@@ -114,3 +113,15 @@ def test_anatomy():
 def _renumbered(trunk):
     number = np.cumsum(trunk.prescribed) - 1
     return number[trunk.bone_faces].astype(np.int32)
+
+
+def test_cells_of_a_cube_come_in_z_order():
+    points = np.stack(np.meshgrid(*(np.arange(4.0),) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    shuffled = np.random.default_rng(0).permutation(points)
+    ordered = shuffled[morton_order(shuffled)]
+    np.testing.assert_array_equal(ordered[:4], [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    # every run of eight is one octant of the cube
+    octants = (ordered // 2).reshape(8, 8, 3)
+    assert (octants == octants[:, :1]).all()
+
+    np.testing.assert_array_equal(morton_order(np.zeros((3, 3))), [0, 1, 2])

@@ -65,20 +65,11 @@ def test_the_part_below_a_plane_is_the_integral_of_a_spline(values: tuple[float,
         assert part_negative(np.array([values])[:, order])[0] == pytest.approx(float(below), abs=1e-9)
 
 
-def test_above_and_below_make_the_atomic_write() -> None:
-    values = np.random.default_rng(2).normal(size=(1000, 4))
-    np.testing.assert_allclose(part_negative(values) + part_negative(-values), 1.0, atol=1e-12)
-
-
-def test_a_face_on_the_plane_is_below_it_or_not() -> None:
-    np.testing.assert_array_equal(
-        part_negative(np.array([[-1.0, 0, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0]])), [1, 0, 0]
-    )
-
-
 def test_layers_of_a_slab_have_the_volume_of_their_thickness() -> None:
     """Thinner than a tetrahedron, and as thick as several."""
-    made = layered(slab(), Layers(skin_thickness=2.0, fat_thickness=13.0), "depth")
+    bare = slab()
+    assert layered(bare, Layers(), "none") is bare
+    made = layered(bare, Layers(skin_thickness=2.0, fat_thickness=13.0), "depth")
     assert made.tissue is not None
     np.testing.assert_allclose(made.tissue.sum(axis=1), 1.0, atol=1e-12)
     np.testing.assert_allclose(volumes(made), 3600.0 * np.array([2.0, 13.0, 25.0]), rtol=1e-5)
@@ -119,11 +110,6 @@ def test_a_box_has_no_skin() -> None:
     made = trimesh.creation.box([200.0, 150.0, 400.0])
     with pytest.raises(InputError, match=r"skin: all of it is flat over more than 50 cm\^2"):
         real_skin(Surface(made.vertices, made.faces))
-
-
-def test_no_layers_leave_the_mesh_as_it_is() -> None:
-    bare = slab()
-    assert layered(bare, Layers(), "none") is bare
 
 
 def test_constants_come_from_the_case_then_from_the_literature_then_from_the_uniform_tissue() -> None:

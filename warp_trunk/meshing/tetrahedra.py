@@ -42,9 +42,6 @@ class Tetrahedra:
     """Node indices, each of positive volume, shape (tets, 4), int32."""
     runs: int
     """How often TetGen was run to meet the number asked for."""
-    largest_volume: float
-    """The bound on volume given to TetGen in the run kept [mm^3], which some exceed after improvement;
-    infinite where none was needed."""
 
 
 def tetrahedralize(
@@ -85,7 +82,7 @@ def tetrahedralize(
         )
         count = len(corners)
         if best is None or abs(count - tets) < abs(len(best.tets) - tets):
-            best = Tetrahedra(nodes, corners, run, bound)
+            best = Tetrahedra(nodes, corners, run)
         if abs(count - tets) < _AIM * tets or (count > tets and np.isinf(bound)):
             break
         search.saw(bound, count)

@@ -7,6 +7,7 @@ import pytest
 
 from support.blocks import blocks, moved, spine_and_hips
 from support.label_maps import mask_of
+from support.trunk_shapes import joined
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.label_maps.mask import Mask
@@ -25,12 +26,6 @@ def trunk() -> Bones:
             rib = rib if sign > 0 else Surface(rib.vertices * [-1.0, 1.0, 1.0], rib.faces[:, ::-1])
             bones[f"rib_{side}_{number:02d}"] = moved(rib, np.eye(3), [0.0, middle[1], middle[2]])
     return bones
-
-
-def both(one: Surface, other: Surface) -> Surface:
-    return Surface(
-        np.vstack([one.vertices, other.vertices]), np.vstack([one.faces, other.faces + len(one.vertices)])
-    )
 
 
 def scaled(bone: Surface, by: float) -> Surface:
@@ -69,7 +64,7 @@ FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
     "nothing": (lambda b: b, []),
     "a spine without ribs": (lambda b: {n: s for n, s in b.items() if "rib" not in n}, []),
     "two in one": (
-        lambda b: {**without(b, "T9"), "T8": both(b["T8"], b["T9"])},
+        lambda b: {**without(b, "T9"), "T8": joined(b["T8"], b["T9"])},
         ["T8: is 2.0 times as large as its neighbours; are two vertebrae in it?"],
     ),
     "a part of one": (

@@ -9,6 +9,7 @@ import pytest
 from support.blocks import VERTEBRA, blocks, moved, skeleton, spine_and_hips
 from support.known_landmarks import CURVES, compare, imposed
 from support.known_landmarks import spine_and_hips as real_spine_and_hips
+from support.trunk_shapes import joined
 from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks, read_surface
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, bone_of
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -102,12 +103,6 @@ def without_faces(surface: Surface) -> Surface:
     return Surface(surface.vertices, surface.faces[20:])
 
 
-def together(one: Surface, other: Surface) -> Surface:
-    return Surface(
-        np.vstack([one.vertices, other.vertices]), np.vstack([one.faces, other.faces + len(one.vertices)])
-    )
-
-
 def of_blocks(*boxes) -> Surface:
     return moved(blocks(boxes), 0.8 * np.eye(3), [0.0, 50.0, 440.0 - 20.0 * 6])  # where T7 is
 
@@ -129,7 +124,7 @@ NO_CANAL = (*VERTEBRA, ((-16, -30, 0), (16, -10, 20)))
         (of_blocks(*NO_CANAL), "no canal"),
         (of_blocks(*FUSED), "two vertebrae fused"),
         (without_faces(SPINE["T7"]), "hole"),
-        (together(SPINE["T7"], SPINE["T8"]), "2 pieces"),
+        (joined(SPINE["T7"], SPINE["T8"]), "2 pieces"),
     ],
     ids=["one pedicle", "no arch", "no canal", "fused", "hole", "two pieces"],
 )

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from support.synthetic import box, sphere
+from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
@@ -36,11 +37,7 @@ def test_ball_loses_a_cap_and_is_flat_there(normal):
 
 def test_only_what_is_within_the_radius_goes():
     """Two humps of one height on a slab; the cut takes one."""
-    hump = [sphere(40.0, (x, 0.0, 1300.0), 4) for x in (-60.0, 60.0)]
-    both = Surface(
-        np.concatenate([h.vertices for h in hump]),
-        np.concatenate([hump[0].faces, hump[1].faces + len(hump[0].vertices)]),
-    )
+    both = joined(*(sphere(40.0, (x, 0.0, 1300.0), 4) for x in (-60.0, 60.0)))
     cut = cut_flat(both, [CutPlane((60.0, 0.0, 1310.0), (0.0, 0.0, 1.0), 50.0)], 6.0)
     assert components(cut).max() == 1
     left = cut.vertices[:, 0] < 0.0
@@ -59,10 +56,7 @@ def test_several_planes_meet_in_an_edge():
 def test_rings_get_ring_shaped_ends():
     """A box with a bore, cut across the bore."""
     outer, inner = box((60.0, 60.0, 80.0), splits=4), box((20.0, 20.0, 60.0), splits=4)
-    hollow = Surface(
-        np.concatenate([outer.vertices, inner.vertices]),
-        np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)]),
-    )
+    hollow = joined(outer, Surface(inner.vertices, inner.faces[:, ::-1]))
     cut = cut_flat(hollow, [CutPlane((0.0, 0.0, 11.0), (0.0, 0.0, 1.0))], 4.0)
     check_solid(cut, "cut")
     assert enclosed_volume(cut) == pytest.approx(51 * 3600 - 41 * 400, rel=0.01)

@@ -3,7 +3,6 @@ import pytest
 from scipy.spatial import Delaunay
 
 from support.synthetic import sphere
-from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.scanning.fitting import fit_to_points
@@ -69,8 +68,3 @@ def test_hole_goes_on_with_the_curvature_around_it():
     flat[:, 2] = np.minimum(flat[:, 2], 45.0)
     fitted = fit_to_points(Surface(flat, start.faces), points[seen], areas[seen], 4.0, 15.0)
     assert np.abs(radii(fitted) - 50.0).max() < 1.0
-
-
-def test_areas_of_vertices_sum_to_the_surface():
-    surface = sphere(50.0, subdivisions=4)
-    assert np.linalg.norm(vertex_areas(surface), axis=1).sum() == pytest.approx(4.0 * np.pi * 2500.0, rel=0.01)

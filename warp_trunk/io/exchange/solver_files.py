@@ -41,10 +41,9 @@ def write_abaqus(path: Path, trunk: TrunkMesh, displacement: np.ndarray, tissue:
     held = np.flatnonzero(trunk.prescribed)
     with path.open("a", encoding="utf-8") as file:
         file.write(
-            "*MATERIAL, NAME=TISSUE\n*ELASTIC\n"
-            f"{tissue.youngs_modulus * 1e-3:.9g}, {tissue.poisson_ratio:.9g}\n"
-            "*SOLID SECTION, ELSET=tissue, MATERIAL=TISSUE\n"
-            "*STEP, NLGEOM, INC=1000\n*STATIC\n0.1, 1.0\n*BOUNDARY\n"
+            f"*MATERIAL, NAME=TISSUE\n*ELASTIC\n{tissue.youngs_modulus * 1e-3:.9g}, "
+            f"{tissue.poisson_ratio:.9g}\n*SOLID SECTION, ELSET=tissue, MATERIAL=TISSUE\n*STEP, NLGEOM, "
+            "INC=1000\n*STATIC\n0.1, 1.0\n*BOUNDARY\n"
         )
         for node, motion in zip((held + 1).tolist(), displacement[held].tolist(), strict=True):
             file.writelines(f"{node}, {axis}, {axis}, {u:.12g}\n" for axis, u in enumerate(motion, start=1))

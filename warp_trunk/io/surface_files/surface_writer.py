@@ -59,10 +59,9 @@ def _ply_bytes(surface: Surface) -> bytes:
     """Binary PLY with float64 positions; trimesh 5.2 rounds them to float32, 6e-5 mm at 1 m, and meshio 5.3 writes
     the time of day into the header, so that no two files are the same."""
     header = (
-        "ply\nformat binary_little_endian 1.0\n"
-        f"element vertex {len(surface.vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
-        f"element face {len(surface.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(surface.vertices)}\nproperty double "
+        f"x\nproperty double y\nproperty double z\nelement face {len(surface.faces)}\nproperty list uchar int "
+        "vertex_indices\nend_header\n"
     )
     triangles = np.empty(len(surface.faces), dtype=[("count", "<u1"), ("corners", "<i4", 3)])
     triangles["count"] = 3

@@ -13,13 +13,8 @@ from pathlib import Path
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 
-SKIN, CARTILAGES, FAT, MUSCLE, ARMS = (
-    "skin",
-    "costal_cartilages",
-    "subcutaneous_fat",
-    "skeletal_muscle",
-    "extremities",
-)
+SKIN, ARMS, CARTILAGES = "skin", "extremities", "costal_cartilages"
+FAT, MUSCLE = "subcutaneous_fat", "skeletal_muscle"
 """Structures that are no single bone: the body, all costal cartilages in one, tissue, arms and legs."""
 RIB = re.compile(r"rib_(left|right)_(\d\d)")
 """Our name of a rib."""
@@ -30,18 +25,10 @@ _ORDINALS = (
 )
 _SIDES = {"left": "left", "l": "left", "lt": "left", "right": "right", "r": "right", "rt": "right"}
 _PAIRED = {
-    "hip": "hip",
-    "pelvis": "hip",
-    "innominate": "hip",
-    "coxal": "hip",
-    "coxae": "hip",
-    "scapula": "scapula",
-    "clavicle": "clavicle",
-    "clavicula": "clavicle",
-    "humerus": "humerus",
-    "femur": "femur",
+    **dict.fromkeys(("hip", "pelvis", "innominate", "coxal", "coxae"), "hip"),
+    **dict.fromkeys(("clavicle", "clavicula"), "clavicle"),
+    **{bone: bone for bone in ("scapula", "humerus", "femur")},
 }
-_SINGLE = {"sacrum": "sacrum", "sternum": "sternum"}
 _BODIES = {("body",), ("body", "trunc"), ("body", "trunk"), ("trunk",), ("skin",), ("body", "trunc", "mask")}
 _NO_BONE = {"implant", "prosthesis", "muscle", "artery", "vein", "vena", "nerve", "disc", "disk", "body", "bodies"}
 """Words that make something else of a bone's name; a vertebra's body is no vertebra."""
@@ -85,9 +72,9 @@ def known_name(text: str) -> str | None:
     number = _number(words)
     if "rib" in words or "ribs" in words or "costal" in words:
         return _rib(words, side, number)
-    for word, name in _SINGLE.items():
-        if word in words and len(words) <= 2:
-            return name
+    for bone in ("sacrum", "sternum"):
+        if bone in words and len(words) <= 2:
+            return bone
     for word, name in _PAIRED.items():
         if word in words and side is not None:
             return f"{name}_{side}"

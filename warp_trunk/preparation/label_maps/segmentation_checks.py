@@ -47,8 +47,7 @@ def _sides(bones: Mapping[str, Surface]) -> list[str]:
     if wrong and len(wrong) == len(pairs):
         return [
             f"Left and right are exchanged in all {len(pairs)} pairs of bones: the axes of the file are "
-            "mirrored, or "
-            "the names; write the file again with its orientation, and look where the heart is."
+            "mirrored, or the names; write the file again with its orientation, and look where the heart is."
         ]
     return [f"{name}: lies right of {name.replace('left', 'right')}; exchange these two labels." for name in wrong]
 
@@ -59,9 +58,8 @@ def _numbers(bones: Mapping[str, Surface]) -> list[str]:
     more = [name for name in bones if name in ("T13", "L6") or name.endswith("_13")]
     if more:
         doubts.append(
-            f"{', '.join(sorted(more))}: one more than most people have; look whether the numbering is "
-            "shifted. It stays "
-            "a bone, and has no landmarks."
+            f"{', '.join(sorted(more))}: one more than most people have; look whether the numbering is shifted. "
+            "It stays a bone, and has no landmarks."
         )
     for side in ("left", "right"):
         have = {int(m[2]) for m in map(RIB.fullmatch, bones) if m and m[1] == side}
@@ -70,8 +68,7 @@ def _numbers(bones: Mapping[str, Surface]) -> list[str]:
             names = ", ".join(map(str, missing))
             doubts.append(
                 f"Of the {side} ribs number {names} has no label: cut off by the image, not there in this "
-                "patient, or "
-                "numbered wrong; look which."
+                "patient, or numbered wrong; look which."
             )
     return doubts
 
@@ -112,17 +109,15 @@ def _spacing(spine: Mapping[str, Surface]) -> list[str]:
         share = gaps[pair] / float(np.median(around))
         if steps[pair] == 1 and share > _WIDER:
             doubts.append(
-                f"{pair[0]} and {pair[1]}: are {share:.1f} times as far apart as their neighbours; is a "
-                "vertebra between "
-                f"them without a label, and the numbers below it shifted? {_CURE}."
+                f"{pair[0]} and {pair[1]}: are {share:.1f} times as far apart as their neighbours; is a vertebra "
+                f"between them without a label, and the numbers below it shifted? {_CURE}."
             )
         if steps[pair] > 1 and share < 0.5 * (1 + steps[pair]):
             left_out = ", ".join(VERTEBRAE[VERTEBRAE.index(pair[0]) + 1 : VERTEBRAE.index(pair[1])])
             doubts.append(
-                f"{pair[0]} and {pair[1]}: are as near as neighbours, though {left_out} would be between "
-                "them; this "
-                "patient has fewer vertebrae, or the numbers jump. Look which, and number them as they "
-                "are counted."
+                f"{pair[0]} and {pair[1]}: are as near as neighbours, though {left_out} would be between them; "
+                "this patient has fewer vertebrae, or the numbers jump. Look which, and number them as they are "
+                "counted."
             )
     return doubts
 
@@ -159,9 +154,8 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
     for side, moved in shifts.items():
         if len(moved) >= _ALIKE:
             doubts.append(
-                f"The {side} ribs {', '.join(map(str, moved))} lie at "
-                f"T{', T'.join(map(str, moved.values()))}: their "
-                f"numbers, or those of the vertebrae, are shifted. {_CURE}."
+                f"The {side} ribs {', '.join(map(str, moved))} lie at T{', T'.join(map(str, moved.values()))}: "
+                f"their numbers, or those of the vertebrae, are shifted. {_CURE}."
             )
         else:
             doubts += [
@@ -197,9 +191,8 @@ def doubts_of_image(masks: Mapping[str, Mask], body: Mask | None, spine: Mapping
         hole = _hole(masks["sacrum"])
         if hole > _HOLE:
             doubts.append(
-                f"sacrum: has a hole of {hole / 100.0:.0f} cm2, as segmentation often leaves there; fill "
-                "it, or soft tissue "
-                "takes its place."
+                f"sacrum: has a hole of {hole / 100.0:.0f} cm2, as segmentation often leaves there; fill it, or "
+                "soft tissue takes its place."
             )
     return doubts
 

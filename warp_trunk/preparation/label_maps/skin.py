@@ -222,9 +222,7 @@ def _image_ends(mask: Mask) -> list[CutPlane]:
         voxel[axis] = -0.5 if side == 0 else mask.shape[axis] - 0.5
         point = voxel @ mask.affine[:3, :3].T + mask.affine[:3, 3]
         normal = np.linalg.inv(mask.affine[:3, :3])[axis] * (1.0 if side else -1.0)
-        x, y, z = point.tolist()
-        u, v, w = normal.tolist()
-        planes.append(CutPlane((x, y, z), (u, v, w)))
+        planes.append(CutPlane.at(point, normal))
     return planes
 
 
@@ -250,9 +248,7 @@ def _arm_cuts(mask: Mask, bones: Mapping[str, Surface]) -> list[CutPlane]:
             point, radius = head - _beside(mask, levels, normal) * normal, float(np.ptp(reach))
         else:
             normal, point, radius = along, head, float(np.ptp(reach)) + _BESIDE
-        x, y, z = point.tolist()
-        u, v, w = normal.tolist()
-        planes.append(CutPlane((x, y, z), (u, v, w), radius))
+        planes.append(CutPlane.at(point, normal, radius))
     return planes
 
 

@@ -115,8 +115,7 @@ def _label_map(path: Path, table: Mapping[int, str] | None) -> Source:
     if not any(names):
         raise InputError(
             f"{path}: its labels have no names, and their numbers mean other bones in other versions of a "
-            "program; "
-            f"give --labels {' or '.join(TABLES)}, or a file .csv of numbers and names"
+            f"program; give --labels {' or '.join(TABLES)}, or a file .csv of numbers and names"
         )
     found = Source(notes=[f"{path}: {note}." for note in image.notes])
     for layer, known in zip(image.layers, names, strict=True):

@@ -120,7 +120,7 @@ def _level_set(
     """Where the winding number is 0.5, and the samples of the scans it was made of, shape (n, 3) [mm]."""
     sampled = []
     for name, part in parts.items():
-        points, areas, _ = sheet_samples(part, spacing)
+        points, areas = sheet_samples(part, spacing)
         times = np.ones(len(points))
         for other, sheet in parts.items():
             if other != name:
@@ -149,7 +149,7 @@ def _flatten(skin: Surface, end: Opening, samples: np.ndarray, reach: float, edg
     """
     from scipy.spatial import KDTree  # heavy
 
-    plane = CutPlane(tuple(end.centre.tolist()), tuple(end.normal.tolist()))
+    plane = CutPlane.at(end.centre, end.normal)
     unseen = KDTree(samples).query(skin.vertices)[0] > reach
     part = patches(skin, unseen)
     nearest = np.where(unseen, np.linalg.norm(skin.vertices - end.centre, axis=1), np.inf).argmin()

@@ -43,6 +43,13 @@ class CutPlane:
                 f"not {self.point}, {self.normal} and {self.radius}"
             )
 
+    @classmethod
+    def at(cls, point: np.ndarray, normal: np.ndarray, radius: float = math.inf) -> CutPlane:
+        """The plane through a point (3,) [mm] with a normal (3,)."""
+        x, y, z = point.tolist()
+        a, b, c = normal.tolist()
+        return cls((x, y, z), (a, b, c), radius)
+
     def __str__(self) -> str:
         return "the plane through ({:.1f}, {:.1f}, {:.1f}) mm with normal ({:.2f}, {:.2f}, {:.2f})".format(
             *self.point, *self.normal

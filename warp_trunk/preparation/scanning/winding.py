@@ -15,24 +15,23 @@ from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
 
 
-def sheet_samples(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sheet_samples(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Cut each triangle into equal ones no longer than the spacing [mm].
 
-    Returns their centroids (n, 3) [mm], their area vectors (n, 3) [mm^2], of the length of the area along the
-    outward normal, and the triangle each is of (n,). The area vectors of a closed surface sum to zero.
+    Returns their centroids (n, 3) [mm] and their area vectors (n, 3) [mm^2], of the length of the area along the
+    outward normal. The area vectors of a closed surface sum to zero.
     """
     corners = surface.vertices[surface.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     splits = np.maximum(np.ceil(longest / spacing), 1).astype(int)
     area = area_vectors(surface.vertices, surface.faces)
-    points, areas, owners = [], [], []
+    points, areas = [], []
     for count in np.unique(splits):
         of_count = np.flatnonzero(splits == count)
         weights = _centroids(int(count))
         points.append(np.einsum("sk,fki->fsi", weights, corners[of_count]).reshape(-1, 3))
         areas.append(np.repeat(area[of_count] / count**2, count**2, axis=0))
-        owners.append(np.repeat(of_count, count**2))
-    return np.concatenate(points), np.concatenate(areas), np.concatenate(owners)
+    return np.concatenate(points), np.concatenate(areas)
 
 
 def winding_field(points: np.ndarray, areas: np.ndarray, grid: Grid) -> np.ndarray:
