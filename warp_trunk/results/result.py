@@ -21,8 +21,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
 from warp_trunk.io.file_access import read_text
-from warp_trunk.io.folders import make_writable
-from warp_trunk.io.lock import locked
+from warp_trunk.io.folders import locked, make_writable
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures, measure
