@@ -15,6 +15,7 @@ import os
 import re
 from pathlib import Path
 
+import griffe
 import latex2mathml.converter
 
 from warp_trunk.cli import main
@@ -27,6 +28,18 @@ FIELDS = re.compile(r"<!-- fields of (\S+) in (\S+) -->")
 """A line that is replaced by a table of the fields of a dataclass in a source."""
 MATH = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 """An equation as `pymdownx.arithmatex` leaves it: between \\( and \\), or between \\[ and \\]."""
+
+EXAMPLE = re.compile(r"^>>>.*?(?=\n\n|\Z)", re.DOTALL | re.MULTILINE)
+"""An example of a docstring, up to the next empty line."""
+
+
+class Examples(griffe.Extension):
+    """Shows examples of docstrings as code; mkdocs.yml names it as an extension of mkdocstrings."""
+
+    def on_instance(self, *, obj: griffe.Object, **_: object) -> None:
+        """Puts a fence around each example."""
+        if obj.docstring:
+            obj.docstring.value = EXAMPLE.sub(r"```pycon\n\g<0>\n```", obj.docstring.value)
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:

@@ -32,3 +32,8 @@ def test_equation_becomes_mathml() -> None:
 def test_equation_with_an_unknown_command_is_refused() -> None:
     with pytest.raises(ValueError, match="write it otherwise"):
         site_pages.on_page_content(r'<span class="arithmatex">\(\argh x\)</span>')
+
+
+def test_example_of_a_docstring_becomes_a_block_of_code() -> None:
+    text = "Read.\n\n>>> one\n>>> two\n3\n\nArgs:"
+    assert site_pages.EXAMPLE.sub("X", text) == "Read.\n\nX\n\nArgs:"
