@@ -90,7 +90,7 @@ SURFACES = [
     ("inside out", shape("skin.ply", lambda v, f: (v, f[:, ::-1])), "skin.ply", "must be counterclockwise"),
     ("bone inside out", shape("bones/T7.ply", lambda v, f: (v, f[:, ::-1])), "T7.ply", "counterclockwise"),
     ("two pieces", shape("skin.ply", lambda v, f: (np.vstack([v, 0.01 * v + [0, 0, 200]]), np.vstack([f,
-     f + N]))), "must be one piece, it has 2; keep the outer one"),
+     f + N]))), "must be one piece, but has 2; keep the outer one"),
     ("a line for a triangle", shape("skin.ply", with_a_line), "angles of at least 1 degree", "remesh"),
     ("metres", shape("skin.ply", lambda v, f: (v / 1000.0, f)), "is 0.575 mm tall", 'set units = "m"'),
     ("lying", shape("skin.ply", lambda v, f: (v[:, [1, 2, 0]], f)), "mm", "skin.ply"),
@@ -99,7 +99,7 @@ SURFACES = [
      "mm outside", "one frame"),
     ("bone through the skin", shape("bones/sternum.ply", lambda v, f: (v - [0, 40, 0], f)), "5 mm is allowed"),
     ("bone inside another", lambda folder: write_surface(folder / "bones" / "T7x.ply", tiny_t7()),
-     "T7x.ply: lies wholly inside", "T7.ply", "remove it"),
+     "T7x.ply: lies completely inside", "T7.ply", "remove one of them"),
     ("the same bone twice", lambda f: (f / "bones" / "T7.stl").write_bytes(b""), "T7.stl", "T7.ply beside it"),
     ("a name with a line break", lambda f: (f / "bones" / "T7.ply").rename(f / "bones" / "T\n7.ply"), "T7"),
 ]

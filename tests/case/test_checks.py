@@ -62,7 +62,7 @@ def test_landmarks_must_span_space():
     refused(with_landmarks(lambda p: {n: p[n] for n in few}), "at least 4 landmarks are needed, there are 3")
     refused(
         with_landmarks(lambda p: {n: x * [1.0, 0.0, 1.0] for n, x in p.items()}),
-        "may not all lie in one plane, these are .* mm from one",
+        "must not lie in one plane, these are .* mm from one",
     )
 
 
@@ -174,7 +174,7 @@ def test_the_skin_must_bound_one_solid():
     refused(spoil_skin(vertices=np.vstack([V, V[:1]])), "skin: .*1 vertices are in no triangle")
     inner = np.array([[0, 0, 200.0], [9, 0, 200], [0, 9, 200], [0, 0, 209]])
     tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]) + len(V)
-    refused(spoil_skin(np.vstack([F, tetrahedron]), np.vstack([V, inner])), "must be one piece, it has 2")
+    refused(spoil_skin(np.vstack([F, tetrahedron]), np.vstack([V, inner])), "must be one piece, but has 2")
     dent = V.copy()
     dent[np.argmax(V[:, 1])] -= [0.0, 250.0, 0.0]  # a vertex of the back, pulled out of the front
     refused(spoil_skin(vertices=dent), "skin: the surface must not cross itself")

@@ -120,7 +120,7 @@ def test_two_candidates_are_refused(tmp_path):
 def test_a_skin_under_its_former_name_is_not_passed_over(tmp_path):
     write_case(tmp_path, small_case())
     write_surface(tmp_path / "skin_after.ply", small_case().skin)
-    with pytest.raises(InputError, match=r"skin_after\.ply: .*rename it to actual_skin\.ply"):
+    with pytest.raises(InputError, match=r"skin_after\.ply: .*rename the scan after surgery to actual_skin\.ply"):
         read_case(tmp_path)
 
 
@@ -133,9 +133,9 @@ def test_limits_can_be_set(tmp_path):
 def test_writing_does_not_mix_two_cases(tmp_path):
     write_case(tmp_path, small_case())
     fewer = {name: bone for name, bone in small_case().bones.items() if name != "T7"}
-    with pytest.raises(InputError, match=r"bones/T7\.ply: stands where case .* goes"):
+    with pytest.raises(InputError, match=r"bones/T7\.ply: would be read as part of case"):
         write_case(tmp_path, replace(small_case(), bones=fewer))
-    with pytest.raises(InputError, match=r"'\.\./T7' names a bone and must serve as a file name"):
+    with pytest.raises(InputError, match=r"'\.\./T7' is the name of a bone and must be a valid file name"):
         write_case(tmp_path / "other", replace(small_case(), bones={"../T7": small_case().skin}))
     assert not (tmp_path / "other").exists()
 

@@ -40,9 +40,11 @@ def test_reconstructions_with_the_errors_of_the_papers_are_in_order():
 @pytest.mark.parametrize(("one", "other"), list(combinations(VERTEBRA_POINTS, 2)))
 @pytest.mark.parametrize("level", ["T1", "T8", "L5"])
 def test_two_points_exchanged_are_found_and_named(level, one, other):
-    with pytest.raises(InputError, match=rf"^here: in {level} the .* must lie .* exchanged all is right") as error:
+    with pytest.raises(
+        InputError, match=rf"^here: in {level} the .* must lie .* exchanging .* corrects it"
+    ) as error:
         check_order(exchanged(BEFORE, (f"{level}_{one}", f"{level}_{other}")), "here")
-    assert f"with '{level}_{one}' and '{level}_{other}' exchanged" in str(error.value)
+    assert f"exchanging '{level}_{one}' and '{level}_{other}' corrects" in str(error.value)
 
 
 def test_left_and_right_exchanged_are_named_together():
@@ -100,7 +102,9 @@ def test_two_reconstructions_with_the_errors_of_the_papers_pass():
 @pytest.mark.parametrize("name", ["T1_superior_endplate", "T8_left_pedicle_superior", "L5_right_pedicle_inferior"])
 def test_one_point_off_is_refused_and_named(name, off):
     wrong = shifted(AFTER, name, (0.0, off, 0.0))
-    with pytest.raises(InputError, match=rf"^after: '{name}' is {off:.1f} mm from where the other five") as error:
+    with pytest.raises(
+        InputError, match=rf"^after: '{name}' is {off:.1f} mm from its position by the other five"
+    ) as error:
         check_shapes(BEFORE, wrong, "after")
     assert "mark it again" in str(error.value)
 
@@ -120,14 +124,14 @@ def test_half_of_that_is_a_warning():
     ],
 )
 def test_an_exchange_is_told_from_a_point_that_is_off(one, other):
-    with pytest.raises(InputError, match=rf"with '{one}' and '{other}' exchanged all is right"):
+    with pytest.raises(InputError, match=rf"exchanging '{one}' and '{other}' corrects it"):
         check_shapes(BEFORE, exchanged(AFTER, (one, other)), "after")
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.06, [1.0, 1.0, 1.25]])
 def test_another_patient_is_refused(factor):
     other = Landmarks(AFTER.names, AFTER.points * factor)
-    with pytest.raises(InputError, match="the vertebrae are another patient's"):
+    with pytest.raises(InputError, match="the vertebrae belong to another patient"):
         check_shapes(BEFORE, other, "after")
 
 

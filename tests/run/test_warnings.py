@@ -92,7 +92,7 @@ def test_warnings_reach_console_summary_and_viewer(tmp_path, capsys):
 def test_a_case_made_in_code_is_checked_like_one_that_is_read(tmp_path):
     case, _ = small_case()
     nowhere = replace(case.landmarks_before, points=np.zeros_like(case.landmarks_before.points))
-    with pytest.raises(InputError, match="landmarks_before: landmarks may not all lie in one plane"):
+    with pytest.raises(InputError, match="landmarks_before: landmarks must not lie in one plane"):
         simulate(replace(case, landmarks_before=nowhere), folder=tmp_path / "out")
 
 

@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 
 
 USUAL_DEPTH = (3.0, 35.0)
-"""How deep under the skin a vertebra comes nearest to it [mm], median of all: 21 in the anatomy of BodyParts3D, 10
-in the phantom; 38 and 26 where their skin is enlarged by a fifth."""
+"""Median over the vertebrae of the smallest depth below the skin [mm]: 21 in the anatomy of BodyParts3D, 10 in the
+phantom; 38 and 26 if their skin is enlarged by a fifth."""
 _VERTEBRA = re.compile(r"[CTL]\d+")
 
 
 def check_sides(bones: Mapping[str, Surface], left: np.ndarray, name: Callable[[str], str]) -> None:
-    """Check that each bone called left lies left of the one called right.
+    """Check that each left bone lies left of the right one.
 
     Args:
         bones: surfaces by name [mm].
         left: direction to the patient's left, shape (3,).
-        name: the file of a bone, for the error.
+        name: the file of a bone, for messages.
 
     Raises:
-        InputError: the first pair that is exchanged.
+        InputError: the first exchanged pair.
     """
     for bone, surface in bones.items():
         twin = bone.replace("left", "right", 1)
@@ -42,15 +42,15 @@ def check_sides(bones: Mapping[str, Surface], left: np.ndarray, name: Callable[[
         if across <= 0.0:
             raise InputError(
                 f"{name(bone)}: must lie left of {name(twin)}, but lies {-across / np.linalg.norm(left):.0f} mm "
-                "right of it; these two look exchanged, so correct their names"
+                "right of it; these two seem exchanged; correct their names"
             )
 
 
 def unusual_depth(depths: Mapping[str, float], where: str) -> list[str]:
-    """A sentence where the skin is nearer to the spine, or farther from it, than skin is.
+    """A warning for an unusual distance between skin and spine.
 
     Args:
-        depths: how deep each bone comes nearest to the skin [mm], by name.
+        depths: the smallest depth of each bone below the skin [mm], by name.
         where: the file of the skin.
     """
     spine = [depth for bone, depth in depths.items() if _VERTEBRA.fullmatch(bone)]
@@ -58,25 +58,27 @@ def unusual_depth(depths: Mapping[str, float], where: str) -> list[str]:
         return []
     return [
         f"{where}: the vertebrae lie {np.median(spine):.0f} mm under the skin (median), {USUAL_DEPTH[0]:g} to "
-        f"{USUAL_DEPTH[1]:g} mm is usual; look whether skin and bones are in the same units and frame."
+        f"{USUAL_DEPTH[1]:g} mm is usual; check that skin and bones are in the same units and frame."
     ]
 
 
 def check_bones_after(case: Case, most: float, where: Callable[[str], str]) -> None:
-    """Check that each bone known after surgery is one of the case, moved rigidly.
+    """Check that each bone after surgery is a bone of the case, moved rigidly.
 
     Args:
         case: in LPS and mm.
-        most: root mean square distance from the bone before, moved rigidly, that is allowed [mm].
-        where: the file of `bones_after/<name>`, for the error.
+        most: largest root mean square distance from the bone before, moved rigidly [mm].
+        where: the file of `bones_after/<name>`, for messages.
 
     Raises:
-        InputError: a bone that the case does not have, another number of vertices, or another shape.
+        InputError: an unknown bone, another number of vertices, or another shape.
     """
     for name, after in case.bones_after.items():
         file = where(f"bones_after/{name}")
         if name not in case.bones:
-            raise InputError(f"{file}: there is no bone '{name}' before surgery; add it to bones/ or remove this")
+            raise InputError(
+                f"{file}: there is no bone '{name}' before surgery; add it to bones/ or remove this file"
+            )
         check_surface(after, file)
         before = case.bones[name].vertices
         if before.shape != after.vertices.shape:

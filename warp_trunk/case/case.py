@@ -1,4 +1,4 @@
-"""A case: what the clinic gives."""
+"""The record of a case: a patient and the planned surgery."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A patient, and a planned correction where there is one, in LPS axes and mm.
+    """A patient, and the planned surgery if there is one, in LPS axes and mm.
 
     >>> case = wt.phantom_case()
     >>> "T8" in case.bones and "T8_left_pedicle_inferior" in case.landmarks_before.names
@@ -34,39 +34,37 @@ class Case:
     """
 
     name: str
-    """What to call the case in results."""
+    """Name of the case in results."""
     skin: Surface
     """The trunk before surgery: closed, in one piece, outward winding."""
     bones: dict[str, Surface]
     """The bones before surgery by name (`T7`, `rib_left_01`, `hip_left`); they may overlap."""
     landmarks_before: Landmarks
-    """Points on the bones before surgery; `NO_LANDMARKS` where the case has no spine."""
+    """Points on the bones before surgery; `NO_LANDMARKS` for a case without a spine."""
     landmarks_after: Landmarks | None = None
-    """The same points after surgery, same names in the same order; None where nothing is planned yet."""
+    """The same points after surgery, same names in the same order; None if nothing is planned yet."""
     actual_skin: Surface | None = None
-    """The trunk after surgery where known; it need not have the triangles of `skin`."""
+    """The skin after surgery if known; its triangles may differ from those of `skin`."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue."""
     bones_after: dict[str, Surface] = dataclasses.field(default_factory=dict)
     """Bones known after surgery, by name; each has the vertices of the one before, moved rigidly."""
     layers: Layers | None = None
-    """Skin, fat and muscle, where the case says something of them."""
+    """Skin, fat and muscle, if the case describes them."""
     rib_shares: RibShares = dataclasses.field(default_factory=RibShares)
-    """How much of a vertebra's motion its ribs take, where bones follow (`--bones follow`)."""
+    """Fractions of the motion of a vertebra that its ribs take (`--bones follow`)."""
     posture: str = "standing"
-    """How the patient was scanned, one of `POSTURES`; the curves of who lies are smaller and the back is
-    flatter."""
+    """Posture during the scan, one of `POSTURES`; curves are smaller and the back is flatter when lying."""
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
-    """How uncertain it is what the clinic gives and the model assumes."""
+    """Uncertainty of the input and of the assumptions of the model."""
     study: Study = dataclasses.field(default_factory=Study)
-    """Whose trunk it is, and what else a study of several cases needs to know."""
+    """The patient, and what else a study of several cases needs."""
     bending_left: Landmarks | None = None
-    """Points on the vertebrae while the patient bends to her left, some or all of those before surgery."""
+    """Landmarks of the vertebrae while the patient bends to the left, some or all of those before surgery."""
     bending_right: Landmarks | None = None
-    """The same while she bends to her right."""
+    """The same while the patient bends to the right."""
     motions: dict[str, Motion] = dataclasses.field(default_factory=dict)
-    """How bones move that no landmarks hold, by name; all others that nothing is known of stand still."""
-
+    """Motions of bones without landmarks, by name; other bones without landmarks stay in place."""
     points: Points = dataclasses.field(default_factory=Points)
     """Points on skin and bones that are followed."""
 
@@ -82,7 +80,7 @@ class Case:
 
     @cached_property
     def planned_landmarks(self) -> Landmarks:
-        """The landmarks after surgery; where motions of bones are given alone, each as its bone takes it.
+        """The landmarks after surgery; with motions alone, each landmark moves with its bone.
 
         Raises:
             InputError: nothing is planned.
@@ -90,10 +88,7 @@ class Case:
         if self.landmarks_after is not None:
             return self.landmarks_after
         if not self.motions and self.bones.keys() != self.bones_after.keys():
-            raise InputError(
-                f"case {self.name!r}: has no landmarks_after, to which surgery takes the bones; "
-                "make them with warp-trunk plan"
-            )
+            raise InputError(f"case {self.name!r}: has no landmarks_after; make them with warp-trunk plan")
         names, points = self.landmarks_before.names, self.landmarks_before.points.copy()
         for bone, motion in self.given_motions.items():
             rows = [row for row, name in enumerate(names) if bone_of(name, self.bones) == bone]
@@ -109,7 +104,7 @@ class Case:
         return known | rigid_motions(self.motions)
 
     def landmarks_at(self, load_factor: float) -> Landmarks:
-        """The landmarks at a part of the correction in [0, 1]; each moves straight. InputError without a plan."""
+        """The landmarks at a load factor in [0, 1]; each moves along a line. InputError without a plan."""
         if load_factor == 1.0:
             return self.planned_landmarks  # to the bit
         before, after = self.landmarks_before.points, self.planned_landmarks.points

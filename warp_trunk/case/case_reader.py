@@ -26,7 +26,7 @@ from .points import Points, read_points
 
 
 def read_case(folder: str | Path, checks: CheckOptions | None = None, motions: str | Path | None = None) -> Case:
-    """Read and check a case folder; `read_checked_case` also tells what is doubtful in it.
+    """Read and check a case folder; `read_checked_case` also returns warnings.
 
     >>> wt.write_case(folder / "patient", case)
     >>> wt.read_case(folder / "patient").name == case.name
@@ -42,24 +42,24 @@ def read_checked_case(
     align: bool = False,
     motions: str | Path | None = None,
 ) -> tuple[Case, tuple[str, ...]]:
-    """Read and check a case folder; everything that comes back is in LPS axes and mm.
+    """Read and check a case folder, and convert it to LPS axes and mm.
 
-    The folder holds `case.toml` (see `CaseHeader`; every key may be left out), `skin.ply`, `bones/*.ply`,
-    `landmarks_before.csv` and perhaps `landmarks_after.csv`, `landmarks_bending_left.csv`,
+    The folder holds `case.toml` (see `CaseHeader`; every key is optional), `skin.ply`, `bones/*.ply`,
+    `landmarks_before.csv` and optionally `landmarks_after.csv`, `landmarks_bending_left.csv`,
     `landmarks_bending_right.csv`, `actual_skin.ply`, `bones_after/*.ply`, `motions.toml` (`read_motions`) and
     `points.csv` (`read_points`).
     With motions, or all bones after surgery, it needs no landmarks.
-    Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone is named after
-    its file. No file is read that lies elsewhere, also where case.toml names it or a link leads to it.
+    Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone has the name of
+    its file. No file outside the folder is read, even if case.toml names it or a link leads to it.
 
     Args:
         folder: the case folder.
-        checks: limits of the checks (`check_case`); the defaults when left out.
-        align: bring what is known after surgery back onto the pelvis before surgery (`align_pelvis`).
-        motions: a file that stands for `motions.toml`; it may lie elsewhere.
+        checks: limits of the checks (`check_case`); the defaults if None.
+        align: align the pelvis after surgery with the one before (`align_pelvis`).
+        motions: a file to read instead of `motions.toml`; it may lie elsewhere.
 
     Returns:
-        The case, and a sentence for each thing in it that can be, but seldom is.
+        The case, and a warning for each unusual value.
 
     Raises:
         InputError: a file is missing, cannot be read or breaks a rule; the text names file, rule, value and
@@ -106,7 +106,7 @@ def read_checked_case(
 
 
 def _mended(scanned: Surface, skin: Surface, where: str) -> list[str]:
-    """What is to be said of a skin that was mended."""
+    """The warning about a skin whose slivers were merged."""
     if skin is scanned:
         return []
     thin = slivers(scanned)
@@ -126,7 +126,7 @@ class _Files:
         check_within(folder, folder / "case.toml")
         self.folder, self.header = folder, read_header(folder / "case.toml")
         self.names = {"case": folder / "case.toml"}
-        """Where what was read came from, for messages."""
+        """The files that were read, for messages."""
 
     def surface(self, key: str, path: Path) -> Surface:
         self.names[key] = path
@@ -169,13 +169,13 @@ class _Files:
     def skin(self) -> Path:
         for former in surface_files(self.folder, "skin_after").values():
             raise InputError(
-                f"{former}: a scan after surgery has another name; rename it to actual_skin{former.suffix}, or "
-                "remove it if it was not scanned"
+                f"{former}: is no file of a case; rename the scan after surgery to actual_skin{former.suffix}, or "
+                "remove it if it is not a scan"
             )
         found = self.stem("skin")
         if found is None:
             raise InputError(
-                f"{self.folder / 'skin.ply'}: there is no such file, nor one of another surface format; add it"
+                f"{self.folder / 'skin.ply'}: there is no such file, nor one in another surface format; add it"
             )
         return found
 
@@ -183,6 +183,6 @@ class _Files:
         found = surface_files(self.folder / "bones")
         if not found:
             raise InputError(
-                f"{self.folder / 'bones'}: there is no surface in it; give each bone as bones/<name>.ply"
+                f"{self.folder / 'bones'}: there is no surface in it; add each bone as bones/<name>.ply"
             )
         return found

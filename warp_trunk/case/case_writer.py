@@ -24,13 +24,14 @@ HEADER = "case.toml"
 
 
 def refuse_case(place: Path) -> None:
-    """Raise InputError where what is to be written is a case folder or lies in one, also through links."""
+    """Raise InputError for an output that is a case folder or lies in one, also through links."""
     whole = place.resolve()
     for folder in (whole, *whole.parents):
         if (folder / HEADER).is_file():
             what = "is a case folder" if folder == whole else f"lies in the case folder {folder}"
             raise InputError(
-                f"{place}: {what}, whose files a result could be mistaken for; give --out a place outside it"
+                f"{place}: {what}, and a result there could be mistaken for its files; give --out a place "
+                "outside it"
             )
 
 
@@ -38,15 +39,15 @@ def write_case(folder: str | Path, case: Case) -> None:
     """Write a complete case folder, in LPS and mm, which `read_case` reads back to the last bit.
 
     Bones come back in the order of their names. `case.toml` is written last and an earlier one removed first, so
-    that a folder with one is whole.
+    that a folder with one is complete.
 
     >>> wt.write_case(folder / "written", case)
     >>> sorted(path.name for path in (folder / "written").iterdir())
     ['bones', 'case.toml', 'landmarks_after.csv', 'landmarks_before.csv', 'skin.ply']
 
     Raises:
-        InputError: the folder holds surfaces that are not part of the case and would be read with it, or a
-            bone's name cannot be a file's.
+        InputError: the folder holds surfaces that do not belong to the case and would be read with it, or a bone
+            has a name that cannot be a file name.
     """
     folder = Path(folder)
     surfaces = _surfaces(folder, case)
@@ -90,13 +91,15 @@ def write_case(folder: str | Path, case: Case) -> None:
 
 
 def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:
-    """Each surface of the case by its file; InputError for a name or a place that will not do."""
+    """Each surface of the case by its file; InputError for an invalid name, or a surface in the way."""
     surfaces = {folder / "skin.ply": case.skin}
     if case.actual_skin is not None:
         surfaces[folder / "actual_skin.ply"] = case.actual_skin
     for name, surface in case.bones.items():
         if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
-            raise InputError(f"write_case: '{name}' names a bone and must serve as a file name; rename the bone")
+            raise InputError(
+                f"write_case: '{name}' is the name of a bone and must be a valid file name; rename the bone"
+            )
         surfaces[folder / "bones" / f"{name}.ply"] = surface
     for name, surface in case.bones_after.items():
         surfaces[folder / "bones_after" / f"{name}.ply"] = surface
@@ -109,7 +112,6 @@ def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:
         for path in found.values():
             if path not in surfaces:
                 raise InputError(
-                    f"{path}: stands where case {case.name!r} goes and would be read as part of it; "
-                    "remove it or write to another folder"
+                    f"{path}: would be read as part of case {case.name!r}; remove it or write to another folder"
                 )
     return surfaces

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from .case import Case
 
 TRUNK_HEIGHT = (250.0, 900.0)
-"""How tall a trunk may be, from its lowest to its highest vertex [mm]."""
+"""Height of a trunk, from its lowest to its highest vertex [mm]."""
 
 PART_HEIGHT = (30.0, 2200.0)
-"""How tall a part of the body without a spine may be [mm]."""
+"""Height of a part of the body without a spine [mm]."""
 
 _COINCIDENT = 0.1  # [mm]; below what any imaging resolves
 _FLAT = 1.0  # [mm], root mean square distance from the plane that fits best
@@ -37,19 +37,19 @@ _FLAT = 1.0  # [mm], root mean square distance from the plane that fits best
 
 @dataclass(frozen=True, kw_only=True)
 class CheckOptions:
-    """How far off a case may be before it is refused."""
+    """Limits beyond which a case is refused."""
 
     bone_outside_skin: float = 5.0
-    """How far a bone may reach outside the skin [mm]; meshing pulls it back inside."""
+    """Largest distance of a bone outside the skin [mm]; meshing pulls it back inside."""
     landmark_off_bone: float = 15.0
-    """How far a landmark may be from the surface of its bone [mm]."""
+    """Largest distance of a landmark from the surface of its bone [mm]."""
     landmark_off_skin: float = 30.0
-    """How far an iliac spine may be from the skin where its hip bone is not there [mm]: palpated, it lies on it;
-    seen on a film, 14 and 17 mm under it in the anatomy of BodyParts3D, more in the obese."""
+    """Largest distance of an iliac spine from the skin without its hip bone [mm]: a palpated one lies on the skin,
+    one seen on a film 14 and 17 mm below it in the anatomy of BodyParts3D, and more in the obese."""
     landmark_motion: float = 150.0
-    """How far surgery may move a landmark [mm]."""
+    """Largest displacement of a landmark by surgery [mm]."""
     bone_changed: float = 3.0
-    """How far a bone known after surgery may be from the same bone moved rigidly, root mean square [mm]."""
+    """Largest root mean square distance of a bone after surgery from the same bone moved rigidly [mm]."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -59,10 +59,10 @@ class CheckOptions:
 
 @dataclass(frozen=True)
 class CaseSource:
-    """Where a case came from, so that an error can name the file."""
+    """The files of a case, for messages."""
 
     files: Mapping[str, Path] = field(default_factory=dict)
-    """Files by what they hold: case, skin, actual_skin, landmarks_before, landmarks_after,
+    """Files by their contents: case, skin, actual_skin, landmarks_before, landmarks_after,
     landmarks_bending_left, landmarks_bending_right, and bone names."""
     units: str = "mm"
     """Unit of the files."""
@@ -70,25 +70,25 @@ class CaseSource:
     """Axes of the files."""
 
     def name(self, key: str) -> str:
-        """The file that holds `key`, or `key` itself where there is none."""
+        """The file that holds `key`, or `key` itself without a file."""
         return str(self.files.get(key, key))
 
 
 def check_case(
     case: Case, options: CheckOptions | None = None, source: CaseSource | None = None
 ) -> tuple[str, ...]:
-    """Check all that meshing and simulation rely on; the anatomy of 45 bones takes about a second.
+    """Check everything that meshing and simulation rely on; an anatomy of 45 bones takes about a second.
 
     Args:
         case: in LPS and mm.
-        options: limits; the defaults when left out.
-        source: names the files in the error; the parts of the case are named when left out.
+        options: limits; the defaults if None.
+        source: the files to name in messages; the parts of the case are named if None.
 
     Returns:
-        A sentence for each thing that can be, but seldom is.
+        A warning for each unusual value.
 
     Raises:
-        InputError: the first rule that is broken.
+        InputError: the first violated rule.
     """
     options = options or CheckOptions()
     source = source or CaseSource()
@@ -102,7 +102,9 @@ def check_case(
     check_solid(case.skin, source.name("skin"))
     pieces = int(components(case.skin).max()) + 1
     if pieces > 1:
-        raise InputError(f"{source.name('skin')}: the skin must be one piece, it has {pieces}; keep the outer one")
+        raise InputError(
+            f"{source.name('skin')}: the skin must be one piece, but has {pieces}; keep the outer one"
+        )
     left, warnings = np.array([1.0, 0.0, 0.0]), []
     if spine:
         _check_orientation(case.landmarks_before, source)
@@ -122,7 +124,7 @@ def check_case(
 
 
 def _check_all_landmarks(case: Case, source: CaseSource) -> None:
-    """Check each set of landmarks by itself."""
+    """Check each set of landmarks on its own."""
     if case.landmarks_after is not None:
         check_names(case.landmarks_before, case.landmarks_after, source)
     check_landmarks(case.landmarks_before, list(case.bones), source.name("landmarks_before"))
@@ -133,7 +135,7 @@ def _check_all_landmarks(case: Case, source: CaseSource) -> None:
 
 
 def _check_both(case: Case, options: CheckOptions, source: CaseSource) -> list[str]:
-    """Check that what is known after surgery is of this patient, and in this frame."""
+    """Check that landmarks after surgery belong to this patient and frame."""
     if case.landmarks_after is None:
         return []
     before, after, where = case.landmarks_before, case.landmarks_after, source.name("landmarks_after")
@@ -142,13 +144,12 @@ def _check_both(case: Case, options: CheckOptions, source: CaseSource) -> list[s
 
 
 def _posture(case: Case) -> list[str]:
-    """The warning about a patient who was not scanned standing."""
+    """A warning for a patient who was not scanned standing."""
     if case.posture == "standing":
         return []
     return [
-        f"The patient was scanned {case.posture}, that is lying: curves are smaller then and the back is "
-        "flatter, so "
-        "that back surface rotation, humps and balance are not those of the standing patient."
+        f"The patient was scanned {case.posture}: curves are smaller and the back is flatter than when standing, "
+        "so back surface rotation, humps and balance differ from those of the standing patient."
     ]
 
 
@@ -165,7 +166,7 @@ def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None
 
 
 def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
-    """Check one set of landmarks: which there are, and that a spline can be fitted on them."""
+    """Check one set of landmarks: completeness, and that a spline can be fitted to them."""
     names, points = landmarks.names, landmarks.points
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
@@ -177,7 +178,7 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
     flat = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] / math.sqrt(len(points))
     if flat < _FLAT:
         raise InputError(
-            f"{where}: landmarks may not all lie in one plane, these are {flat:.2g} mm from one "
+            f"{where}: landmarks must not lie in one plane, these are {flat:.2g} mm from one "
             f"(root mean square, at least {_FLAT:g} mm needed); add landmarks off it, or check their units"
         )
     gap = np.linalg.norm(points[:, None] - points[None], axis=2) + np.diag(np.full(len(points), np.inf))
@@ -212,7 +213,7 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
 
 
 def _check_bending(case: Case, key: str, source: CaseSource) -> None:
-    """Points of a film of side bending need not be all, but each must be one of those before surgery."""
+    """Check that each landmark of side bending is one of those before surgery."""
     bending: Landmarks | None = getattr(case, key)
     unknown = set() if bending is None else set(bending.names) - set(case.landmarks_before.names)
     if unknown:
@@ -238,7 +239,7 @@ def _check_height(skin: Surface, key: str, source: CaseSource, allowed: tuple[fl
 
 
 def _check_orientation(before: Landmarks, source: CaseSource) -> None:
-    """The names say where left, back and up are; the axes must agree."""
+    """Check that the axes agree with the names of landmarks."""
     vertebrae = before.vertebrae()
     top, bottom = (before.of_bone(bone).points.mean(axis=0) for bone in (vertebrae[0], vertebrae[-1]))
     left, right = before.point("asis_left"), before.point("asis_right")
@@ -258,15 +259,15 @@ def _check_orientation(before: Landmarks, source: CaseSource) -> None:
 
 
 def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> dict[str, float]:
-    """How deep each bone comes nearest to the skin [mm], after every check of it."""
+    """The smallest depth of each bone below the skin [mm], after all checks of bones."""
     for name, bone in case.bones.items():
         where = source.name(name)
         check_surface(bone, where)
         volume = enclosed_volume(bone)
         if volume <= 0.0:
             raise InputError(
-                f"{where}: triangles must be counterclockwise seen from outside, they hold "
-                f"{volume / 1000:.3g} cm3; turn them round"
+                f"{where}: triangles must be counterclockwise seen from outside, but the volume is "
+                f"{volume / 1000:.3g} cm3; flip them"
             )
     depths: dict[str, float] = {}
     outermost = SurfaceDistance(case.skin).outermost([bone.vertices for bone in case.bones.values()])
@@ -282,7 +283,7 @@ def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> dict[
 
 
 def _check_not_buried(case: Case, source: CaseSource) -> None:
-    """Bones may overlap and cross, but one that is wholly inside another would not be there."""
+    """Refuse a bone that lies completely inside another; bones may overlap and cross."""
     boxes = {name: (bone.vertices.min(axis=0), bone.vertices.max(axis=0)) for name, bone in case.bones.items()}
     for inner, (low, high) in boxes.items():
         for outer, (lower, upper) in boxes.items():
@@ -290,6 +291,6 @@ def _check_not_buried(case: Case, source: CaseSource) -> None:
                 continue
             if (SurfaceDistance(case.bones[outer]).at(case.bones[inner].vertices) <= 0.0).all():
                 raise InputError(
-                    f"{source.name(inner)}: lies wholly inside {source.name(outer)}, where it could move nothing; "
-                    "remove it, or the bone around it"
+                    f"{source.name(inner)}: lies completely inside {source.name(outer)}, where it has no effect; "
+                    "remove one of them"
                 )

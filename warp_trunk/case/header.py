@@ -20,15 +20,15 @@ from .study import Study
 from .uncertainty import Uncertainty
 
 POSTURES = ("standing", "supine", "prone")
-"""How a patient may have been scanned."""
+"""Postures during the scan."""
 
 
 @dataclass(frozen=True)
 class CaseHeader:
-    """What case.toml says; every key may be left out."""
+    """The contents of case.toml; every key is optional."""
 
     name: str
-    """What to call the case; the name of its folder when left out."""
+    """Name of the case; that of its folder if not given."""
     units: str = "mm"
     """Unit of every length in the folder: mm, cm or m."""
     axes: Axes = dataclasses.field(default_factory=lambda: Axes("LPS"))
@@ -36,7 +36,7 @@ class CaseHeader:
     landmark_columns: tuple[str, ...] = COLUMNS
     """Columns of the CSV files of landmarks that hold name, x, y and z."""
     posture: str = "standing"
-    """How the patient was scanned, one of `POSTURES`."""
+    """Posture during the scan, one of `POSTURES`."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue, from the table [tissue]."""
     layers: LayerTable | None = None
@@ -44,9 +44,9 @@ class CaseHeader:
     ribs: RibShares = dataclasses.field(default_factory=RibShares)
     """How ribs follow the spine, from the table [ribs]."""
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
-    """How uncertain the case is, from the table [uncertainty]."""
+    """Uncertainty of the case, from the table [uncertainty]."""
     study: Study = dataclasses.field(default_factory=Study)
-    """What a study of several cases needs to know of it, from the table [study]."""
+    """What a study of several cases needs, from the table [study]."""
 
 
 _RECORDS = {"tissue": Tissue, "ribs": RibShares, "uncertainty": Uncertainty}
@@ -71,7 +71,7 @@ def read_header(path: Path) -> CaseHeader:
     values: dict[str, Any] = {"name": path.resolve().parent.name, **table}
     for key, allowed, what in (
         ("units", MILLIMETRES, "the unit of the surfaces and landmarks"),
-        ("posture", POSTURES, "how the patient was scanned"),
+        ("posture", POSTURES, "the posture during the scan"),
     ):
         if key in table and table[key] not in allowed:
             raise InputError(

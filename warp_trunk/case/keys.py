@@ -91,7 +91,8 @@ def toml(value: object) -> str:
         return "{ " + ", ".join(f"{toml(key)} = {toml(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml, value))}]"
-    return str(value).lower() if isinstance(value, bool) else repr(float(value))  # pyright: ignore[reportArgumentType]
+    return str(value).lower() if isinstance(value, bool) else repr(float(value))  # pyright:
+    ignore[reportArgumentType]
 
 
 def table_lines(name: str, table: Mapping[str, Any]) -> list[str]:

@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 def check_on_bones(case: Case, most: float, file_of: Callable[[str], str]) -> None:
-    """Check that each landmark lies near the surface of the bone that it is named after.
+    """Check that each landmark lies near the surface of its bone.
 
     Args:
         case: whose landmarks before surgery are checked.
-        most: how far one may be from its bone [mm].
-        file_of: the file of a part of the case, for the error.
+        most: largest distance from the bone [mm].
+        file_of: the file of a part of the case, for messages.
 
     Raises:
-        InputError: the first bone with one that is further off.
+        InputError: the first bone with a landmark that is farther away.
     """
     before = case.landmarks_before
     owners = [bone_of(name, case.bones) for name in before.names]
@@ -47,7 +47,7 @@ def check_on_bones(case: Case, most: float, file_of: Callable[[str], str]) -> No
 
 
 def check_palpated(case: Case, most: float, file_of: Callable[[str], str]) -> None:
-    """Check that iliac spines lie near the skin in a case without their hip bones, as they are palpated there.
+    """Check that palpated iliac spines, those without a hip bone, lie near the skin.
 
     Args and Raises as for `check_on_bones`, `most` from the skin.
     """
@@ -66,16 +66,16 @@ def check_palpated(case: Case, most: float, file_of: Callable[[str], str]) -> No
 
 
 def check_motion(before: Landmarks, after: Landmarks, most: float, where: str) -> None:
-    """Check that no landmark moves further than surgery can take it.
+    """Check that no landmark moves farther than surgery can move it.
 
     Args:
         before: landmarks before surgery.
         after: the same after it, in any order.
-        most: how far one may move [mm].
-        where: the file of those after, for the error.
+        most: largest displacement [mm].
+        where: the file of the landmarks after surgery, for messages.
 
     Raises:
-        InputError: the one that moves furthest.
+        InputError: the landmark that moves farthest.
     """
     order = [after.index(name) for name in before.names]
     moved = np.linalg.norm(after.points[order] - before.points, axis=1)
@@ -88,8 +88,9 @@ def check_motion(before: Landmarks, after: Landmarks, most: float, where: str) -
 
 
 ROUGH = 3.0
-"""Points of one vertebra may be in the wrong order by this much [mm]: errors of the papers' size put the pedicle
-points of T1, 7 mm apart, in wrong order in 0.3 % of reconstructions, and by this much in 0.05 %."""
+"""Points of a vertebra may be in the wrong order by this distance [mm]. Errors as stated in the papers put the
+pedicle points of T1, 7 mm apart, in the wrong order in 0.3 % of reconstructions, and by this distance in 0.05
+%."""
 _RULES = (
     "the superior endplate must lie above the inferior one",
     "the left pedicle's superior point must lie above its inferior one",
@@ -104,20 +105,20 @@ _RULES = (
 
 
 def check_order(landmarks: Landmarks, where: str) -> list[str]:
-    """Check that vertebrae follow each other down the spine, and the order of the six points of each.
+    """Check the order of the vertebrae along the spine, and that of the six points of each.
 
-    The order is determined in each vertebra's own axes, so that no curve or turn of it matters.
+    The order is checked in the axes of each vertebra, so that curves and rotations do not matter.
 
     Args:
         landmarks: six for each vertebra, and the iliac spines [mm].
-        where: the file, for the error.
+        where: the file, for messages.
 
     Returns:
-        A sentence for each vertebra whose order is wrong by less than `ROUGH`.
+        A warning for each vertebra whose order is wrong by less than `ROUGH`.
 
     Raises:
-        InputError: two vertebrae that are exchanged, or points in wrong order by more; it names those that would
-            be in order if they were exchanged.
+        InputError: two exchanged vertebrae, or points in the wrong order by more; it names an exchange that
+            corrects the order.
     """
     levels = landmarks.vertebrae()
     points = np.array([[landmarks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
@@ -130,7 +131,7 @@ def check_order(landmarks: Landmarks, where: str) -> list[str]:
         rule = int(np.argmax(by < (-ROUGH if by.min() < -ROUGH else 0.0)))
         text = f"{where}: in {level} {_RULES[rule]}, but it is {-by[rule]:.1f} mm on the other side"
         if by.min() >= -ROUGH:
-            warnings.append(f"{text}; look at its landmarks again.")
+            warnings.append(f"{text}; check its landmarks.")
             continue
         order = _better(points[i], up[i], left)
         raise InputError(f"{text}; {'mark its landmarks again' if order is None else exchanged(level, order)}")
@@ -138,14 +139,14 @@ def check_order(landmarks: Landmarks, where: str) -> list[str]:
 
 
 def exchanged(level: str, order: tuple[int, ...]) -> str:
-    """In words, that the point named number k is the one that number order[k] should be named."""
+    """The cure if the point with name k should have the name order[k]."""
     wrong = [f"'{level}_{VERTEBRA_POINTS[k]}'" for k in range(6) if order[k] != k]
     listed = " and ".join([", ".join(wrong[:-1]), wrong[-1]])
-    return f"with {listed} exchanged all is right, so correct these names"
+    return f"exchanging {listed} corrects it, so correct these names"
 
 
 def orders() -> list[tuple[int, ...]]:
-    """Every wrong order of six points, those first that exchange the fewest."""
+    """Every wrong order of six points, those with the fewest exchanges first."""
     every = permutations(range(6))
     return sorted(every, key=lambda order: sum(k != place for place, k in enumerate(order)))[1:]
 
@@ -159,14 +160,14 @@ def _check_levels(levels: tuple[str, ...], centres: np.ndarray, where: str) -> n
         if (centres[upper] - centres[upper + 1]) @ around <= 0.0:
             raise InputError(
                 f"{where}: {levels[upper]} must lie above {levels[upper + 1]} along the spine, but lies below it; "
-                "the landmarks of these two look exchanged, so correct their names"
+                "their landmarks seem exchanged, so correct their names"
             )
     up = centres[above] - centres[below]
     return up / np.linalg.norm(up, axis=1)[:, None]
 
 
 def _better(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> tuple[int, ...] | None:
-    """The order with the fewest names exchanged in which the points are right; of equals, the clearest."""
+    """The correct order with the fewest exchanged names; of equals, the one with the largest margin."""
     every = orders()
     by = _margins(six[np.array(every)], up, left).min(axis=-1)
     changed = (np.array(every) != np.arange(6)).sum(axis=1)
@@ -175,7 +176,7 @@ def _better(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> tuple[int, ...
 
 
 def _margins(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """By how much each of `_RULES` holds [mm], negative where it does not, shape (..., 9).
+    """The margin of each of `_RULES` [mm], negative if it is violated, shape (..., 9).
 
     six: the points of vertebrae, shape (..., 6, 3); up: along the spine there, (..., 3); left: (3,).
     """
@@ -210,20 +211,20 @@ def _unit(a: np.ndarray) -> np.ndarray:
 
 
 REFUSED, WARNED = 6.0, 4.6
-"""How far off the place that the other five give it a landmark may be, over the misfit (root mean square) of the
-other vertebrae. 99.9 and 99 % of vertebrae are nearer, whose landmarks have the errors that the papers state
+"""Limits of the distance of a landmark from its position by the other five, over the misfit (root mean square) of
+the other vertebrae. 99.9 and 99 % of vertebrae are below them if landmarks have the errors stated in the papers
 before and after surgery (2.1 +- 1.5 mm; docs/from_films.md)."""
 REFUSED_RANGE, WARNED_RANGE = (8.0, 16.5), (4.0, 12.5)
-"""Within these it is held [mm]: better landmarks than any reconstruction's are not asked to be perfect, nor may
-worse than the papers' excuse each other."""
+"""The limits are kept within these ranges [mm], so that very accurate landmarks need not be perfect and very
+inaccurate ones do not excuse each other."""
 SIZE_REFUSED, SIZE_WARNED = 0.05, 0.038
-"""How much larger or smaller all vertebrae together may be after; 0.038 is passed by errors of landmarks in one
-case of a thousand."""
+"""Limits of the relative change of size of all vertebrae together; errors of landmarks exceed 0.038 in one case of
+a thousand."""
 MISFIT = 4.0
-"""Misfit of half of the vertebrae [mm] beyond which they are another patient's; errors of landmarks come to 3.6
+"""Median misfit of the vertebrae [mm] beyond which they belong to another patient; errors of landmarks reach 3.6
 in one case of a thousand."""
 _ENOUGH = 8
-"""Number of vertebrae that identify a patient."""
+"""Number of vertebrae that are needed to recognise a patient."""
 
 
 def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
@@ -231,15 +232,15 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
 
     Args:
         before: six for each vertebra [mm].
-        after: those after, by the same names.
-        where: the file of those after, for the error.
+        after: those after surgery, with the same names.
+        where: the file of those after, for messages.
 
     Returns:
-        A sentence for what errors of landmarks seldom come to.
+        A warning for each deviation that errors of landmarks seldom reach.
 
     Raises:
-        InputError: what they do not come to: a vertebra of another shape, naming the landmark, by how much it is
-            off, and whether an exchange of names explains it; or another patient's vertebrae.
+        InputError: a larger deviation: a vertebra of another shape, with the landmark, its distance, and whether
+            an exchange of names explains it; or the vertebrae of another patient.
     """
     levels = before.vertebrae()
     here, there = (
@@ -258,15 +259,15 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         if off <= warned:
             continue
         text = (
-            f"{where}: '{level}_{VERTEBRA_POINTS[point]}' is {off:.1f} mm from where the other five landmarks of "
-            f"{level} put it, though a vertebra is rigid"
+            f"{where}: '{level}_{VERTEBRA_POINTS[point]}' is {off:.1f} mm from its position by the other five "
+            f"landmarks of {level}, which is rigid"
         )
         if off <= refused:
-            warnings.append(f"{text}; errors of landmarks seldom come to {warned:.1f} mm, so look at it again.")
+            warnings.append(f"{text}; errors of landmarks seldom reach {warned:.1f} mm; check it.")
             continue
         order = next((o for o in orders() if misfit(here[i], there[i][list(o)]) < 0.5 * warned), None)
         cure = "mark it again, before and after" if order is None else exchanged(level, order)
-        raise InputError(f"{text}, and errors of landmarks come to {refused:.1f} mm at most; {cure}")
+        raise InputError(f"{text}, and errors of landmarks reach {refused:.1f} mm at most; {cure}")
     return warnings
 
 
@@ -279,20 +280,20 @@ def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, whe
     growth = float(sizes[1] / sizes[0] - 1.0)
     if abs(growth) > SIZE_REFUSED or usual > MISFIT:
         raise InputError(
-            f"{where}: the vertebrae are another patient's: against those before they are {100 * growth:+z.1f} % "
-            f"larger ({100 * SIZE_REFUSED:g} is the most) and {usual:.1f} mm off in shape (median of root mean "
-            f"squares, {MISFIT:g} is the most); give landmarks of one patient, in one unit"
+            f"{where}: the vertebrae belong to another patient: they are {100 * growth:+z.1f} % larger than "
+            f"before ({100 * SIZE_REFUSED:g} is the most), and their shape differs by {usual:.1f} mm (median of "
+            f"root mean squares, {MISFIT:g} is the most); give landmarks of one patient, in one unit"
         )
     if abs(growth) > SIZE_WARNED:
         return [
             f"{where}: the vertebrae are {100 * growth:+z.1f} % larger than before; errors of landmarks seldom "
-            f"come to {100 * SIZE_WARNED:g} %, so look whether both files are of one patient."
+            f"reach {100 * SIZE_WARNED:g} %; check that both files belong to one patient."
         ]
     return []
 
 
 def _worst(before: np.ndarray, after: np.ndarray) -> tuple[int, float]:
-    """The landmark without which the others fit best, and how far it is from where they put it [mm]."""
+    """The landmark without which the others fit best, and its distance from its position by them [mm]."""
     found = []
     for k in range(len(before)):
         others = np.arange(len(before)) != k
@@ -304,25 +305,25 @@ def _worst(before: np.ndarray, after: np.ndarray) -> tuple[int, float]:
 
 
 MOVED_REFUSED, MOVED_WARNED = 10.0, 5.0
-"""How far the iliac spines may move [mm]; two reconstructions with the papers' errors of 2.1 +- 1.5 mm move one of
-them by more than 10 mm in one case of 300."""
+"""Limits of the displacement of an iliac spine [mm]; two reconstructions with the errors of the papers, 2.1 +- 1.5
+mm, move one by more than 10 mm in one case of 300."""
 PELVIS = (*ASIS.values(), "sacrum")
-"""Bones whose landmarks hold the pelvis."""
+"""Bones whose landmarks define the pelvis."""
 
 
 def check_frame(before: Landmarks, after: Landmarks, where: str) -> list[str]:
-    """Check that the pelvis, which surgery leaves where it is, does not move from before to after.
+    """Check that the pelvis, which surgery leaves in place, does not move.
 
     Args:
         before: with both iliac spines [mm].
-        after: those after, by the same names.
-        where: the file of those after, for the error.
+        after: those after surgery, with the same names.
+        where: the file of those after, for messages.
 
     Returns:
-        A sentence where an iliac spine moves by more than `MOVED_WARNED`.
+        A warning if an iliac spine moves by more than `MOVED_WARNED`.
 
     Raises:
-        InputError: one moves by more than `MOVED_REFUSED`, or their distance changes by as much.
+        InputError: one moves by more than `MOVED_REFUSED`, or their distance changes by more.
     """
     spines = [np.array([marks.point(name) for name in ASIS]) for marks in (before, after)]
     apart = [float(np.linalg.norm(one - other)) for one, other in spines]
@@ -340,20 +341,19 @@ def check_frame(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         f"{where}: '{list(ASIS)[worst]}' moves by {moved[worst]:.1f} mm, though surgery leaves the pelvis in place"
     )
     if moved[worst] <= MOVED_REFUSED:
-        return [
-            f"{text}; if the landmarks after surgery are in a frame of their own, --align-pelvis brings them back."
-        ]
+        return [f"{text}; if the landmarks after surgery are in another frame, use --align-pelvis."]
     raise InputError(
-        f"{text} ({MOVED_REFUSED:g} mm is the most that errors explain); give both files in one frame, or bring "
-        "what is known after surgery back onto the pelvis with --align-pelvis"
+        f"{text} ({MOVED_REFUSED:g} mm is the most that errors explain); give both files in one frame, or use "
+        "--align-pelvis"
     )
 
 
 def align_pelvis(case: Case) -> Case:
-    """The case with all that is known after surgery moved rigidly, so that the pelvis is where it was before.
+    """The case with everything known after surgery moved rigidly, so that the pelvis is in its place before
+    surgery.
 
-    The motion is the one nearest to that of all landmarks of the pelvis. Two iliac spines alone leave the turn
-    about the line through them open: it is then taken as none.
+    The motion fits all landmarks of the pelvis best. Two iliac spines alone leave the rotation about the line
+    through them undetermined; it is then zero.
     """
     names = case.landmarks_before.names
     held = [i for i, name in enumerate(names) if name in ASIS or name.startswith(tuple(f"{b}_" for b in PELVIS))]

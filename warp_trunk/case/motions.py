@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 FILE = "motions.toml"
-"""The file of a case folder that says how bones move."""
+"""The file of a case folder with the motions of bones."""
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
 Matrix = tuple[Row, Row, Row, Row]
@@ -48,8 +48,8 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class Motion(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How a bone moves from before to after surgery, in LPS and mm: a rotation and then a translation, or a
-    transform, or shares of the motions of other bones.
+    """The motion of a bone from before to after surgery, in LPS and mm: a rotation and then a translation, or a
+    transform, or fractions of the motions of other bones.
 
     >>> forward = wt.Motion(translation=(0.0, -6.0, 0.0))  # 6 mm, for -y is the front
     >>> dataclasses.replace(case, motions={"sternum": forward}).motions["sternum"].translation
@@ -63,9 +63,9 @@ class Motion(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     transform: Matrix | None = None
     """A rigid 4x4 matrix that carries points before to points after [mm]."""
     follows: dict[str, float] | None = None
-    """Shares of the motions of other bones, by their names; what is missing to 1 stays at rest."""
+    """Fractions of the motions of other bones, by their names; their sum is at most 1."""
     large: bool = False
-    """Whether the motion is meant to be larger than `LARGEST`."""
+    """Whether the motion may exceed `LARGEST`."""
 
 
 class _Entry(Motion, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -101,7 +101,7 @@ def read_motions(path: str | Path, axes: Axes | None = None, within: Path | None
 
     Raises:
         InputError: a file is missing or cannot be read, an unknown key, a value of another type, or a transform
-            that scales or mirrors. Whether the motions suit the bones `check_motions` tells.
+            that scales or mirrors. `check_motions` compares the motions with the bones.
     """
     path, axes = Path(path), axes or Axes("LPS")
     if within is not None:
@@ -156,14 +156,14 @@ def motions_text(motions: Mapping[str, Motion]) -> str:
 
 
 def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> dict[str, RigidTransform]:
-    """The rigid motion of each bone that is named, and the identity for those that stand still.
+    """The rigid motion of each named bone, and the identity for those that stay in place.
 
-    A bone that follows others moves on the mean of their screws, weighted by its shares: the sum of their
-    exponential coordinates.
+    The motion of a bone that follows others is the sum of their exponential coordinates, weighted by its
+    fractions.
 
     Args:
         motions: those that `check_motions` accepts.
-        still: other bones.
+        still: bones that stay in place.
     """
     from scipy.spatial.transform import RigidTransform, Rotation  # heavy
 
@@ -189,26 +189,26 @@ def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> d
 
 
 LARGEST = (60.0, 60.0)
-"""A bone moves further [mm], or turns by more [degrees], only where its motion says `large`."""
+"""Largest displacement [mm] and rotation [degrees] of a bone without `large`."""
 _FAR = 200.0
-"""A point of rotation farther outside the skin than this is in another frame [mm]."""
+"""A point of rotation farther outside the skin than this is taken to be in another frame [mm]."""
 _TOUCHING, _DEEP = 0.5, 1.5
-"""Bones nearer than the first before surgery are joined; others may reach into each other by the second [mm]:
-surfaces are not known more exactly."""
+"""Bones closer than the first distance before surgery count as joined; others may overlap by the second [mm], the
+accuracy of segmented surfaces."""
 _STEP = 2.0
-"""Bones are looked at whenever one has moved by this much [mm]."""
+"""Overlap is checked each time a bone has moved by this distance [mm]."""
 
 
 def check_motions(case: Case, where: str) -> None:
-    """Check that bones can move as the motions of a case say.
+    """Check the motions of a case against its bones.
 
     Args:
         case: in LPS and mm, its surfaces checked.
         where: the file of the motions, for the error.
 
     Raises:
-        InputError: a bone that is not there, a motion that says nothing or two things, or is not finite, too large
-            or in another frame, or a bone that passes into another one on its way.
+        InputError: an unknown bone, or a motion that is empty, ambiguous, not finite, too large or in another
+            frame.
     """
     for bone, motion in case.motions.items():
         _check_one(case, bone, motion, f"{where}: [{bone}]")
@@ -224,29 +224,33 @@ def check_motions(case: Case, where: str) -> None:
 def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
     _check_bone(case, bone, where)
     if bone in case.bones_after:
-        raise InputError(f"{where}: is known after surgery, bones_after/{bone}; remove one of both")
+        raise InputError(
+            f"{where}: the bone is also given after surgery, as bones_after/{bone}; remove one of them"
+        )
     if case.landmarks_after is not None and any(
         bone_of(name, case.bones) == bone for name in case.landmarks_before.names
     ):
-        raise InputError(f"{where}: has landmarks after surgery, which say where it goes; remove one of both")
+        raise InputError(f"{where}: the bone also has landmarks after surgery; remove one of them")
     said = [key for key in ("rotation", "transform", "follows") if getattr(motion, key) is not None]
     said += ["translation"] if any(motion.translation) else []
     if not said or (len(said) > 1 and set(said) != {"rotation", "translation"}):
         raise InputError(
-            f"{where}: says {' and '.join(said) or 'no motion'}, and must say a rotation, a translation or both, "
-            "or a transform, or whom the bone follows; correct it"
+            f"{where}: gives {' and '.join(said) or 'no motion'}; give a rotation, a translation or both, or a "
+            "transform, or the bones that it follows"
         )
     turn = motion.rotation
     numbers = [*motion.translation, *((turn.degrees, *turn.axis, *turn.point) if turn else ())]
     if not all(map(math.isfinite, numbers)) or (turn is not None and not any(turn.axis)):
-        raise InputError(f"{where}: numbers must be finite, an axis must have a length; correct {numbers}")
+        raise InputError(
+            f"{where}: numbers must be finite and an axis must not be zero, not {numbers}; correct them"
+        )
     if turn is not None:
         low, high = _box(case.skin)
         off = float(np.max([low - turn.point, turn.point - high]))
         if off > _FAR:
             raise InputError(
-                f"{where}: turns about a point {off:.0f} mm outside the skin, {_FAR:g} mm is allowed; give it in "
-                "the frame of the case, in mm"
+                f"{where}: the point of the rotation is {off:.0f} mm outside the skin, {_FAR:g} mm is allowed; "
+                "give it in mm in the frame of the case"
             )
     _check_followed(case, motion, where)
 
@@ -265,7 +269,9 @@ def _check_followed(case: Case, motion: Motion, where: str) -> None:
     for other in shares:
         _check_bone(case, other, f"{where}: follows")
     if not shares or not all(share > 0.0 for share in shares.values()) or sum(shares.values()) > 1.0 + 1e-6:
-        raise InputError(f"{where}: shares must be above 0 and 1 in all at most, not {dict(shares)}; correct them")
+        raise InputError(
+            f"{where}: the fractions must be above 0 and their sum at most 1, not {dict(shares)}; correct them"
+        )
 
 
 def _check_size(case: Case, bone: str, motion: RigidTransform, where: str) -> None:
@@ -276,28 +282,28 @@ def _check_size(case: Case, bone: str, motion: RigidTransform, where: str) -> No
     if not case.motions[bone].large and not (way <= LARGEST[0] and turned <= LARGEST[1]):
         raise InputError(
             f"{where}: moves the bone by up to {way:.0f} mm and turns it by {turned:.0f} degrees, "
-            f"{LARGEST[0]:g} mm and {LARGEST[1]:g} degrees are allowed; if that is meant, add large = true, else "
-            "correct units or frame"
+            f"{LARGEST[0]:g} mm and {LARGEST[1]:g} degrees are allowed; add large = true if this is intended, or "
+            "correct the units or the frame"
         )
     (low, high), middle = _box(case.skin), after.mean(axis=0)
     if (middle < low).any() or (middle > high).any():
         place = ", ".join(f"{x:.0f}" for x in middle)
         raise InputError(
-            f"{where}: takes the bone outside the skin, its middle to ({place}) mm; give the motion in the "
-            "frame of the case"
+            f"{where}: moves the centre of the bone outside the skin, to ({place}) mm; give the motion in "
+            "the frame of the case"
         )
 
 
 def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) -> None:
-    """Check that no bone passes into another one from which it is apart before surgery.
+    """Check that no bone moves into another one from which it is apart before surgery.
 
     Args:
         case: in LPS and mm.
         motions: of every bone from before to after surgery.
-        where: what says so, for the error.
+        where: the source of the motions, for the error.
 
     Raises:
-        InputError: the first two bones that do, and where.
+        InputError: the first two bones that overlap, and where.
     """
     moving = [bone for bone in case.motions if motions[bone].as_exp_coords().any()]
     for other, surface in case.bones.items():
@@ -307,16 +313,16 @@ def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) ->
                 deep, part, at = found
                 place = ", ".join(f"{x:.0f}" for x in at)
                 raise InputError(
-                    f"{where}: '{bone}' passes {deep:.1f} mm into '{other}' at ({place}) mm when "
-                    f"{100 * part:.0f} % of its way is done, {_DEEP:g} mm is allowed; change the motion, or cut "
-                    "the bone (warp-trunk cut)"
+                    f"{where}: '{bone}' passes {deep:.1f} mm into '{other}' at ({place}) mm after "
+                    f"{100 * part:.0f} % of its motion, {_DEEP:g} mm is allowed; change the motion, or cut the "
+                    "bone (warp-trunk cut)"
                 )
 
 
 def _passed(
     case: Case, motions: dict[str, RigidTransform], bone: str, distance: SurfaceDistance, other: str
 ) -> tuple[float, float, np.ndarray] | None:
-    """How deep vertices of a bone come into another one that are apart before, at which part, and where."""
+    """Depth [mm], fraction of the motion and place of the first overlap of two bones that are apart before."""
     vertices = case.bones[bone].vertices
     relative = motions[other].inv() * motions[bone]
     way = float(np.linalg.norm(relative.apply(vertices) - vertices, axis=1).max())

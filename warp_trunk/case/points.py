@@ -1,4 +1,4 @@
-"""Points of a case that are followed: on the skin, or on a bone; points.csv."""
+"""Points on skin and bones that are followed: points.csv."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from .case import Case
 
 FILE = "points.csv"
-"""The file of a case folder that names them."""
+"""The file of a case folder with the points."""
 PAIR = "bone_point"
-"""The column of the points on bone with which points on the skin are compared; it may be left out."""
+"""The optional column that names, for a point on the skin, the point on bone with which it is compared."""
 SKIN = "skin"
 _FAR = 5.0
-"""A point is on a surface that is nearer than this [mm]."""
+"""Largest distance of a point from its surface [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points before surgery, and which of them are compared."""
+    """Points before surgery, and the pairs that are compared."""
 
     marks: Landmarks = NO_LANDMARKS
-    """Their names and places [mm]."""
+    """Names and positions [mm]."""
     pairs: dict[str, str] = field(default_factory=dict)
-    """Of points on the skin, the points on bone with which they are compared, by name."""
+    """For points on the skin by name, the names of the points on bone with which they are compared."""
 
     def owners(self, skin: Surface, bones: Mapping[str, Surface]) -> list[tuple[str, float]]:
         """The surface on which each point lies, `SKIN` or the name of a bone, and how far it is from it [mm]."""
@@ -53,7 +53,7 @@ class Points:
 
 
 def read_points(path: Path, axes: Axes, units: str) -> Points:
-    """Read a table of name,x,y,z and, if there is one, `PAIR`, in the axes and units of a case.
+    """Read a table with the columns name, x, y, z and optionally `PAIR`, in the axes and units of a case.
 
     Raises:
         InputError: as `read_rows`.
@@ -80,10 +80,10 @@ def points_text(points: Points) -> str:
 
 
 def check_points(case: Case, where: str) -> None:
-    """Check that points lie on the skin or a bone, and that a point of the skin is compared with one on bone.
+    """Check that points lie on the skin or a bone, and that each pair is a point on the skin and one on bone.
 
     Raises:
-        InputError: the first that does not.
+        InputError: the first point or pair that violates this.
     """
     names, pairs = case.points.marks.names, case.points.pairs
     owners = dict(zip(names, case.point_owners, strict=True))

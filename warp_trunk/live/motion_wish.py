@@ -80,7 +80,7 @@ class MotionPlan:
     landmarks_after: Landmarks
     """The handles of the bones after surgery (`with_handles`)."""
     warnings: tuple[str, ...] = ()
-    """Nothing: a plan of motions is possible or refused."""
+    """Always empty: a plan of motions is possible or refused."""
 
     def planned_case(self, case: Case) -> Case:
         """The case with these motions; an actual skin belongs to another surgery and is left out."""
