@@ -83,7 +83,7 @@ def shown(value: object) -> str:
     return f"{str(value)[:40]!r} ({type(value).__name__})" if isinstance(value, str) else f"{value}"[:60]
 
 
-def toml(value: object) -> str:
+def toml(value: Any) -> str:
     """The TOML text of a value; JSON's escapes are TOML's, except for DEL."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
@@ -91,8 +91,7 @@ def toml(value: object) -> str:
         return "{ " + ", ".join(f"{toml(key)} = {toml(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml, value))}]"
-    return str(value).lower() if isinstance(value, bool) else repr(float(value))  # pyright:
-    ignore[reportArgumentType]
+    return str(value).lower() if isinstance(value, bool) else repr(float(value))
 
 
 def table_lines(name: str, table: Mapping[str, Any]) -> list[str]:
