@@ -116,7 +116,7 @@ def limited_memory(size: int) -> Iterator[None]:
     """Lets a library that reads a file of `size` bytes have 2 GiB and 60 times that, then raises MemoryError.
 
     Libraries make room for what a header says, which in a damaged file may be a thousand times the machine's
-    memory. Only Linux can tell and hold the limit; elsewhere nothing is limited.
+    memory. Only Linux can report and enforce the limit; elsewhere nothing is limited.
     """
     if sys.platform != "linux":
         yield

@@ -20,7 +20,7 @@ _ELSEWHERE = {
     ".inp": (rb"(?im)^\s*\*\s*include\b", "*INCLUDE"),
     ".xdmf": (rb"""(?i)\bformat\s*=\s*["']\s*(hdf|binary|tiff)""", "data in other files"),
 }
-"""What would make meshio open another file."""
+"""Entries that would make meshio open another file."""
 
 
 def read_mesh(path: Path) -> Any:

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
 
 _SAMPLES = 24
-"""So many vertices of a bone without landmarks tell how it moves."""
+"""Number of vertices that determine the motion of a bone without landmarks."""
 
 
 class BonePoses:
-    """The motion of each bone for any plan, told at once.
+    """The immediate motion of each bone for any plan.
 
     A bone with three landmarks or more goes with them; any other with the spline of all landmarks at some of its
     vertices, rigidly. Where ribs follow the spine, the model has them elsewhere, which takes longer to find: from

@@ -1,4 +1,4 @@
-"""What is shown at once: the skin as the spline of the landmarks carries it, with what relaxation likely adds."""
+"""The immediate estimate: the skin as the spline of the landmarks carries it, with the likely relaxation added."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
 
 _REMEMBERED = 8
-"""So many of the last relaxations tell how far off an image is."""
+"""Number of the last relaxations from which the error of an image is estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Images:
 
     The displacement by the spline is a product with a matrix made once (`spline_response`), in float32: memory is
     what such a product waits for, and what is not relaxed is off by far more. On top of it goes what relaxation
-    adds, foretold from the plans that were relaxed before (`Forecast`). The estimate of the error
+    adds, extrapolated from the plans that were relaxed before (`Forecast`). The estimate of the error
     is the way of the landmarks from the nearest of those, times the largest error for each mm of it seen of late,
     and the error of the skin relaxed last.
     """

@@ -41,7 +41,7 @@ _BROKEN = "overflow-wrap:anywhere"
 
 
 def status_html(view: View | None, refusal: Refusal | None) -> str:
-    """What is shown and how far it is from the truth of the model, in words, or why nothing new is.
+    """The status of the view and its distance from the equilibrium, in words, or the reason why nothing is new.
 
     Its height does not change with what it says: the sliders below stay under the hand.
     """

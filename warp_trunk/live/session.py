@@ -97,7 +97,7 @@ class _Job:
 @dataclass(frozen=True, eq=False)
 class _Aside:
     job: _Job
-    tell: Callable[[View], None]
+    show: Callable[[View], None]
 
 
 class Session:
@@ -108,7 +108,7 @@ class Session:
         patient: Patient,
         base: Plan | None,
         show: Callable[[View | Refusal | Measured], None],
-        tell_error: Callable[[str], None],
+        report_error: Callable[[str], None],
     ) -> None:
         """Nothing runs yet.
 
@@ -116,10 +116,10 @@ class Session:
             patient: made ready; the session owns her model from now on.
             base: what a plan says beside the sliders.
             show: gets every view and refusal; never of an older wish after a newer one.
-            tell_error: called if a thread ended by a fault of the program.
+            report_error: called if a thread ended by a fault of the program.
         """
         self._patient, self._base = patient, base
-        self._tell_show = show
+        self._on_view = show
         self._wishes: Latest[Wish | MotionWish] = Latest()
         self._jobs: Latest[_Job] = Latest()
         self._relaxed: Latest[View] = Latest(PAUSE)
@@ -132,7 +132,7 @@ class Session:
         self._current: _Job | None = None
         self._shown: View | None = None
         self._threads = [
-            worker(name, work, tell_error)
+            worker(name, work, report_error)
             for name, work in (
                 ("planning", self._plan),
                 ("relaxing", self._relax),
@@ -159,13 +159,13 @@ class Session:
         """Asks for a plan, in place of what was asked for before."""
         self._wishes.put(wish)
 
-    def look_at(self, plan: Plan, wish: Wish, tell: Callable[[View], None]) -> None:
+    def look_at(self, plan: Plan, wish: Wish, show: Callable[[View], None]) -> None:
         """Shows another plan beside that of the sliders: its image at once, its relaxed skin when they rest.
 
         Args:
             plan: what is asked.
             wish: where the sliders would stand.
-            tell: gets its views.
+            show: gets its views.
 
         Raises:
             InputError: no spine can meet it.
@@ -173,8 +173,8 @@ class Session:
         job = _job(0, wish, self._planner.plan(plan))
         with self._lock:
             image = self._images.of(job.surgery.landmarks_after)
-        tell(_view(job, image))
-        self._asides.append(_Aside(job, tell))
+        show(_view(job, image))
+        self._asides.append(_Aside(job, show))
         if self._current is not None:
             self._jobs.put(self._current)  # wakes who relaxes
 
@@ -184,7 +184,7 @@ class Session:
                 surgery = self._planner.plan(wish.plan(self._base))
             except InputError as error:
                 with self._lock:
-                    self._tell_show(Refusal(wish, str(error).removeprefix("plan: ").removeprefix("motions: ")))
+                    self._on_view(Refusal(wish, str(error).removeprefix("plan: ").removeprefix("motions: ")))
                 continue
             with self._lock:
                 self._newest += 1
@@ -204,7 +204,7 @@ class Session:
 
     def _show(self, view: View) -> None:
         self._shown = view
-        self._tell_show(view)
+        self._on_view(view)
 
     def _relax(self) -> None:
         case = self._patient.case
@@ -235,7 +235,7 @@ class Session:
         )
         view = _relaxed_view(job, end, settled=True)
         measures = measure(Surface(end.skin, before.faces), _landmarks(job.surgery), before)
-        aside.tell(replace(view, measures=measures))
+        aside.show(replace(view, measures=measures))
 
     def _learn(self, job: _Job, relaxed: Relaxed, *, settled: bool) -> None:
         """Shows a relaxed skin, or where sliders have moved on what it makes of their image; it is measured."""
@@ -257,7 +257,7 @@ class Session:
                 if self._shown is view:
                     self._show(replace(view, measures=measures))
                 else:
-                    self._tell_show(Measured(measures))
+                    self._on_view(Measured(measures))
 
     def _is_current(self, job: _Job) -> bool:
         return self._current is not None and self._current.number == job.number

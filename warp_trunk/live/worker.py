@@ -9,7 +9,7 @@ from collections.abc import Callable
 _log = logging.getLogger("warp_trunk")
 
 
-def worker(name: str, work: Callable[[], None], tell_error: Callable[[str], None]) -> threading.Thread:
+def worker(name: str, work: Callable[[], None], report_error: Callable[[str], None]) -> threading.Thread:
     """A thread, not started yet, that reports a fault of the program that ends it; the log has its trace."""
 
     def guarded() -> None:
@@ -17,6 +17,6 @@ def worker(name: str, work: Callable[[], None], tell_error: Callable[[str], None
             work()
         except Exception as error:
             _log.exception("the planning page ends")
-            tell_error(f"{type(error).__name__}: {error}")
+            report_error(f"{type(error).__name__}: {error}")
 
     return threading.Thread(target=guarded, name=name, daemon=True)

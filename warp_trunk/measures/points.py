@@ -24,7 +24,7 @@ class FollowedPoint:
     """A point before surgery and as predicted, in LPS."""
 
     name: str
-    """What it is called."""
+    """Its name."""
     on: str
     """On what it lies, `skin` or a bone."""
     before: Place

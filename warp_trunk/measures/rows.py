@@ -28,7 +28,7 @@ class MeasureRow:
     """One measure in every state of a trunk."""
 
     name: str
-    """What is measured."""
+    """The measured quantity."""
     unit: str
     """° or mm."""
     values: tuple[float | None, ...]
@@ -36,9 +36,9 @@ class MeasureRow:
     sided: bool = False
     """Whether it is positive to the patient's right, or where the right side stands further back."""
     alike: float
-    """States that differ by less cannot be told apart by it."""
+    """States that differ by less cannot be distinguished by it."""
     short: str = ""
-    """Its name within a sentence; empty for a measure that nobody chooses a plan by."""
+    """Its name within a sentence; empty for a measure by which no plan is chosen."""
     key: str = ""
     """The name of its band in a result with bands."""
 
@@ -49,7 +49,7 @@ class MeasureRow:
 
     @property
     def differs(self) -> bool | None:
-        """Whether the states after the first can be told apart by it; None where one value is missing."""
+        """Whether the states after the first can be distinguished by it; None where one value is missing."""
         known = [value for value in self.values[1:] if value is not None]
         return None if len(known) < len(self.values) - 1 else max(known) - min(known) >= self.alike
 
@@ -89,7 +89,7 @@ def measure_rows(states: States) -> dict[str, list[MeasureRow]]:
 
 
 def skin_rows(states: States) -> list[MeasureRow]:
-    """What is measured on the skin."""
+    """The measures of the skin."""
     rotation = partial(MeasureRow, unit="°", alike=DETECTABLE, sided=True)
     length = partial(MeasureRow, unit="mm", alike=LENGTH)
     rows = [
@@ -118,7 +118,7 @@ def skin_rows(states: States) -> list[MeasureRow]:
 
 
 def spine_rows(states: States) -> dict[str, list[MeasureRow]]:
-    """What is measured on the spine, by heading: each curve before surgery, then the spine as a whole."""
+    """The measures of the spine, by heading: each curve before surgery, then the spine as a whole."""
     before = states[0]
     if before is None:
         return {}

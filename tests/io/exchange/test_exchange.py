@@ -122,7 +122,7 @@ def foreign(path, trunk, **change):
     [
         ({"nodes": lambda t: t.nodes / 1000.0}, "from the skin of the case"),
         ({"nodes": lambda t: t.nodes + np.array([0.0, 30.0, 0.0])}, "from the skin of the case"),
-        ({"data": lambda t: {}}, "does not tell which nodes lie on bone"),
+        ({"data": lambda t: {}}, "does not mark the nodes on bone"),
         ({"data": lambda t: {"bone": np.full(len(t.nodes), -1)}}, "no node lies on bone"),
         ({"cells": lambda t: [("triangle", t.tets[:, :3])]}, "not no solid cells"),
         ({"cells": lambda t: [("tetra", t.tets), ("wedge", t.tets[:2, [0, 1, 2, 3, 0, 1]])]}, "not tetra, wedge"),

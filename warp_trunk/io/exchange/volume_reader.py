@@ -26,7 +26,7 @@ _FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # outward, for 
 def read_volume(path: str | Path, skin: Surface, bones: Mapping[str, Surface]) -> TrunkMesh:
     """A trunk from tetrahedra made elsewhere, in the case's LPS axes and mm.
 
-    The file (.vtu, .vtk, .xdmf, .msh or .inp) tells which nodes lie on bone: by the point data `bone` (0 or
+    The file (.vtu, .vtk, .xdmf, .msh or .inp) marks the nodes on bone: by the point data `bone` (0 or
     more) or `node_kind` (2), or by a node set `bones`. Its boundary without those nodes is the skin of the
     trunk. Each node on bone belongs to the bone of the case that is nearest. Whole numbers in the cell data
     `tissue` say what each tetrahedron is of. A file that this program wrote comes back as it was.
@@ -38,7 +38,7 @@ def read_volume(path: str | Path, skin: Surface, bones: Mapping[str, Surface]) -
 
     Raises:
         InputError: a file that cannot be read, holds no linear tetrahedra or others beside them, does not
-            tell its bones, or does not agree with the case.
+            mark its bones, or does not agree with the case.
     """
     path = Path(path)
     mesh = read_mesh(path)
@@ -105,7 +105,7 @@ def _on_bone(path: Path, mesh: Any) -> np.ndarray:
         on_bone[np.asarray(sets["bones"], dtype=np.int64)] = True
         return on_bone
     raise InputError(
-        f"{path}: does not tell which nodes lie on bone; give point data 'bone' (0 or more) or 'node_kind' (2), "
+        f"{path}: does not mark the nodes on bone; give point data 'bone' (0 or more) or 'node_kind' (2), "
         "or a node set 'bones'"
     )
 

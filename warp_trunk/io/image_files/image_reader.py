@@ -44,7 +44,7 @@ class Image:
     names: tuple[Mapping[int, str], ...]
     """For each layer, what its labels are called in the file; empty where the file names none."""
     notes: tuple[str, ...] = ()
-    """What is doubtful in the file, a sentence each."""
+    """A sentence for each doubt about the file."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,7 +55,7 @@ class Curve(Protocol):
         ...
 
     def corrected(self, fraction: float) -> Curve:
-        """What is left when a fraction in [0, 1] of Cobb angle and axial rotation is taken away."""
+        """The curve after a fraction in [0, 1] of Cobb angle and axial rotation is corrected."""
         ...
 
     @property
@@ -190,7 +190,7 @@ _LIMITS = {
 
 
 def left_after(fraction: float) -> float:
-    """What is left of a curve when a fraction of it is taken away; InputError where that is not in [0, 1]."""
+    """The remaining fraction of a curve after a correction; InputError if that is not in [0, 1]."""
     if not 0.0 <= fraction <= 1.0:
         raise InputError(f"correction: the fraction must be between 0 and 1, not {fraction}")
     return 1.0 - fraction

@@ -31,7 +31,7 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
             `hip_right`. Others are not looked at.
 
     Raises:
-        InputError: there is no vertebra. What is wrong with one vertebra or a hip bone is in the result.
+        InputError: there is no vertebra. Faults of one vertebra or a hip bone are in the result.
     """
     present = [name for name in VERTEBRAE if name in bones]
     if not present:

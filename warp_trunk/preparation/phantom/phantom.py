@@ -20,7 +20,7 @@ from .skin import trunk_skin
 _MARGIN = 4.0  # least depth of a bone under the skin [mm]
 
 SIZE_RANGES = {"height": (400.0, 600.0), "width": (250.0, 380.0), "depth": (160.0, 240.0)}
-"""What each size may be [mm]; the shape is tested at the ends of these ranges."""
+"""Range of each size [mm]; the shape is tested at the ends of these ranges."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ from .winding import sheet_samples, winding_field
 _GRID = 0.7
 """Spacing of the winding number's grid, in edge lengths of the result."""
 _OPEN = 2.0
-"""What is farther than this many spacings from every scan is open."""
+"""Places farther than this many spacings from every scan are open."""
 _RINGS = 4
 """How many triangles wide the seen skin around an end is that may be cut with it."""
 _AT_CUT = 30.0
@@ -59,7 +59,7 @@ class ClosedSkin:
     surface: Surface
     """A closed 2-manifold without handles that does not cross itself, oriented outward."""
     openings: tuple[Opening, ...]
-    """What was closed, largest first."""
+    """The closed openings, largest first."""
 
 
 def close_skin(
