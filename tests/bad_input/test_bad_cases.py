@@ -21,18 +21,12 @@ CASES = [
     ("no folder", lambda folder: os.rename(folder, folder.with_name("gone")), "there is no such folder"),
     ("no case.toml", lambda f: (f / "case.toml").unlink(), "case.toml: there is no such file"),
     ("no skin", lambda f: (f / "skin.ply").unlink(), "skin.ply: there is no such file"),
-    (
-        "no bones",
-        lambda f: [path.unlink() for path in (f / "bones").iterdir()],
-        "bones: there is no surface in it",
-    ),
+    ("no bones", lambda f: [path.unlink() for path in (f / "bones").iterdir()],
+     "bones: there is no surface in it"),
     ("skin is a folder", lambda f: ((f / "skin.ply").unlink(), (f / "skin.ply").mkdir()), "skin.ply: there is no"),
     ("skin is a pipe", lambda f: ((f / "skin.ply").unlink(), os.mkfifo(f / "skin.ply")), "skin.ply: there is no"),
-    (
-        "landmarks are a pipe",
-        lambda f: _pipe(f / "landmarks_after.csv"),
-        "landmarks_after.csv: is no regular file",
-    ),
+    ("landmarks are a pipe", lambda f: _pipe(f / "landmarks_after.csv"),
+     "landmarks_after.csv: is no regular file"),
     ("case.toml never ends", lambda f: _link(f / "case.toml", Path("/dev/zero")), "case.toml: lies outside the"),
     ("TOML that is none", content("case.toml", lambda b: b"name ="), "case.toml", "cannot be read as TOML"),
     ("no UTF-8", content("case.toml", lambda b: b'name = "\xff"'), "case.toml: is no text in UTF-8"),
@@ -40,16 +34,10 @@ CASES = [
     ("deep", content("case.toml", lambda b: b"name = " + b"[" * 5000 + b"]" * 5000), "cannot be read as TOML"),
     ("unknown axes", header('axes = "LPX"'), "case.toml", "LPX"),
     ("axes of another hand", header('axes = "RAS"'), "axes", "correct the axes"),
-    (
-        "a number too large",
-        text("case.toml", lambda t: _constant(t, "density", "1" + "0" * 400)),
-        "must be a number",
-    ),
-    (
-        "incompressible",
-        text("case.toml", lambda t: _constant(t, "poisson_ratio", 0.5)),
-        "from 0 to 0.499, not 0.5",
-    ),
+    ("a number too large", text("case.toml", lambda t: _constant(t, "density", "1" + "0" * 400)),
+     "must be a number"),
+    ("incompressible", text("case.toml", lambda t: _constant(t, "poisson_ratio", 0.5)),
+     "from 0 to 0.499, not 0.5"),
     ("three columns", header('landmark_columns = ["a", "b", "c"]'), "must be four different names"),
     ("columns of another file", header('landmark_columns = ["name", "x", "y", "w"]'), "must name the columns"),
     ("thickness elsewhere", layers('skin_thickness = "../secret.txt"'), "lies outside the case folder", "copy it"),
@@ -74,24 +62,15 @@ CASES = [
         instead("landmarks_after.csv", "landmarks_after.fcsv", b"# columns = id,x,y,z,label\n1,0,0,0,a\n"),
         "landmarks_after.fcsv: does not say",
     ),
-    (
-        "Slicer's file with true for a number",
-        instead(
-            "landmarks_after.csv",
-            "landmarks_after.mrk.json",
-            b'{"markups": [{"controlPoints": [{"label": "a", "position": [true, 1, 2]}]}]}',
-        ),
-        "Expected `float`, got `bool`",
-    ),
-    (
-        "Slicer's file too deep",
-        instead("landmarks_after.csv", "landmarks_after.mrk.json", b"[" * 10**5),
-        "cannot be read as markups",
-    ),
+    ("Slicer's file with true for a number", instead("landmarks_after.csv", "landmarks_after.mrk.json",
+     b'{"markups": [{"controlPoints": [{"label": "a", "position": [true, 1, 2]}]}]}'),
+     "Expected `float`, got `bool`"),
+    ("Slicer's file too deep", instead("landmarks_after.csv", "landmarks_after.mrk.json", b"[" * 10**5),
+     "cannot be read as markups"),
     ("a link out of the folder", lambda f: _moved_out(f, "skin.ply"), "skin.ply: lies outside the case folder"),
     ("a bone linked from elsewhere", lambda f: _moved_out(f, "bones/T7.ply"), "T7.ply: lies outside"),
     ("links in a circle", lambda f: _link(f / "case.toml", f / "case.toml"), "case.toml: lies outside"),
-]
+]  # fmt: skip
 
 
 def _pipe(path):

@@ -66,38 +66,21 @@ def summary(change):
 RESULTS = [
     ("no summary", lambda f: (f / "summary.json").unlink(), "summary.json: there is no such file"),
     ("an empty summary", lambda f: (f / "summary.json").write_text(""), "summary.json: is not JSON"),
-    (
-        "a deep summary",
-        lambda f: (f / "summary.json").write_text('{"parameters": {"a": ' + "[" * 10**5),
-        "is not JSON",
-    ),
-    (
-        "of another version",
-        summary(lambda s: s.pop("tissues")),
-        "another version",
-        "missing required field `tissues`",
-    ),
-    (
-        "unknown status",
-        summary(lambda s: s.update(status="FINE")),
-        "'status' must be one of CONVERGED",
-        "not 'FINE'",
-    ),
+    ("a deep summary", lambda f: (f / "summary.json").write_text('{"parameters": {"a": ' + "[" * 10**5),
+     "is not JSON"),
+    ("of another version", summary(lambda s: s.pop("tissues")), "another version",
+     "missing required field `tissues`"),
+    ("unknown status", summary(lambda s: s.update(status="FINE")), "'status' must be one of CONVERGED",
+     "not 'FINE'"),
     ("no increment", summary(lambda s: s.update(increments=[])), "length >= 1 - at `$.increments`"),
-    (
-        "true for a time",
-        summary(lambda s: s["increments"][0].update(seconds=True)),
-        "Expected `float`, got `bool` - at `$.increments[0].seconds`",
-    ),
+    ("true for a time", summary(lambda s: s["increments"][0].update(seconds=True)),
+     "Expected `float`, got `bool` - at `$.increments[0].seconds`"),
     ("no skin", lambda f: (f / "predicted_skin.ply").unlink(), "predicted_skin.ply: is missing"),
-    (
-        "skin cut off",
-        lambda f: (f / "predicted_skin.ply").write_bytes(ply(10**9, 1)),
-        "predicted_skin.ply: cannot be read",
-    ),
+    ("skin cut off", lambda f: (f / "predicted_skin.ply").write_bytes(ply(10**9, 1)),
+     "predicted_skin.ply: cannot be read"),
     ("other landmarks", lambda f: (f / "landmarks_after.csv").write_text("name,x,y,z\na,1,2,3\n"), "its 1 names"),
     ("landmarks of noise", lambda f: (f / "landmarks_after.csv").write_bytes(b"\xff\xfe"), "no text in UTF-8"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("row", RESULTS, ids=lambda row: row[0])
@@ -237,24 +220,14 @@ OTHERS = [
     ("make-case", "Cobb 1000", ["--skin", "case/skin.ply", "--cobb", "1000"], "'cobb' must be 0 to 120 degrees"),
     ("make-case", "Cobb NaN", ["--skin", "case/skin.ply", "--cobb", "nan"], "'cobb' must be 0 to 120 degrees"),
     ("make-case", "no vertebra", ["--skin", "case/skin.ply"], "no landmarks on 'T7': no canal between"),
-    (
-        "fit-atlas",
-        "nugget inf",
-        [*PATIENT, "--nugget", "inf"],
-        "'nugget' must be 0 to",
-    ),
+    ("fit-atlas", "nugget inf", [*PATIENT, "--nugget", "inf"], "'nugget' must be 0 to"),
     ("fit-atlas", METRES, ["--patient", "metres.csv"], "a ratio of 2.5 is the most; give both in mm"),
-    (
-        "fit-atlas",
-        "a file",
-        [*PATIENT, "--out", "metres.csv"],
-        "metres.csv: is a file",
-    ),
+    ("fit-atlas", "a file", [*PATIENT, "--out", "metres.csv"], "metres.csv: is a file"),
     ("register", "a skin in metres", ["--skin", "metres.ply"], "30 mm is the most; give both in mm"),
     ("register", "no folder", ["--skin", "case/skin.ply", "--out", "no/such.ply"], "there is no folder"),
     ("export", "no result", ["case", "--out", "a.vtu"], "summary.json: there is no such file"),
     ("export", "no ending", ["case", "--out", "a"], "cannot be written as ''"),
-]
+]  # fmt: skip
 NEEDS = {
     "make-case": ["--bones", "case/bones", "--out", "out"],
     "fit-atlas": ["--bones", "case/bones", "--atlas", "case/landmarks_before.csv", "--out", "out"],

@@ -30,11 +30,8 @@ ROWS = [
     ("no motion", FRONT + "large = true\n", "gives no motion"),
     ("two motions", FRONT + "translation = [1, 0, 0]\nfollows = { core = 0.5 }\n", "follows and translation"),
     ("rotation without a point", FRONT + "rotation = { degrees = 2, axis = [1, 0, 0] }\n", "`point`"),
-    (
-        "axis of no length",
-        FRONT + "rotation = { degrees = 2, axis = [0, 0, 0], point = [0, 0, 9] }\n",
-        "must not be zero",
-    ),
+    ("axis of no length", FRONT + "rotation = {degrees = 2, axis = [0, 0, 0], point = [0, 0, 9]}\n",
+     "must not be zero"),
     ("point far off", FRONT + "rotation = { degrees = 2, axis = [1, 0, 0], point = [0, 0, 1500] }\n", "frame"),
     ("too far", FRONT + "translation = [0, 0, -61]\n", "61 mm", "large = true"),
     ("turned too far", FRONT + "rotation = { degrees = 61, axis = [1, 0, 0], point = [0, -45, 100] }\n", "61 deg"),
@@ -53,7 +50,7 @@ ROWS = [
     ("shares above 1", FRONT + "follows = { core = 0.7, left = 0.7 }\n", "their sum at most 1"),
     ("a circle", FRONT + "follows = { left = 1.0 }\n[left]\nfollows = { front = 1.0 }\n", "follows itself"),
     ("passes through", FRONT + "translation = [0, 35, 0]\n", "'front' passes", "into 'core'"),
-]
+]  # fmt: skip
 
 
 @pytest.fixture(scope="session")

@@ -45,14 +45,12 @@ ODD = [
     ("a byte order mark", content("landmarks_after.csv", lambda b: b"\xef\xbb\xbf" + b.replace(b"\n", b"\r\n"))),
     ("a mark before TOML", content("case.toml", lambda b: b"\xef\xbb\xbf" + b)),
     ("nothing in case.toml", content("case.toml", lambda b: b"")),
-    (
-        "a link in the folder",
-        lambda f: ((f / "skin.ply").rename(f / "a.bin"), (f / "skin.ply").symlink_to("a.bin")),
-    ),
+    ("a link in the folder", lambda f: ((f / "skin.ply").rename(f / "a.bin"),
+     (f / "skin.ply").symlink_to("a.bin"))),
     ("further columns", text("landmarks_after.csv", lambda t: t.replace("\n", ",5\n").replace("z,5", "z,who"))),
     ("a name of quotes", header("name = '<b>\"$(rm -rf)\"</b>'")),
     ("a capital ending", lambda f: (f / "skin.ply").rename(f / "skin.PLY")),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("row", ODD, ids=lambda row: row[0])
