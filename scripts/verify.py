@@ -96,7 +96,7 @@ def main(options: Options) -> None:
     for section in sections:
         print(section.__name__, file=sys.stderr, flush=True)
         page += ["\n".join(section(trunk, options))]
-    options.out.write_text("\n\n".join(page) + "\n", encoding="utf-8")
+        options.out.write_text("\n\n".join(page) + "\n", encoding="utf-8")
 
 
 def equilibria(trunk: Trunk, options: Options) -> Iterator[str]:
@@ -248,7 +248,7 @@ def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
     for body, (skin, bones) in bodies.items():
         for kind, cobb in CURVES.items():
             case = make_case(skin, bones, SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0), CORRECTION)
-            one = operated(ready(case, options.either(60_000, 150_000), increments=4), plan_for(kind, CORRECTION))
+            one = operated(ready(case, options.either(120_000, 150_000), increments=4), plan_for(kind, CORRECTION))
             shoulders = [
                 shape.shoulders.difference if shape.shoulders else np.nan for shape in (one.before, one.after)
             ]
