@@ -28,7 +28,7 @@ TYPES = """
                      x[4 * of + k], x[5 * of + k], x[6 * of + k], x[7 * of + k]};
     };
 """
-"""What the C++ uses; `read` takes number k of eight items of `of` numbers each."""
+"""Helpers of the generated C++; `read` takes number k of eight items of `of` numbers each."""
 
 
 class Number:
@@ -196,7 +196,7 @@ _MEANING = SimpleNamespace(
     float64=Wide,
     static=lambda value: value,
 )
-"""What the names of Warp mean for lanes."""
+"""The meaning of the names of Warp for lanes."""
 
 
 def vectorized(function: wp.Function) -> Callable[..., Any]:

@@ -47,7 +47,7 @@ ROUNDINGS = 2.0
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is known of a state."""
+    """The certified distance of a state."""
 
     distance: float
     """How far the equilibrium can be [mm]; infinite where there is none."""
@@ -66,7 +66,7 @@ class Step:
     length: float
     """Of its longest vector [mm]."""
     left: float
-    """What it left of that: by the solve after it, or by how much less the gradient fell [mm]."""
+    """The remaining part of that: by the solve after it, or by how much less the gradient fell [mm]."""
 
 
 class Certificate:
@@ -104,7 +104,7 @@ class Certificate:
         *,
         improving: bool,
     ) -> Verdict:
-        """What is known of the state.
+        """The certified distance of the state.
 
         While steps shrink, noise that would move the solution beyond the tolerance is not solved for to its
         end: one more step makes the gradient, and so the noise, smaller for a fraction of the iterations.

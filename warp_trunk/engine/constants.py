@@ -19,7 +19,7 @@ PART_STEP = 1e-3
 """How much of a change of parts is added and taken away; weights are float64, and linear in the parts."""
 SKIN_RIGIDITY = "skin_rigidity"
 STIFFNESS = "stiffness"
-"""What the array of the skin's weights is called among those of the energy."""
+"""Name of the array of the skin's weights among those of the energy."""
 _MOST = {"poisson_ratio": 0.499}
 _OF_TERM = {"epsilon": "area", "theta": "volume"}
 
@@ -51,7 +51,7 @@ def constants_of(model: Model) -> tuple[Constant, ...]:
 
 
 def value_of(model: Model, constant: Constant) -> float:
-    """What a constant is in a model.
+    """The value of a constant in a model.
 
     Raises:
         InputError: a tissue or a constant that there is not.

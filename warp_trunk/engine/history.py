@@ -1,4 +1,4 @@
-"""What a relaxation has done so far, and whether it stagnates."""
+"""The steps of a relaxation so far, and whether it stagnates."""
 
 from __future__ import annotations
 

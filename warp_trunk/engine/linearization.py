@@ -178,13 +178,14 @@ class Linearization:
     def follow(self, bones: np.ndarray, pulls: np.ndarray | None = None) -> np.ndarray:
         """How all nodes move when bones move by a little (their nodes count), and F changes by `pulls` [mm].
 
-        What `bones` says of free nodes is where the solves start: the nearer to the answer, the sooner they end.
+        The values of `bones` at free nodes are where the solves start: the nearer to the answer, the sooner
+        they end.
         """
         none = np.zeros((0, *bones.shape[1:]))
         return self.adjoints_and_follow(none, bones, np.zeros_like(bones) if pulls is None else pulls)[1]
 
     def _pulled(self, bones: np.ndarray, pulls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What moving bones and `pulls` add to forces, (fields, free, 3), and the motion, both in model order."""
+        """Forces by moving bones and `pulls`, (fields, free, 3), and the motion, both in model order."""
         moved, force = self._in_model_order(bones), -self._of_free(pulls)
         if self.model.free_nodes:
             force -= self._coupling.times(moved[:, self.model.prescribed])

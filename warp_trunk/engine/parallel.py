@@ -151,7 +151,7 @@ class Parallel:
         self._seen_split = self._seen_split or len(parts) > 1
 
     def once(self, action: Launch) -> Launch:
-        """What one thread does for all, such as to clear an array, as a launch that can be captured."""
+        """Work of one thread for all, such as clearing an array, as a launch that can be captured."""
         return self._over_ranges([action])
 
     def capture(self, work: Launch) -> Launch:
@@ -168,7 +168,7 @@ class Parallel:
             graphs = [self._capture_range(work, None if self.is_cuda else 0)]
             if self._seen_split:
                 graphs += [self._capture_range(work, slab) for slab in range(1, self.ranges)]
-            elif self._splits:  # for nothing: one thread does all, and meets nobody
+            elif self._splits:  # without effect: one thread does all, and waits for none
                 self._splits = False
                 graphs = [self._capture_range(work, 0)]
         return self._over_ranges([partial(_replay, graph, work) for graph in graphs])
@@ -179,7 +179,7 @@ class Parallel:
         return self.capture(work) if self.is_cuda else work
 
     def _capture_range(self, work: Launch, slab: int | None) -> Any:
-        """What one range does of the work; the ranges wait for each other where a launch splits."""
+        """The work of one range; the ranges wait for each other where a launch splits."""
         self._captured = slab
         wp.capture_begin(self.device)
         try:
@@ -302,7 +302,7 @@ class _Worker:
             raise error
 
     def run(self) -> None:
-        """What the thread does when woken."""
+        """The work of the thread after it is woken."""
         try:
             assert self._work is not None
             self._work()
@@ -312,7 +312,7 @@ class _Worker:
 
 
 def _serve(worker: weakref.ref[_Worker], wake: threading.Lock) -> None:
-    """Runs the work of a worker until nobody holds the worker any more."""
+    """Runs the work of a worker until the worker is released."""
     while wake.acquire():
         alive = worker()
         if alive is None:

@@ -1,4 +1,4 @@
-"""What a rest state that moves adds to the forces, with the tissue where it is.
+"""Derivative of the forces by a rest state that moves, with the tissue where it is.
 
 Under gravity the rest state can be the one from which the trunk sags into the scan (`sag_free`). It moves with the
 constants: G(X, c) = 0, the gradient with the nodes where the scan has them and at rest at X, so that

@@ -41,7 +41,7 @@ class Skin:
         return [self.hinges, self.rest_edge, self.rest_angle, self.stiffness]
 
     def measures(self, rest: RestMesh) -> dict[str, wp.array]:
-        """What the arrays of these names hold for a rest state."""
+        """The values of the arrays of these names for a rest state."""
         return _measures(rest, self.corners)
 
     def at_rest(self, rest: RestMesh) -> Skin:

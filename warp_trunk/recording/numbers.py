@@ -27,7 +27,7 @@ TERMS = {
     "gravity": ("gravity", (204, 121, 167)),
     "total": ("total", drawing.TEXT),
 }
-"""What the plot calls a term of an energy, and its colour; edges and shape belong to different energies."""
+"""Name and colour of a term of an energy in the plot; edges and shape belong to different energies."""
 OTHER = (240, 228, 66)
 """Colour of a term that has none."""
 BELOW_BARS, ABOVE_BARS = 10.0, 40.0

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warp_trunk.preparation.landmark_finder import FoundLandmarks
 
 DOUBT = "#d55e00"
-"""What could not be told."""
+"""Colour of the vertebrae whose landmarks were not found."""
 _BONE, _DOUBTED = np.array([0.95, 0.94, 0.92]), np.array([0.99, 0.80, 0.66])
 _SKIN = np.array([1.0, 0.93, 0.88])
 KIND_COLOURS = {"endplate": "#0072b2", "left_pedicle": "#009e73", "right_pedicle": "#aa3377", "asis": "#000000"}
@@ -38,7 +38,8 @@ _ROOM = 22.0
 _LINE = 0.17
 """Height of a line of text [inches]."""
 _FINE = 2.5
-"""What is smaller on a bone is not drawn [mm]: surfaces from voxels have ten times the triangles that one sees."""
+"""Smaller details of a bone are not drawn [mm]: surfaces from voxels have ten times the triangles that one
+sees."""
 _SCALE = 50.0
 """Length of the scale [mm]."""
 
@@ -49,7 +50,7 @@ class _View:
 
     title: str
     sides: tuple[str, str]
-    """What lies at the left and at the right edge of the picture."""
+    """The directions at the left and at the right edge of the picture."""
     right: np.ndarray
     viewer: np.ndarray
 
@@ -67,8 +68,8 @@ _VIEWS = (
 def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: Surface | None = None) -> bytes:
     """A picture on which a surgeon sees whether landmarks lie where they should, as a PNG file.
 
-    Bones are seen through, as on a film: landmarks are drawn over all of them. Vertebrae whose landmarks could
-    not be told have a colour of their own, and the reason stands below.
+    Bones are seen through, as on a film: landmarks are drawn over all of them. Vertebrae whose landmarks
+    were not found have their own colour, and the reason is given below.
 
     Args:
         bones: those that landmarks were looked for on [mm]; others than vertebrae and hip bones are not drawn.

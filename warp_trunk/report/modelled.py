@@ -1,4 +1,4 @@
-"""What a simulation took into account and what it did not, in words, from its summary."""
+"""The effects that a simulation included and those that it did not, in words, from its summary."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BONES = {
 
 
 def modelled(summary: Summary) -> list[str]:
-    """What was modelled, one phrase for each thing."""
+    """The modelled effects, a phrase for each."""
     options, terms = summary.parameters, summary.terms
     bones = options.get("bones", "spline") if summary.bsr_deg.before else "given"
     energy = "springs on edges, faces and volumes [2]" if "distance" in terms else "a neo-Hookean continuum"
@@ -33,7 +33,7 @@ def modelled(summary: Summary) -> list[str]:
 
 
 def not_modelled(summary: Summary) -> list[str]:
-    """What was not, one phrase for each thing."""
+    """The effects that were not modelled, a phrase for each."""
     missing = [
         "the pull of muscles, breathing and posture",
         "growth, and changes of weight after surgery",
@@ -54,7 +54,7 @@ def _tissues(tissues: Sequence[Tissue]) -> str:
 
 
 def _skin(terms: Sequence[str]) -> str:
-    return "a thin plate that resists bending" if "bending" in terms else "the surface of the tissue, no more"
+    return "a thin plate that resists bending" if "bending" in terms else "only the surface of the tissue"
 
 
 def _gravity(options: Mapping[str, Any]) -> str:

@@ -103,7 +103,7 @@ def part_page(
 
 
 def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[str, Any]:
-    """What every page says of the run."""
+    """The data of the run on every page."""
     status = summary.ending
     return {
         "case": summary.case,
@@ -148,7 +148,7 @@ def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str
 
 
 def _reached(summary: Summary) -> str:
-    """What the last two relaxations reached, in words; empty where that is not known."""
+    """Distance from the equilibrium of the last two relaxations, in words; empty if it is not known."""
     tolerance = summary.parameters.get("tolerance")
     errors = [increment.estimated_error_mm for increment in summary.increments[-2:]]
     if tolerance is None or len(errors) < 2 or errors[0] is None or errors[1] is None:

@@ -102,7 +102,7 @@ def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: 
 
 
 def differences(before: Pose, plans: Sequence[Pose]) -> list[str]:
-    """What differs between plans, a sentence each, and last what does not."""
+    """A sentence for each difference between plans, and a last one on what is equal."""
     groups = measure_rows([before.measures, *(plan.measures for plan in plans)])
     rows = [row for group in groups.values() for row in group if row.short]
     lines = [f"{row.name}: {_listed(row, plans)}." for row in rows if row.differs]

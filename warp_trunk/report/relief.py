@@ -28,7 +28,7 @@ class View:
     turn: int
     """How many quarter turns the viewer has walked from behind the patient, by the patient's right."""
     sides: tuple[str, str]
-    """What is on the left and on the right of the picture."""
+    """The directions on the left and on the right of the picture."""
 
 
 BEHIND = View(0, ("left", "right"))
@@ -39,7 +39,7 @@ LEFT = View(3, ("front", "back"))
 
 @dataclass(frozen=True)
 class Window:
-    """What all pictures of a result show, so that they compare: in the axes of a view, see `seen_from`."""
+    """The common frame of all pictures of a result: in the axes of a view, see `seen_from`."""
 
     x: np.ndarray
     """Columns of pixels from left to right [mm], falling, shape (columns,)."""
@@ -136,7 +136,7 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: View = BEHIN
 def seen_values(
     skin: Surface, landmarks: Landmarks, seen: Window, values: np.ndarray, view: View = BEHIND
 ) -> np.ndarray:
-    """What a viewer sees of values of the vertices, shape (rows, columns); NaN beside the trunk.
+    """The visible values of the vertices, shape (rows, columns); NaN beside the trunk.
 
     Args:
         skin: the skin [mm].

@@ -1,4 +1,4 @@
-"""What a result means, in a few plain sentences for the patient, and the few numbers that she asks for first."""
+"""The meaning of a result in a few plain sentences for the patient, and the main numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def sentences(
     poses: Sequence[Pose], comparison: SkinComparison | None, bands: Bands | None = None
 ) -> dict[str, str]:
-    """What is planned, what changes, what stays, and how sure that is; by these headings.
+    """Sentences on the plan, the changes, the rest and the certainty, by these headings.
 
     Args:
         poses: before surgery and predicted.

@@ -15,7 +15,7 @@ more than the second it is back. Cosines of 53 and 37 degrees."""
 NEAR, WIDE = 95.0, 115.0
 """Nearer to the spine than the first all of the skin is back; further than the second it is arm or flank [mm]."""
 SMOOTH = 4.0
-"""What is painted is smoothed over this length [mm]: the triangles of a mesh are no shape of a back."""
+"""Painted values are smoothed over this length [mm], so that the triangles of a mesh do not show."""
 FADE = 25.0
 """From the uppermost and the lowermost vertebra on, colours fade in over this length [mm]."""
 

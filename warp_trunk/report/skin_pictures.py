@@ -58,7 +58,8 @@ def hatch(axes: Axes, seen: Window, doubtful: np.ndarray) -> None:
 
 
 def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[float], style: str) -> None:
-    """Lines of equal values, from every second pixel: nobody sees the others, and they take four times as long."""
+    """Lines of equal values, from every second pixel: the others are not visible, and they take four times as
+    long."""
     axes.contour(seen.x[::2], seen.z[::2], values[::2, ::2], levels, colors=INK, linewidths=0.5, linestyles=style)
 
 

@@ -37,10 +37,10 @@ RC: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Look:
-    """How one state of the trunk is told from the others, by its mark and line also without colour."""
+    """The style of one state of the trunk; mark and line distinguish it without colour too."""
 
     title: str
-    """What it is called."""
+    """Its name."""
     colour: str
     """Grey, blue and vermilion of Okabe and Ito stay apart for every kind of colour vision."""
     marker: str
@@ -48,7 +48,7 @@ class Look:
     line: str
     """Its lines."""
     spine: str = "planned"
-    """What its spine is called: that of a prediction is planned."""
+    """The name of its spine: that of a prediction is planned."""
 
     @property
     def heading(self) -> str:
@@ -65,7 +65,7 @@ PLANS = (
     Look("plan C", "#009e73", "D", "-", "plan C"),
     Look("plan D", "#cc79a7", "v", "-", "plan D"),
 )
-"""Plans that are compared; nobody chooses well among more."""
+"""Most plans in a comparison; more are hard to compare."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Pose:
     landmarks: Landmarks
     """The landmarks that go with it [mm]."""
     measures: TrunkMeasures
-    """What was measured on it."""
+    """Its measures."""
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:

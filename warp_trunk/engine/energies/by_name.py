@@ -16,4 +16,4 @@ ENERGIES: dict[str, Callable[[RestMesh, float, str], TetEnergy]] = {
     "itmsm": make_itmsm,
     "neo-hookean": make_neo_hookean,
 }
-"""What measures the rest state for an energy, of the gravity [m/s^2] and of how features are weighted."""
+"""Functions that measure the rest state for an energy, given the gravity [m/s^2] and the weights of features."""

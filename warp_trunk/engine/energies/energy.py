@@ -1,4 +1,4 @@
-"""What the engine needs of an energy."""
+"""The interface of an energy."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ class TetEnergy(Protocol):
         ...
 
     def measures(self, rest: RestMesh) -> dict[str, wp.array]:
-        """What its arrays of these names hold for a rest state, in arrays of their own."""
+        """The values of the arrays of these names for a rest state, in new arrays."""
         ...
 
     def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
-        """What its arrays of these names hold for the tissues of a mesh and a gravity [m/s^2], float64.
+        """The values of the arrays of these names for the tissues of a mesh and a gravity [m/s^2], float64.
 
         The energy is linear in them: put in their place, their derivative in a constant gives the derivative of
         energy, gradient and Hessian in it.
