@@ -1,4 +1,4 @@
-"""Virtual patients with an actual skin whose truth is known: a rehearsal of a study, of nobody.
+"""Synthetic patients with an actual skin whose truth is known, to rehearse a study.
 
     python scripts/make_cohort.py ANATOMY OUT --cases 12
 

@@ -1,4 +1,4 @@
-"""The command line: its flags, its exit statuses, and one line for what is wrong."""
+"""The command line: its flags, its exit statuses, and one line for an error."""
 
 from __future__ import annotations
 

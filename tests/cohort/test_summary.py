@@ -129,7 +129,7 @@ def test_files(tmp_path: Path):
             "on a phone values stand under their heads"
         )
     for said in (
-        "Virtual: nobody",
+        "Synthetic: no patient",
         "&lt;open&gt;",
         "1.83 ± 0.24",
         "d did not converge",

@@ -30,8 +30,8 @@ for line in sys.stdin:
             print(f"\\npage {{os.getpid()}}\\n", end="", flush=True)
             page.stopped.wait()
 """
-"""Opens a page for each port that it is told, in a process of its own, and says which, on a line of its own: what
-Warp prints of a kernel while it is loaded ends without one."""
+"""Opens a page for each given port in its own process, and prints the port on its own line, because what Warp
+prints while it loads a kernel does not end with one."""
 FILES = {"bones", "case.toml", "landmarks_after.csv", "landmarks_before.csv", "plan.json", "plan.toml", "skin.ply"}
 MOMENTS = 8
 

@@ -1,4 +1,4 @@
-"""The page answers this machine and itself, nobody else."""
+"""The page answers this machine and itself, and rejects all others."""
 
 from __future__ import annotations
 

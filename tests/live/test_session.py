@@ -1,4 +1,4 @@
-"""From wishes to views: the latest wins, an impossible one is told, and the end is that of a simulation."""
+"""From wishes to views: the latest wins, an impossible one is reported, and the end is that of a simulation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WAIT = 60.0
 
 
 class Heard:
-    """What a session told, in order."""
+    """The views of a session, in order."""
 
     def __init__(self) -> None:
         self.told: list[View | Refusal | Measured] = []
@@ -37,7 +37,7 @@ class Heard:
             self._more.notify_all()
 
     def until(self, wanted: Callable[[View | Refusal | Measured], bool]) -> View | Refusal | Measured:
-        """The first of those told that is wanted, waiting for it."""
+        """The first matching view, waiting for it."""
         with self._more:
             assert self._more.wait_for(lambda: any(map(wanted, self.told)), WAIT), self.told[-1:]
             return next(filter(wanted, self.told))

@@ -1,4 +1,4 @@
-"""What report, viewer and measures say of how sure a prediction is."""
+"""Intervals in report, viewer and measures."""
 
 from __future__ import annotations
 

@@ -110,7 +110,8 @@ def test_sentences_name_the_level_the_side_and_the_angles(plain):
 
 
 def test_actual_skin_brings_its_error(compared):
-    """It is turned by 3 degrees more everywhere: that is the mean absolute error, and more than can be told."""
+    """It is turned by 3 degrees more everywhere: that is the mean absolute error, and more than a surgeon
+    detects."""
     words = Elements(compared[1]).words
     assert "predicted rotation is 3.0 degrees on average, no less than the 2.5 degrees" in words
     assert re.search(r"Rotation of the back, mean absolute error T3-L5 \[°\]\s*3\.0\d ± 0\.0", words)

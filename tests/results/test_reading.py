@@ -1,4 +1,4 @@
-"""A result folder read back alone, and what is said of one that is damaged."""
+"""A result folder is read alone, and a damaged one is refused."""
 
 import json
 from dataclasses import replace

@@ -49,7 +49,7 @@ def test_what_is_certain_has_no_band() -> None:
 def test_landmarks_against_whole_simulations() -> None:
     """100 simulations with drawn landmarks: standard deviations within 15 %.
 
-    So few draws have a deviation of their own, 7 % off; the sensitivities tell by how much for the same draws.
+    So few draws have a deviation of their own, 7 % off; the sensitivities give the error for the same draws.
     """
     spread = {"landmark_error": 1.0, "landmark_error_sd": 0.7}
     found = bands_of(draws=64, **spread)

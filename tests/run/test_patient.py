@@ -63,7 +63,7 @@ def test_what_an_earlier_process_found_of_her_changes_no_bit(
     for name in ("first", "again"):
         patient = patient_of(planned(12.0), options, TRUNK)
         simulate(planned(12.0), folder=tmp_path / name, options=options, warnings=(), patient=patient)
-        sag_free = options.gravity != 0.0  # rest is then found anew, and nothing kept of it
+        sag_free = options.gravity != 0.0  # rest is then found again, and nothing of it is kept
         assert (patient.set_up is None) == sag_free
         assert sag_free or (patient.set_up is not None and patient.set_up.memo.is_new == (name == "first"))
     for file in ("predicted_skin.ply", "trunk.vtu"):

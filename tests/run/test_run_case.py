@@ -72,7 +72,7 @@ def mesh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def simulated(
     case: Case, out: Path, mesh: Path, progress: Progress | None = None, *, max_steps: int = 100, **more: Any
 ) -> Result:
-    """Three increments on one thread; the spline bends the only bone, which tells tissues apart."""
+    """Three increments on one thread; the spline bends the only bone, which distinguishes tissues."""
     simulation = SimulationOptions(increments=3, relax=RelaxOptions(max_steps=max_steps, tolerance=1e-2))
     given: dict[str, Any] = {"bones": "spline", **more}
     options = RunOptions(simulation=simulation, device="cpu", threads=1, from_mesh=mesh, **given)

@@ -215,7 +215,7 @@ REFUSED, WARNED = 6.0, 4.6
 the other vertebrae. 99.9 and 99 % of vertebrae are below them if landmarks have the errors stated in the papers
 before and after surgery (2.1 +- 1.5 mm; docs/from_films.md)."""
 REFUSED_RANGE, WARNED_RANGE = (8.0, 16.5), (4.0, 12.5)
-"""The limits are kept within these ranges [mm], so that very accurate landmarks need not be perfect and very
+"""The limits are kept within these ranges [mm], so that accurate landmarks need not be perfect and
 inaccurate ones do not excuse each other."""
 SIZE_REFUSED, SIZE_WARNED = 0.05, 0.038
 """Limits of the relative change of size of all vertebrae together; errors of landmarks exceed 0.038 in one case of

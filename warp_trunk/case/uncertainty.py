@@ -43,7 +43,7 @@ class Uncertainty:
     skin_rigidity: float = 2.0
     """Factor of the flexural rigidity of the skin, where it resists bending."""
     skin_thickness: float = 0.5
-    """Of the thickness of the skin, where layers are told by depth [mm]."""
+    """Of the thickness of the skin, if layers are given by depth [mm]."""
     fat_thickness: float = 2.0
     """Of the thickness of the fat under it, likewise [mm]."""
     mesh_rotation: float = 0.2
@@ -83,7 +83,7 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "skin_rigidity": "0.12 to 1.5 N mm by suction and torsion (docs/model.md)",
         "skin_thickness": "2.54 and 1.91 mm of adults, 1.3 mm of children (sources in case/layers.py)",
         "fat_thickness": "4 to 7.5 mm of girls of 12 to 17, 3 mm of boys of 17 (sources in case/layers.py)",
-        "mesh": "0.36 degrees largest, meshed anew; 0.95 mm mean, against four times as many tetrahedra "
+        "mesh": "0.36 degrees largest, with another mesh; 0.95 mm mean, against four times as many tetrahedra "
         "(docs/ribs.md)",
     }
 )

@@ -44,7 +44,7 @@ class Calibrate(SimulationArguments):
     pose: Literal["all", "surgery", "bending"] = "all"
     """Which cases take part: bending ones calibrate a patient's own tissue before surgery."""
     priors: bool = True
-    """Hold constants near what is believed of them, as --bands has it, where the skins do not tell."""
+    """Use the priors of --bands where the data do not determine a constant."""
     workers: int = 0
     """Cases that are worked on at the same time; 0 is as many as fit this machine."""
     scheduler: str | None = None

@@ -39,7 +39,7 @@ class FitAtlas:
     """How much to smooth: variance of the landmarks over the slope of the variogram [mm]; 0 meets them all."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Writes the bones and says how well the landmarks foretell each other."""
+        """Writes the bones and prints the cross-validation error of the landmarks."""
         if self.out.exists() and not self.out.is_dir():
             raise InputError(f"{self.out}: is a file; give the name of a folder")
         atlas, patient = read_landmarks(self.atlas), read_landmarks(self.patient)

@@ -66,7 +66,7 @@ class Plan:
     """How far T1 stands in front of the sacrum after [mm]; kept when left out."""
     aim: Literal["hump", "bsr"] | None = None
     """Change the plan within --within so that the largest hump, or the largest back surface rotation, is smallest,
-    write that plan, and tell what is gained; takes up to nine relaxations."""
+    write that plan, and report the improvement; takes up to nine relaxations."""
     within: UseAppendAction[tuple[str, ...]] = ()
     """What --aim may change of a curve of the plan, and between which shares:
     T8,correction=0.5..0.8,derotation=0.2..0.6; once for each curve."""

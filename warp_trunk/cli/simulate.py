@@ -39,7 +39,7 @@ class Simulate(SimulationArguments):
     """How bones move, in place of motions.toml of the case; once for each of several plans, each of which then has
     a result folder of the file's name in --out."""
     plan: UseAppendAction[tuple[Path, ...]] = ()
-    """A plan to simulate in place of what the case says of after surgery: plan.toml, or a folder that holds one;
+    """A plan that overrides landmarks_after of the case: plan.toml, or a folder that holds one;
     once for each plan. All share the mesh and the model of the patient."""
 
     def run(self, arguments: Sequence[str]) -> int:

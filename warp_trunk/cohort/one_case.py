@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from warp_trunk.results import Summary
 
 LOG = "log.txt"
-"""What a worker tells while it simulates a case, in the case's result folder."""
+"""Progress of a worker that simulates a case, in the case's result folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +106,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
 
 
 def _made_from(case: Case, options: RunOptions, simulation: Fingerprint) -> Fingerprint:
-    """What a row depends on: the simulation, what judges it, and what it says of the case."""
+    """The inputs of a row: the simulation, the actual skin, and the table [study] of the case."""
     found = dict(simulation)
     found["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
     found["record"] = options.record

@@ -359,8 +359,8 @@ def invert(matrix: np.ndarray, precision: str = "float64") -> np.ndarray:
 
     It is scaled to a unit diagonal and shifted, so that a grid vertex that hardly reaches a node is harmless.
     Numbers below the diagonal are not read. It is found in the precision that is asked for, unless that shows
-    directions so flat that float32 could not tell them from others; the anatomy has none of a twentieth of the
-    diagonal."""
+    directions so flat that float32 could not distinguish them from others; the anatomy has none of a twentieth
+    of the diagonal."""
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
     scale[diagonal <= 1e-12 * diagonal.max(initial=0.0)] = 0.0

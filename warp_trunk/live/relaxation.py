@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 _FAR = 10.0
-"""Rigid bones so far from the plans that are known would cut into tissue that is foretold [mm]: it starts from
+"""Rigid bones so far from the plans that are known would cut into extrapolated tissue [mm]: it starts from
 where they carry it instead."""
 
 
@@ -56,7 +56,7 @@ class Relaxed:
 class LiveRelaxation:
     """One patient's tissue, which follows her bones from plan to plan.
 
-    It starts from where the spline of the landmarks carries it and what relaxation is foretold to add
+    It starts from where the spline of the landmarks carries it and the extrapolated relaxation
     (`Forecast`), bones from where they go: a small change of a plan takes a step. The equilibrium is that of a
     simulation from before surgery as far as there is only one; where tetrahedra end inside out or no equilibrium
     is found, all increments from before surgery are taken.

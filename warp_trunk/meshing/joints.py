@@ -22,7 +22,7 @@ def free_joints(trunk: TrunkMesh) -> TrunkMesh:
 
     Bones nearer to each other than the grid resolves share one surface, such as a rib and its vertebra. Held
     by both, triangles that span two bones would be torn to several times their size and tetrahedra turned
-    inside out, which relaxation cannot mend. A collar of a few millimetres is enough: with 8 mm a quarter of the
+    inside out, which relaxation cannot repair. A collar of a few millimetres is enough: with 8 mm a quarter of the
     nodes on bone were loose, and the skin no smoother. Of bones just apart, a head of a rib and the vertebra above
     its own, the nodes at both ends of a narrow gap are free: its tetrahedra, held at all corners, would close.
     Of shoulder blades and clavicles all nodes are free from which a tetrahedron reaches another bone, at any

@@ -2,7 +2,7 @@
 
 Each source changes each number in proportion, by its sensitivity; sources are independent, so their variances add.
 Draws of all errors at once show whether proportion holds: the measures of a drawn skin are compared with what
-their derivatives say of it. Where they differ, the deviation is corrected by the ratio of the two, which is 1 for
+their derivatives predict. Where they differ, the deviation is corrected by the ratio of the two, which is 1 for
 a number in proportion.
 """
 
@@ -99,7 +99,7 @@ class _Drawn:
     """What draws of all errors show."""
 
     ratio: np.ndarray
-    """Deviation of each number over what its derivatives say of the same draws, shape (numbers,)."""
+    """Deviation of each number over the prediction of its derivatives for the same draws, shape (numbers,)."""
     linear: np.ndarray
     """Whether each changes in proportion, shape (numbers,)."""
     skin: np.ndarray
@@ -133,7 +133,7 @@ def _solved(
     solved = numbers, adjoints, linear.by_places(adjoints)
     found = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
     apart = found
-    if options.bones == "follow" and case.uncertainty.landmark_sd:  # vertebrae are steadied against such errors
+    if options.bones == "follow" and case.uncertainty.landmark_sd:  # their motion is smoothed against such errors
         error = math.sqrt(2.0) * case.uncertainty.landmark_sd
         apart = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls, expected_error=error)
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)

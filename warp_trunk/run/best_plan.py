@@ -222,7 +222,7 @@ class _SpentError(Exception):
 
 @dataclass(frozen=True)
 class _Teller:
-    """Simulates plans and tells of each."""
+    """Simulates plans and reports each."""
 
     search: Search
     patient: Patient
@@ -288,8 +288,8 @@ def _minimise(search: Search, trials: list[Trial], tell: _Teller, most: int) -> 
 def gain_sd(search: Search, patient: Patient, given: Trial, best: Trial) -> float:
     """Standard deviation of how much smaller the aim is of one plan than of the other.
 
-    What is wrong about the patient (landmarks, tissue, how ribs follow) is the same for both plans, so only what
-    it does to their difference counts. How surgery misses a plan is not the same; it adds up.
+    Errors of the patient (landmarks, tissue, ribs) are the same for both plans, so only their effect on the
+    difference counts. How surgery misses a plan is not the same; it adds up.
     """
     case, options = search.case, patient.options
     moved = np.zeros_like(case.landmarks_before.points)

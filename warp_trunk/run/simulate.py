@@ -105,7 +105,7 @@ def simulate(
 
     Args:
         case: the patient, with the tissue.
-        plan: the surgery, or several by name or in a row; what the case itself says of after surgery when left
+        plan: the surgery, or several by name or in a row; landmarks_after of the case when left
             out.
         folder: the result folder, checked before any long work and kept from other processes, in which the
             recording grows from increment to increment; of several plans the folder of their result folders. When

@@ -51,7 +51,7 @@ def test_file_and_page(tmp_path: Path) -> None:
     assert "SYNTHETIC" in (tmp_path / "tissue.toml").read_text()
     assert json.loads((tmp_path / "tissue.json").read_text())["found"][0]["low"] == 0.455
     for said in (
-        "Virtual: nobody",
+        "Synthetic: no patient",
         "ended STALLED &lt;here&gt;",
         "0.455 to 0.48",
         "fat.youngs_modulus: 20 % of the information comes from these patients",

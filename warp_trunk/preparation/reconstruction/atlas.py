@@ -19,7 +19,7 @@ from .plausible import check_near, check_size
 
 @dataclass(frozen=True)
 class AtlasFit:
-    """The bones of a patient, and how well the landmarks foretell each other."""
+    """The bones of a patient, and the cross-validation error of the landmarks."""
 
     bones: dict[str, Surface]
     """Each bone of the atlas with its vertices carried to the patient [mm]."""
