@@ -10,8 +10,8 @@ from typing import Any
 import nibabel
 import numpy as np
 import pytest
-from label_maps.voxelise import write_labels
 from nibabel.nifti1 import Nifti1Extension
+from voxelise_case import write_labels
 
 from support.blocks import blocks
 from support.breaking import content

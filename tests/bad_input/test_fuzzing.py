@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from label_maps.voxelise import write_labels
+from voxelise_case import write_labels
 
 from support.biplanar import biplanar
 from support.draws import Draws, fresh_seeds

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from label_maps.voxelise import write_labels
 from PIL import Image
+from voxelise_case import write_labels
 
 from support.label_maps import LEVELS, NAMES, NUMBERS, labels, write_map
 from warp_trunk import read_case

@@ -8,7 +8,6 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import (
     check_solid,
     components,
-    cross_any,
     crossings,
     enclosed_volume,
     linked_parts,
@@ -85,18 +84,6 @@ def test_components_count_parts():
     parts = components(joined(sphere(1.0), sphere(1.0, (5.0, 0, 0)), box((1.0, 1.0, 1.0), (9.0, 0, 0))))
     assert parts.max() == 2
     assert len(set(parts[:642])) == 1
-
-
-def test_only_faces_that_take_part_in_a_crossing_are_told():
-    wide = Surface(np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]), np.array([[0, 1, 2]], dtype=np.int32))
-    needle = Surface(
-        np.array([[-0.2, 0.0, -3], [0.2, 0, -3], [0, 0, 3]]),
-        np.array([[0, 1, 2]], dtype=np.int32),  # its edges pass through the wide one, no edge of that through it
-    )
-    apart = Surface(wide.vertices + np.array([0.0, 0, 30]), wide.faces)
-    surface = joined(wide, needle, apart)
-    assert [cross_any(surface, np.array([face], dtype=np.int32)) for face in range(3)] == [True, True, False]
-    assert not cross_any(surface, np.empty(0, dtype=np.int32))
 
 
 def test_parts_are_numbered_in_the_order_of_their_first_things() -> None:

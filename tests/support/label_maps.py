@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from label_maps.voxelise import grid_around, label_map, theirs, voxelise, write_labels
+from voxelise_case import grid_around, label_map, theirs, voxelise, write_labels
 
 from support.blocks import spine_and_hips
 from warp_trunk.geometry.surface import Surface

@@ -7,6 +7,7 @@ made only where the surface stays closed and uncrossed.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from warp_trunk.kernels.surface import allowed_collapses, edge_lengths, least_ar
 
 from .normals import area_vectors, unit
 from .surface import Surface
-from .surface_checks import cross_any, crossings, manifold_fault, slivers
+from .surface_checks import crossings, manifold_fault, slivers
 
 _LONGEST = 1.4
 """No collapse makes an edge longer than this times the edge length asked for, if nothing else is said."""
@@ -60,19 +61,6 @@ class _Working:
     """Sum of area * offset^2, shape (vertices,)."""
     area: np.ndarray
     """Sum of area [mm^2], shape (vertices,)."""
-    moved: np.ndarray
-    """Which vertices have moved since crossings were last looked for, shape (vertices,), bool."""
-
-    def copy(self) -> _Working:
-        return _Working(
-            self.vertices.copy(),
-            self.faces.copy(),
-            self.matrix.copy(),
-            self.vector.copy(),
-            self.scalar.copy(),
-            self.area.copy(),
-            self.moved.copy(),
-        )
 
 
 def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: float | None = None) -> Surface:
@@ -90,26 +78,24 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
     work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int32))
     random = np.random.default_rng(0)
     count = len(work.vertices)
-    kept, clean = work.copy(), False  # the last state without crossings, and whether that is known of it
+    kept = deepcopy(work)  # the last state without new crossings
     frozen = np.zeros(count, dtype=bool)  # vertices whose collapses led to a crossing
-    refused = np.empty(0, dtype=np.int64)  # edges that failed a test since the pass began, ascending
+    refused = np.empty(0, dtype=np.int64)  # edges that failed a test since the pass began
     faces_at_pass = np.inf
     rounds, pass_ends = 0, False
     while True:
         rounds += 1
         corners = _corners(work.faces, count)
         edges, length = _short_edges(corners, work.vertices, edge_length)
-        fresh = ~(frozen[edges[:, 0]] | frozen[edges[:, 1]] | _among(edges[:, 0] * count + edges[:, 1], refused))
+        fresh = ~(frozen[edges].any(axis=1) | np.isin(edges[:, 0] * count + edges[:, 1], refused))
         edges, length = edges[fresh], length[fresh]
         pass_ends |= len(edges) == 0
         if pass_ends or rounds % _ROUNDS_BETWEEN_CHECKS == 0:
-            crossed = _crossings(work, clean)
+            crossed = crossings(Surface(work.vertices, work.faces))
             if len(crossed) and _freeze(frozen, work.faces[crossed], kept.faces):
-                work, pass_ends = kept.copy(), False
+                work, pass_ends = deepcopy(kept), False
                 continue
-            clean = not len(crossed)
-            work.moved[:] = False
-            kept = work.copy()
+            kept = deepcopy(work)
         if pass_ends:
             if len(work.faces) > 0.98 * faces_at_pass:
                 break
@@ -120,7 +106,7 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         edges = edges[_independent(edges, key, corners, count)]
         target, error = _best_points(edges, work)
         good = _allowed(edges, target, work, corners, longest) & (error < tolerance)
-        refused = np.sort(np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]]))
+        refused = np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]])
         _collapse(edges[good], target[good], work)
         pass_ends = bool(good.sum() < 0.001 * len(work.faces))
     return _used(work, middle)
@@ -134,8 +120,7 @@ def _used(work: _Working, middle: np.ndarray) -> Surface:
 
 def _without_area(surface: Surface) -> bool:
     """Whether a triangle is a line or a point, which the checks of a case refuse."""
-    corners = surface.vertices[surface.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
     return not len(area) or float(area.min()) <= 1e-12 * float(area.max())
 
 
@@ -175,15 +160,6 @@ def without_slivers(surface: Surface) -> Surface:
     return _used(work, middle)
 
 
-def _crossings(work: _Working, clean: bool) -> np.ndarray:
-    """`crossings` of the surface; if it had none before vertices moved, only these are looked at first."""
-    surface = Surface(work.vertices, work.faces)
-    if not clean:
-        return crossings(surface)
-    changed = np.flatnonzero(work.moved[work.faces].any(axis=1))
-    return crossings(surface) if cross_any(surface, changed) else np.empty((0, 2), dtype=np.int32)
-
-
 def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:
     """Freeze the vertices of crossing faces and their neighbours; False if all of them are frozen already."""
     before = int(frozen.sum())
@@ -211,15 +187,7 @@ def _with_planes(vertices: np.ndarray, faces: np.ndarray) -> _Working:
         gather((area * offset)[:, None] * normal),
         gather(area * offset**2),
         gather(area),
-        np.zeros(count, dtype=bool),
     )
-
-
-def _among(keys: np.ndarray, ascending: np.ndarray) -> np.ndarray:
-    """Which keys are among those given."""
-    if not len(ascending):
-        return np.zeros(len(keys), dtype=bool)
-    return ascending[np.searchsorted(ascending, keys).clip(max=len(ascending) - 1)] == keys
 
 
 def _corners(faces: np.ndarray, count: int) -> _Corners:
@@ -303,7 +271,6 @@ def _allowed(
 def _collapse(edges: np.ndarray, target: np.ndarray, work: _Working) -> None:
     stays, goes = edges[:, 0], edges[:, 1]
     work.vertices[stays] = target
-    work.moved[stays] = True
     for planes in (work.matrix, work.vector, work.scalar, work.area):
         planes[stays] += planes[goes]
     number = np.arange(len(work.vertices), dtype=np.int32)

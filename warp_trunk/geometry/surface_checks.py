@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.surface import crossed_by_any, crossing_faces
+from warp_trunk.kernels.surface import crossing_faces
 
 from .cores import launch_over_cores
 from .normals import area_vectors
@@ -35,7 +35,6 @@ def linked_parts(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarra
 
 
 _INT: Any = wp.int32
-_BOOL: Any = wp.bool
 LEAST_ANGLE = 1.0
 """Triangles of a skin with a smaller angle are slivers [degrees]; no relaxation converges on thin tetrahedra."""
 _SLACK = 1e-6
@@ -67,16 +66,6 @@ def crossings(surface: Surface) -> np.ndarray:
     other = crossed.numpy()
     first = np.flatnonzero(other >= 0)
     return np.stack([first, other[first]], axis=1).astype(np.int32)
-
-
-def cross_any(surface: Surface, faces: np.ndarray) -> bool:
-    """Whether one of some faces, given by number, and another face of the surface pass through each other."""
-    mesh, middle = search_tree(surface, quick=True)
-    exact = wp.array(surface.vertices - middle, dtype=wp.vec3d, device="cpu")
-    asked = wp.array(faces, dtype=_INT, device="cpu")
-    crossed: Any = wp.empty(len(faces), dtype=_BOOL, device="cpu")
-    launch_over_cores(crossed_by_any, len(faces), [mesh.id, exact, mesh.indices, asked, _SLACK], [crossed])
-    return bool(crossed.numpy().any())
 
 
 def manifold_fault(surface: Surface) -> str | None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from label_maps.voxelise import write_labels
+from voxelise_case import write_labels
 
 from support.label_maps import LEVELS, NUMBERS, bones, labels, write_map, write_masks, write_seg_nrrd
 from warp_trunk import find_landmarks

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from label_maps.voxelise import write_labels
+from voxelise_case import write_labels
 
 from support.label_maps import NAMES, NUMBERS
 
