@@ -79,8 +79,6 @@ class MotionPlan:
     """The motion of every bone."""
     landmarks_after: Landmarks
     """The handles of the bones after surgery (`with_handles`)."""
-    warnings: tuple[str, ...] = ()
-    """Always empty: a plan of motions is possible or refused."""
 
     def planned_case(self, case: Case) -> Case:
         """The case with these motions; an actual skin belongs to another surgery and is left out."""

@@ -279,6 +279,6 @@ def _landmarks(surgery: PlannedSurgery | MotionPlan) -> Landmarks:
 
 def _job(number: int, wish: Wish | MotionWish, surgery: PlannedSurgery | MotionPlan) -> _Job:
     if isinstance(surgery, MotionPlan):
-        return _Job(number, wish, surgery, surgery.warnings)
+        return _Job(number, wish, surgery, ())
     curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
     return _Job(number, wish, surgery, (*surgery.warnings, *curves))
