@@ -328,15 +328,18 @@ def _passed(
     way = float(np.linalg.norm(relative.apply(vertices) - vertices, axis=1).max())
     reach = 2.0 * way + _TOUCHING
     near = vertices[((vertices > distance.lower - reach) & (vertices < distance.upper + reach)).all(axis=1)]
-    if not len(near) or distance.at(near).min() < _TOUCHING:
+    if not len(near):
         return None
     for part in np.linspace(0.0, 1.0, math.ceil(way / _STEP) + 1)[1:]:
         there = type(relative).from_exp_coords(part * motions[bone].as_exp_coords()).apply(near)
         back = type(relative).from_exp_coords(part * motions[other].as_exp_coords()).inv()
-        deep = -distance.at(back.apply(there))
+        here = back.apply(there)
+        inside = np.flatnonzero(((here > distance.lower) & (here < distance.upper)).all(axis=1))
+        deep = -distance.at(here[inside]) if len(inside) else np.zeros(1)
         worst = int(deep.argmax())
         if deep[worst] > _DEEP:
-            return float(deep[worst]), part, there[worst]
+            apart = distance.at(near).min() >= _TOUCHING
+            return (float(deep[worst]), part, there[inside[worst]]) if apart else None
     return None
 
 
