@@ -35,8 +35,7 @@ from warp_trunk.measures.spine import spine_of
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity.published_curves import Kind
 from warp_trunk.results import predicted_skin
-from warp_trunk.run.patient import Patient, patient_of
-from warp_trunk.run.prepare import prepare_plan
+from warp_trunk.run.patient import Patient, patient_of, prepare_plan
 
 LEVELS = ("T4", "T5", "T6", "T7", "T8", "T9", "T10", "T11", "T12", "L1", "L2", "L3", "L4")
 CURVES: dict[Kind, float] = {"thoracic": 50.0, "thoracolumbar": 50.0, "double_major": 60.0}

@@ -45,8 +45,7 @@ from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.results import predicted_skin
 from warp_trunk.run.bands import find_bands
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of
-from warp_trunk.run.prepare import prepare_plan
+from warp_trunk.run.patient import Patient, patient_of, prepare_plan
 
 ROOT = Path(__file__).parents[1]
 Trunk = tuple[Surface, dict[str, Surface]]

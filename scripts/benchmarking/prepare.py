@@ -7,7 +7,7 @@ from dataclasses import replace
 from warp_trunk import Case, RunOptions, phantom_case, read_case
 from warp_trunk.meshing import MeshOptions, build_trunk
 from warp_trunk.meshing.joints import free_joints
-from warp_trunk.run.paths import find_path
+from warp_trunk.run.patient import find_path
 
 from .problem import Problem
 

@@ -17,7 +17,7 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
-from warp_trunk.run.paths import motions_of
+from warp_trunk.run.patient import motions_of
 
 SIDES = ("left", "right")
 

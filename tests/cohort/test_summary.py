@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from warp_trunk.cohort.errors_of import case_error
-from warp_trunk.cohort.record import CaseRow, LevelRow
+from warp_trunk.cohort.rows import CaseRow, LevelRow, case_error
 from warp_trunk.cohort.summary import summarize_cohort
-from warp_trunk.cohort.writing import COLUMNS, cohort_text, write_cohort
+from warp_trunk.cohort.tables import COLUMNS, cohort_text, write_cohort
 
 
 def level(

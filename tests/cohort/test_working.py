@@ -19,7 +19,7 @@ from support.killing import killed_at_work
 from warp_trunk.case import write_case
 from warp_trunk.cohort.cluster import choose_workers, connected
 from warp_trunk.cohort.one_case import LOG, do_case
-from warp_trunk.cohort.record import JUDGED
+from warp_trunk.cohort.rows import JUDGED
 from warp_trunk.cohort.working import work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress

@@ -10,7 +10,7 @@ from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.live.bones import BonePoses
-from warp_trunk.run.paths import motions_of
+from warp_trunk.run.patient import motions_of
 
 
 def test_a_vertebra_goes_with_its_landmarks_and_a_rib_with_the_spline() -> None:

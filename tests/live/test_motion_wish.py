@@ -24,8 +24,7 @@ from warp_trunk.live.session import Refusal, Session, View
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.recording.viewer import free_port
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of
-from warp_trunk.run.prepare import prepare_plan
+from warp_trunk.run.patient import Patient, patient_of, prepare_plan
 
 OPTIONS = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False), device="cpu", threads=1)
 TURN = Turn(degrees=5.0, axis=(0.0, 0.0, 2.0), point=(0.0, -45.0, 100.0))

@@ -17,8 +17,7 @@ from warp_trunk.live.session import Measured, Refusal, Session, View
 from warp_trunk.live.wish import Wish, first_wish, spine_before
 from warp_trunk.measures import measure
 from warp_trunk.results import predicted_skin
-from warp_trunk.run.patient import Patient
-from warp_trunk.run.prepare import prepare_plan
+from warp_trunk.run.patient import Patient, prepare_plan
 
 WAIT = 60.0
 

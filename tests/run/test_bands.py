@@ -19,8 +19,7 @@ from warp_trunk.results import predicted_skin, read_result, result_of
 from warp_trunk.results.bands import FoundBands
 from warp_trunk.run.bands import find_bands
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.paths import find_path
-from warp_trunk.run.prepare import Prepared, prepare
+from warp_trunk.run.patient import Prepared, find_path, prepare
 from warp_trunk.run.sensitivities import sensitivities
 
 CASE, TRUNK = boned_case()

@@ -15,8 +15,7 @@ from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
-from warp_trunk.run.best_plan import Aim, BestPlan, Search, Trial, best_plan, gain_sd
-from warp_trunk.run.best_plan_text import best_plan_text
+from warp_trunk.run.best_plan import Aim, BestPlan, Search, Trial, best_plan, best_plan_text, gain_sd
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import Patient, patient_of
 from warp_trunk.run.sources import effect_of, sources_of

@@ -13,7 +13,7 @@ from support.small_trunk import small_case
 from warp_trunk.engine.parallel import choose_device
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.prepare import prepare
+from warp_trunk.run.patient import prepare
 
 
 @pytest.fixture

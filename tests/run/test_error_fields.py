@@ -11,7 +11,7 @@ from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
-from warp_trunk.run.error_fields import SAMPLE, ErrorFields, draw_landmarks, rigid_fields, spline_fields
+from warp_trunk.run.draws import SAMPLE, ErrorFields, draw_landmarks, rigid_fields, spline_fields
 
 CASE, TRUNK = boned_case()
 CASE = replace(CASE, uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.5))

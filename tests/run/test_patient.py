@@ -16,8 +16,7 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of
-from warp_trunk.run.prepare import prepare_plan
+from warp_trunk.run.patient import Patient, patient_of, prepare_plan
 from warp_trunk.run.simulate import simulate
 
 CASE, TRUNK = small_case()

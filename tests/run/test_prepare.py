@@ -10,7 +10,7 @@ import pytest
 from support.small_trunk import small_case
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.prepare import prepare
+from warp_trunk.run.patient import prepare
 
 CASE, TRUNK = small_case()
 

@@ -15,7 +15,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
 from warp_trunk.preparation.phantom import straight_trunk
-from warp_trunk.run.paths import motions_of
+from warp_trunk.run.patient import motions_of
 from warp_trunk.run.sources import Source, rib_share_sources
 
 DEROTATED = SpineCurve(cobb=20.0, apical_rotation=1.0)

@@ -31,8 +31,7 @@ from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.paths import find_path
-from warp_trunk.run.prepare import Prepared, prepare
+from warp_trunk.run.patient import Prepared, find_path, prepare
 from warp_trunk.run.sensitivities import Sensitivity, sensitivities
 from warp_trunk.run.sources import sources_of
 

@@ -13,8 +13,8 @@ from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import spine_of
+from warp_trunk.run.bands import spine_bands
 from warp_trunk.run.sources import Source
-from warp_trunk.run.spine_bands import spine_bands
 
 CASE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))
 AFTER = CASE.planned_landmarks

@@ -16,7 +16,7 @@ from support.small_trunk import small_case
 from warp_trunk import RunOptions
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.run.options import SKIN_RIGIDITY
-from warp_trunk.run.prepare import prepare
+from warp_trunk.run.patient import prepare
 
 
 def test_a_problem_of_bones_that_follow(tmp_path: Path) -> None:

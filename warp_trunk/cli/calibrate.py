@@ -16,12 +16,11 @@ from warp_trunk.case.tissue_file import constant_of
 from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import FitJob
+from warp_trunk.cohort.calibration.report import calibration_text, check_file, write_calibration
 from warp_trunk.cohort.calibration.rounds import FitCase
-from warp_trunk.cohort.calibration.writing import calibration_text, check_file, write_calibration
-from warp_trunk.cohort.case_folders import case_folders
 from warp_trunk.cohort.cluster import connected
 from warp_trunk.cohort.one_case import CohortOptions
-from warp_trunk.cohort.working import CPU_THREADS
+from warp_trunk.cohort.working import CPU_THREADS, case_folders
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
 

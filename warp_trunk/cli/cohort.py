@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from warp_trunk.case.tissue_file import read_tissue_file
-from warp_trunk.cohort.case_folders import case_folders, check_out
 from warp_trunk.cohort.cluster import connected
 from warp_trunk.cohort.one_case import CohortOptions
-from warp_trunk.cohort.working import work
-from warp_trunk.cohort.writing import cohort_text, write_cohort
+from warp_trunk.cohort.tables import cohort_text, write_cohort
+from warp_trunk.cohort.working import case_folders, check_out, work
 from warp_trunk.run.progress import Progress
 
 from .exit_status import INCOMPLETE, OK

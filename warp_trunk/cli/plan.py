@@ -20,8 +20,7 @@ from warp_trunk.case import read_case
 from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles
-from warp_trunk.run.best_plan import best_plan
-from warp_trunk.run.best_plan_text import best_plan_text
+from warp_trunk.run.best_plan import best_plan, best_plan_text
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate

@@ -24,7 +24,7 @@ from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.starting import start_warp
 
-from .record import FAILED, JUDGED, CaseRow, Judged, LevelRow, read_judged, write_judged
+from .rows import FAILED, JUDGED, CaseRow, Judged, LevelRow, read_judged, write_judged
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

@@ -9,12 +9,17 @@ import numpy as np
 
 from warp_trunk.measures.comparison import DETECTABLE, RANGES
 
-from .errors_of import Guess, LevelError, case_error, level_errors
-from .record import CONVERGED, FAILED, CaseRow
-from .statistics.agreement import Agreement, limits_of_agreement
-from .statistics.estimate import Estimate, over_patients
-from .statistics.shares import share_true, share_within
-from .statistics.trend import Trend, trend
+from .rows import CONVERGED, FAILED, CaseRow, Guess, LevelError, case_error, level_errors
+from .statistics import (
+    Agreement,
+    Estimate,
+    Trend,
+    limits_of_agreement,
+    over_patients,
+    share_true,
+    share_within,
+    trend,
+)
 
 WHOLE = "T3-L5"
 """The range over which a case has one error."""

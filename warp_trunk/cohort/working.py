@@ -7,16 +7,19 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from warp_trunk.case.case_writer import HEADER, refuse_case
 from warp_trunk.errors import InputError
+from warp_trunk.io.folders import make_writable
 from warp_trunk.run.warming import warm
 
 from .one_case import CohortOptions, Done, do_case
-from .record import FAILED, CaseRow
+from .rows import FAILED, JUDGED, CaseRow
 
 if TYPE_CHECKING:
     from distributed import Client
 
     from warp_trunk.run.progress import Progress
+
 
 CPU_THREADS = 1
 """Threads of a case on the CPU: cores are filled by cases, and what a case comes to does not depend on how many
@@ -102,3 +105,35 @@ def _line(done: Done) -> str:
     """The case that ended, and how."""
     said = "kept" if done.kept else done.row.reason or done.row.status
     return f"{done.row.folder}: {said}" + (f"; done again, for {done.notice}" if done.notice else "")
+
+
+def case_folders(folder: Path) -> list[Path]:
+    """The case folders in a folder, by name.
+
+    Raises:
+        InputError: there is no such folder, it is itself a case, or it holds none.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; give the one that holds the case folders")
+    if (folder / HEADER).is_file():
+        raise InputError(f"{folder}: is one case; give the folder that holds it and the others, or use simulate")
+    found = sorted(path.parent for path in folder.glob(f"*/{HEADER}"))
+    if not found:
+        raise InputError(
+            f"{folder}: holds no case folder, which is one with {HEADER} in it; make cases with warp-trunk "
+            "import, plan or make-case"
+        )
+    return found
+
+
+def check_out(out: Path, folder: Path, names: list[str]) -> list[str]:
+    """Makes the folder of a cohort's results; tells of results in it that are of no case any more.
+
+    Raises:
+        InputError: it lies in a case, or is the folder of the cases, or cannot be written to.
+    """
+    refuse_case(out)
+    if out.resolve() == folder.resolve():
+        raise InputError(f"{out}: holds the cases; give --out another folder")
+    make_writable(out, "results")
+    return sorted({path.parent.name for path in out.glob(f"*/{JUDGED}")} - set(names))

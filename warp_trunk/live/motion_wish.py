@@ -11,7 +11,7 @@ import numpy as np
 from warp_trunk.case import write_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.motions import Motion, Turn, check_motions, check_passing, rigid_motions
-from warp_trunk.run.paths import motions_of
+from warp_trunk.run.patient import motions_of
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,7 +13,7 @@ from warp_trunk.bone_motion.path_faults import colliding_bones
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
-from warp_trunk.run.paths import find_path, motions_of
+from warp_trunk.run.patient import find_path, motions_of
 from warp_trunk.run.warnings import ending_warnings
 
 from .forecast import Forecast

@@ -20,16 +20,17 @@ from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.results import predicted_skin
+from warp_trunk.results.bands import WIDTH
 
 from .options import RunOptions, with_changes
-from .patient import Patient, patient_of, with_mesh_given
-from .prepare import Prepared, prepare_plan
+from .patient import Patient, Prepared, patient_of, prepare_plan, with_mesh_given
 from .progress import Progress
 from .sensitivities import Sensitivity, sensitivities
 from .sources import effect_of, sources_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
+
 
 Aim = Literal["hump", "bsr"]
 MOST = 9
@@ -308,3 +309,30 @@ def gain_sd(search: Search, patient: Patient, given: Trial, best: Trial) -> floa
     mesh = case.uncertainty.mesh_length if search.aim == "hump" else case.uncertainty.mesh_rotation
     landmarks = case.uncertainty.landmark_sd * float(np.linalg.norm(moved))
     return math.sqrt(missed + sum(effect**2 for effect in shared.values()) + landmarks**2 + mesh**2)
+
+
+_AIMS = {"hump": ("largest hump", "mm"), "bsr": ("largest back surface rotation", "degrees")}
+
+
+def best_plan_text(found: BestPlan) -> str:
+    """The shares that changed, what is gained against the plan as given, and how sure that is."""
+    search, given, best = found.search, found.given, found.best
+    name, unit = _AIMS[search.aim]
+    lines = [f"{f'plan within the bounds, {len(found.trials)} relaxations':<42}{'given':>8}{'best':>8}   bounds"]
+    for bound, share in zip(search.bounds, shares_of(found.plan, search.bounds), strict=True):
+        was = shares_of(search.plan, (bound,))[0]
+        at = " (at its end)" if share in (bound.low, bound.high) else ""
+        ends = f"{bound.low:g} to {bound.high:g}{at}"
+        lines.append(f"{f'{bound.target} of {bound.apex}':<42}{was:>8.2f}{share:>8.2f}   {ends}")
+    lines.append(f"{f'{name} [{unit}]':<42}{given.value:>8.1f}{best.value:>8.1f}   at {given.level}, {best.level}")
+    return "\n".join([*lines, _gained(found, unit)])
+
+
+def _gained(found: BestPlan, unit: str) -> str:
+    if found.best is found.given:
+        return "No plan within the bounds was found that is better than the plan as given."
+    band = WIDTH * found.gain_sd
+    said = f"Gained: {found.gain:.1f} ± {band:.1f} {unit} (in 19 of 20 such operations)"
+    if found.gain < band:
+        return f"{said}. The gain is smaller than its band: choose between the two plans by other reasons."
+    return f"{said}."

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.bone_motion.articulation import bone_motions, given_motions
+from warp_trunk.bone_motion.bone_path import BonePath, rigid_path, spline_path
 from warp_trunk.case.layers import Layers
+from warp_trunk.case.motions import rigid_motions
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.parallel import Parallel, choose_device
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
@@ -30,9 +33,13 @@ from .progress import stage_of
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+    from warp_trunk.bone_motion.steps import Steps
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.tissue import Tissue
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
     from .progress import Progress
 
@@ -223,4 +230,83 @@ def _same_layers(one: Layers | None, other: Layers | None) -> bool:
         np.array_equal(one.skin_thickness, other.skin_thickness)
         and np.array_equal(one.fat_thickness, other.fat_thickness)
         and (one.constants, one.mesh) == (other.constants, other.mesh)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A case that is ready to be simulated: `simulate(prepared.model, prepared.bone_path)`."""
+
+    trunk: TrunkMesh
+    """The mesh, with the tissue of its tetrahedra and with free joints where bones move each on its own."""
+    model: Model
+    """The mesh on its device, at rest."""
+    bone_path: BonePath
+    """Where its bones go."""
+
+
+def prepare(
+    case: Case,
+    options: RunOptions | None = None,
+    trunk: TrunkMesh | None = None,
+    progress: Progress | None = None,
+) -> Prepared:
+    """Mesh a case, build its model and find the path of its bones.
+
+    Args:
+        case: what to simulate, with its tissue.
+        options: how; the defaults when left out. Only what comes before the increments is read.
+        trunk: the mesh of the case where there is one already; made, or fetched from the cache, when left out.
+        progress: what to show the stages on; nothing is shown when left out.
+
+    Raises:
+        InputError: the case or an option is one that a stage refuses.
+    """
+    return prepare_plan(patient_of(case, options, trunk, progress), case, progress)
+
+
+def prepare_plan(patient: Patient, case: Case, progress: Progress | None = None) -> Prepared:
+    """A plan for a patient who is ready: the path of the bones is all that is still to be found.
+
+    Args:
+        patient: her mesh and model.
+        case: the patient with what is planned.
+        progress: what to show the stage on; nothing is shown when left out.
+
+    Raises:
+        InputError: the case is of another patient or tissue, or has landmarks on which no spline can be fitted.
+    """
+    patient.check(case)
+    with stage_of(progress, "path", "finding where the bones go"):
+        return Prepared(patient.trunk, patient.model, find_path(case, patient.trunk, patient.options))
+
+
+def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
+    """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
+    device = choose_device(options.device)
+    if options.bones == "follow":
+        return rigid_path(trunk, motions_of(case), device)
+    return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)
+
+
+def motions_of(
+    case: Case, steps: Steps | None = None, expected_error: float | None = None
+) -> dict[str, RigidTransform]:
+    """How each bone of a case moves rigidly, known ones first; see `bone_motions` and `given_motions`."""
+    planned = case.planned_landmarks
+    if case.landmarks_after is None:
+        return given_motions(case.bones, case.given_motions)
+    known = {
+        bone: Surface(motion.apply(case.bones[bone].vertices), case.bones[bone].faces)
+        for bone, motion in rigid_motions(case.motions).items()
+    }
+    return bone_motions(
+        case.bones,
+        case.landmarks_before,
+        planned,
+        {**case.bones_after, **known},
+        case.rib_shares,
+        pose=case.study.pose,
+        steps=steps,
+        expected_error=expected_error,
     )

@@ -10,6 +10,8 @@ import numpy as np
 
 from warp_trunk.bone_motion.path_derivative import PathDerivative, rigid_derivative, spline_derivative
 from warp_trunk.bone_motion.steps import RememberedSteps
+from warp_trunk.case.layers import NAMES, Layers
+from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
@@ -22,12 +24,11 @@ from warp_trunk.measures.derivatives import (
     rotation_derivative,
     shoulder_derivative,
 )
+from warp_trunk.meshing.layers import thickness_derivatives
 from warp_trunk.results import predicted_skin
 
 from .options import RunOptions
-from .paths import motions_of
-from .prepare import Prepared
-from .pulls import pulls_of
+from .patient import Prepared, layers_from, motions_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -192,3 +193,26 @@ def _numbers(
                 f"not {vertex}"
             )
         yield f"skin {vertex}", point_derivative(skin, landmarks, vertex, normals[vertex])
+
+
+def constant_names(prepared: Prepared) -> dict[str, Constant]:
+    """The constants of a model by the names that a case has for them."""
+    several = len(prepared.model.tissues) > 1
+    return {
+        f"{NAMES[constant.tissue]}.{constant.name}" if several and constant.tissue is not None else constant.name:
+        constant
+        for constant in constants_of(prepared.model)
+    }  # fmt: skip
+
+
+def pulls_of(case: Case, prepared: Prepared, options: RunOptions, linear: Linearization) -> dict[str, np.ndarray]:
+    """dF/dc by the name of each constant, see `Linearization.pull`, shape (nodes, 3).
+
+    Layers by depth have their thickness in mm too, of skin and of fat, everywhere alike.
+    """
+    model, trunk = prepared.model, prepared.trunk
+    changes = {name: weight_derivative(model, constant) for name, constant in constant_names(prepared).items()}
+    if layers_from(case, options) == "depth":
+        for name, change in thickness_derivatives(trunk, case.layers or Layers()).items():
+            changes[name.replace("_", ".")] = parts_derivative(model, trunk.tets, change)
+    return dict(zip(changes, linear.pulls(list(changes.values())), strict=True))

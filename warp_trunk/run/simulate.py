@@ -39,9 +39,7 @@ from warp_trunk.results.summary_text import markdown
 
 from .bands import find_bands
 from .options import RunOptions, parameters, with_changes
-from .paths import motions_of
-from .patient import Patient, patient_of, with_mesh_given
-from .prepare import Prepared, prepare_plan
+from .patient import Patient, Prepared, motions_of, patient_of, prepare_plan, with_mesh_given
 from .progress import Progress
 from .warnings import curve_warnings, ending_warnings, option_warnings
 

@@ -20,11 +20,8 @@ from warp_trunk.engine.constants import value_of
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
 
 from .options import RunOptions
-from .paths import motions_of
-from .patient import layers_from
-from .prepare import Prepared
-from .pulls import constant_names
-from .sensitivities import Sensitivity
+from .patient import Prepared, layers_from, motions_of
+from .sensitivities import Sensitivity, constant_names
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

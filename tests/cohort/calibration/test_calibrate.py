@@ -17,8 +17,8 @@ from warp_trunk.case.tissue_file import read_tissue_file
 from warp_trunk.cli import main
 from warp_trunk.cohort.calibration.calibrate import Calibration, Found, HeldOut, prior_of
 from warp_trunk.cohort.calibration.free_constants import FreeConstant
-from warp_trunk.cohort.calibration.writing import calibration_text, write_calibration
-from warp_trunk.cohort.statistics.estimate import over_patients
+from warp_trunk.cohort.calibration.report import calibration_text, write_calibration
+from warp_trunk.cohort.statistics import over_patients
 
 CALIBRATION = Calibration(
     found=(

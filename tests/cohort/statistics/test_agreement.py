@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warp_trunk.cohort.statistics.agreement import limits_of_agreement
+from warp_trunk.cohort.statistics import limits_of_agreement
 
 
 def test_one_pair_each_is_the_plain_limit():

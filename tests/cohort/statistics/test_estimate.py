@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warp_trunk.cohort.statistics.estimate import over_patients
+from warp_trunk.cohort.statistics import over_patients
 
 
 def test_each_patient_counts_once():

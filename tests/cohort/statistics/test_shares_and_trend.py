@@ -2,8 +2,7 @@
 
 import pytest
 
-from warp_trunk.cohort.statistics.shares import share_true, share_within
-from warp_trunk.cohort.statistics.trend import trend
+from warp_trunk.cohort.statistics import share_true, share_within, trend
 
 
 def test_shares():

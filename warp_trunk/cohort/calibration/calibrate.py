@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..statistics.estimate import Estimate, over_patients
+from ..statistics import Estimate, over_patients
 from .fit import Certainty, Fit, Prior, certainty, without
 from .free_constants import FreeConstant
 from .one_fit import CaseFit

@@ -28,8 +28,7 @@ from warp_trunk.measures.skin_distance import skin_distance
 from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.paths import find_path
-from warp_trunk.run.prepare import Prepared, prepare
+from warp_trunk.run.patient import Prepared, find_path, prepare
 from warp_trunk.run.starting import start_warp
 
 from .free_constants import FreeConstant, values_of

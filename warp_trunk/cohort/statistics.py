@@ -1,0 +1,197 @@
+"""Statistics of numbers from several patients; the functions know numbers and patients, not trunks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+DRAWS = 10_000
+"""Draws of a bootstrap; the ends of its interval then vary by about 1 % of its width."""
+SEED = 1
+"""Of the draws: the same patients give the same interval."""
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A mean over patients."""
+
+    mean: float
+    """The mean of the patients' values."""
+    sd: float | None
+    """Their standard deviation (of a sample, n - 1); None for one patient."""
+    low: float | None
+    """Where the interval begins that holds the mean of all patients in 19 of 20 studies ..."""
+    high: float | None
+    """... and where it ends; None below three patients."""
+    patients: int
+    """How many patients."""
+
+
+def over_patients(values: Sequence[float], patients: Sequence[str]) -> Estimate | None:
+    """The mean of values over patients, each patient counting once, with a bootstrap over patients.
+
+    Values of one patient are averaged first: her levels and cases are correlated, so only patients are
+    drawn (percentile interval of `scipy.stats.bootstrap`). With few patients it is too narrow, by a tenth to a
+    quarter for six.
+
+    Args:
+        values: numbers.
+        patients: whose each is.
+
+    Returns:
+        The estimate; None without values.
+    """
+    of: dict[str, list[float]] = {}
+    for value, patient in zip(values, patients, strict=True):
+        of.setdefault(patient, []).append(value)
+    if not of:
+        return None
+    means = np.array([np.mean(one) for one in of.values()])
+    low = high = None
+    if len(means) >= 3:
+        low, high = _interval(means)
+    return Estimate(
+        mean=float(means.mean()),
+        sd=float(means.std(ddof=1)) if len(means) > 1 else None,
+        low=low,
+        high=high,
+        patients=len(means),
+    )
+
+
+def _interval(means: np.ndarray) -> tuple[float, float]:
+    from scipy.stats import bootstrap  # heavy
+
+    drawn = bootstrap(
+        (means,),
+        np.mean,
+        n_resamples=DRAWS,
+        confidence_level=CONFIDENCE,
+        method="percentile",
+        rng=np.random.default_rng(SEED),
+    )
+    return float(drawn.confidence_interval.low), float(drawn.confidence_interval.high)
+
+
+LIMIT = 1.96
+"""Standard deviations to either side that hold 95 % of differences."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """How far predicted numbers lie from actual ones."""
+
+    bias: float
+    """Mean difference, predicted less actual."""
+    sd: float | None
+    """Standard deviation of a single difference, of patients and within them; None for one pair."""
+    low: float | None
+    """Where the interval begins that holds 95 % of differences ..."""
+    high: float | None
+    """... and where it ends."""
+    pairs: int
+    """How many pairs."""
+    patients: int
+    """Of how many patients."""
+
+
+def limits_of_agreement(differences: Sequence[float], patients: Sequence[str]) -> Agreement | None:
+    """Limits of agreement by Bland and Altman, for several pairs of a patient whose true value varies.
+
+    The variance of a difference is that within patients (mean square of a one-way analysis) and that of patients,
+    added; with one pair each it is the plain variance (Bland and Altman 2007, J Biopharm Stat 17:571, section 3).
+
+    Args:
+        differences: predicted less actual.
+        patients: whose each pair is.
+
+    Returns:
+        The limits; None without differences.
+    """
+    d = np.asarray(differences, dtype=np.float64)
+    if not len(d):
+        return None
+    _, whose = np.unique(np.asarray(patients), return_inverse=True)
+    variance = _variance(d, whose)
+    bias = float(d.mean())
+    sd = None if variance is None else math.sqrt(variance)
+    return Agreement(
+        bias=bias,
+        sd=sd,
+        low=None if sd is None else bias - LIMIT * sd,
+        high=None if sd is None else bias + LIMIT * sd,
+        pairs=len(d),
+        patients=int(whose.max()) + 1,
+    )
+
+
+def _variance(d: np.ndarray, whose: np.ndarray) -> float | None:
+    """The variance of one difference; None where there is but one."""
+    counts = np.bincount(whose)
+    patients, pairs = len(counts), len(d)
+    if pairs < 2:
+        return None
+    if patients in (1, pairs):  # no two variances to separate
+        return float(d.var(ddof=1))
+    means = np.bincount(whose, d) / counts
+    within = float(((d - means[whose]) ** 2).sum()) / (pairs - patients)
+    between = float((counts * (means - d.mean()) ** 2).sum()) / (patients - 1)
+    typical = (pairs - float((counts**2).sum()) / pairs) / (patients - 1)
+    return within + max(0.0, (between - within) / typical)
+
+
+def share_within(errors: Sequence[float], limit: float) -> float | None:
+    """The part of errors whose size is below a limit, from 0 to 1; None without errors."""
+    return share_true([abs(error) < limit for error in errors])
+
+
+def share_true(flags: Iterable[bool | None]) -> float | None:
+    """The part that is true of what is known; None where nothing is."""
+    known = [flag for flag in flags if flag is not None]
+    return sum(known) / len(known) if known else None
+
+
+LEAST = 3
+"""Fewer points have no trend."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trend:
+    """A straight line through points, and how well it fits."""
+
+    slope: float
+    """Change of the second number with the first."""
+    intercept: float
+    """The second number where the first is 0."""
+    correlation: float
+    """Pearson's, from -1 to 1."""
+    p: float
+    """How likely points without a trend give at least this correlation (two-sided, t test)."""
+    points: int
+    """How many points."""
+
+
+def trend(x: Sequence[float | None], y: Sequence[float | None]) -> Trend | None:
+    """The line of least squares through the points that have both numbers.
+
+    Returns:
+        The line; None for fewer than three points, or where either number never changes.
+    """
+    known = np.array([(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None], dtype=float)
+    if len(known) < LEAST or (np.ptp(known, axis=0) == 0.0).any():
+        return None
+    from scipy.stats import linregress  # heavy
+
+    line: Any = linregress(known[:, 0], known[:, 1])
+    return Trend(
+        slope=float(line.slope),
+        intercept=float(line.intercept),
+        correlation=float(line.rvalue),
+        p=float(line.pvalue),
+        points=len(known),
+    )
