@@ -39,7 +39,7 @@ def python(code):
 
 def test_sources_are_found():
     names = {path.name for path in sources()}
-    assert {"command_line.py", "model.py", "newton.py", "tets.py"} <= names
+    assert {"commands.py", "model.py", "newton.py", "tets.py"} <= names
 
 
 def test_importing_the_package_imports_nothing_heavy():

@@ -9,7 +9,7 @@ import pytest
 from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
-from warp_trunk.cli.exit_status import BAD_INPUT
+from warp_trunk.cli.output import BAD_INPUT
 
 
 @pytest.fixture(scope="session")

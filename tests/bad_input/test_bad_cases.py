@@ -10,7 +10,7 @@ import pytest
 
 from support.breaking import content, header, instead, layers, set_point, shape, text
 from support.synthetic import sphere
-from warp_trunk.cli.crossing_file import crossings_written
+from warp_trunk.cli.simulation import crossings_written
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface

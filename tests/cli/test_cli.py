@@ -17,7 +17,7 @@ from warp_trunk.case import write_case
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.cli import main
 from warp_trunk.cli.arguments import ONLY_IN_PYTHON
-from warp_trunk.cli.exit_status import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
+from warp_trunk.cli.output import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 from warp_trunk.cli.simulation import COMMON
 from warp_trunk.cli.view import find_recording
 from warp_trunk.engine.relaxation import RelaxOptions

@@ -10,7 +10,7 @@ import pytest
 from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
-from warp_trunk.cli.exit_status import BAD_INPUT, OK
+from warp_trunk.cli.output import BAD_INPUT, OK
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface

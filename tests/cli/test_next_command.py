@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from warp_trunk.cli.next_command import next_command
+from warp_trunk.cli.output import next_command
 
 
 @pytest.mark.parametrize(("under_uv", "start"), [(True, ["uv", "run", "warp-trunk"]), (False, ["warp-trunk"])])

@@ -4,7 +4,7 @@ import pytest
 
 from warp_trunk.cli import main
 from warp_trunk.cli.arguments import ONLY_IN_PYTHON, whole_number
-from warp_trunk.cli.exit_status import BAD_INPUT
+from warp_trunk.cli.output import BAD_INPUT
 
 FILES = ["--skin", "s.ply", "--bones", "b", "--out", "c"]
 TYPOS = [

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from warp_trunk.cohort.page import over_whole_back, worse_parts
 from warp_trunk.cohort.rows import CaseRow, LevelRow
 from warp_trunk.cohort.summary import summarize_cohort
-from warp_trunk.cohort.tables import cohort_text, over_whole_back, worse_parts, write_cohort
+from warp_trunk.cohort.tables import cohort_text, write_cohort
 
 ROWS = [
     CaseRow(

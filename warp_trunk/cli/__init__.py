@@ -1,5 +1,5 @@
-"""The command line: one file for each command. Its flags are the fields of option dataclasses."""
+"""The command line. The options of a command are the fields of its dataclass."""
 
-from .command_line import main
+from .commands import main
 
 __all__ = ["main"]

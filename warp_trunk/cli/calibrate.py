@@ -25,8 +25,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
 
 from .cohort import refined_by
-from .exit_status import INCOMPLETE, OK
-from .next_command import next_command
+from .output import INCOMPLETE, OK, next_command
 from .simulation import SimulationArguments
 
 

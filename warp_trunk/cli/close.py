@@ -24,8 +24,8 @@ from warp_trunk.preparation.scanning import (
 )
 from warp_trunk.run.progress import Progress
 
-from .cut_planes import cut_planes
-from .exit_status import OK
+from .inputs import cut_planes
+from .output import OK
 
 
 @dataclass(frozen=True, kw_only=True)

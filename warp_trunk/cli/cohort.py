@@ -17,7 +17,7 @@ from warp_trunk.cohort.tables import cohort_text, write_cohort
 from warp_trunk.cohort.working import case_folders, check_out, work
 from warp_trunk.run.progress import Progress
 
-from .exit_status import INCOMPLETE, OK
+from .output import INCOMPLETE, OK
 from .simulation import SimulationArguments
 
 if TYPE_CHECKING:

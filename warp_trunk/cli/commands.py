@@ -1,40 +1,44 @@
-"""The commands by name, each in a file of its own that is loaded only when it is asked for."""
+"""From the words of a command line to a command, whose file is loaded only then, and to an exit status."""
 
 from __future__ import annotations
 
 import ast
+import atexit
 import difflib
+import gc
 import importlib
-import keyword
+import sys
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from warp_trunk.errors import InputError
 
+from .output import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
+
 COMMANDS = {
-    "demo": "Demo",
-    "doctor": "Doctor",
-    "close": "Close",
-    "triangulate": "Triangulate",
-    "register": "Register",
-    "fit-atlas": "FitAtlas",
-    "import": "Import",
-    "landmarks": "FindLandmarks",
-    "plan": "Plan",
-    "make-case": "MakeCase",
-    "cut": "Cut",
-    "simulate": "Simulate",
-    "view": "View",
-    "report": "Report",
-    "measure": "Measure",
-    "export": "Export",
-    "cohort": "Cohort",
-    "calibrate": "Calibrate",
+    "demo": "simulate.Demo",
+    "doctor": "doctor.Doctor",
+    "close": "close.Close",
+    "triangulate": "films.Triangulate",
+    "register": "films.Register",
+    "fit-atlas": "films.FitAtlas",
+    "import": "import_case.Import",
+    "landmarks": "landmarks.FindLandmarks",
+    "plan": "plan.Plan",
+    "make-case": "make_case.MakeCase",
+    "cut": "cut.Cut",
+    "simulate": "simulate.Simulate",
+    "view": "view.View",
+    "report": "report.Report",
+    "measure": "measure.Measure",
+    "export": "export.Export",
+    "cohort": "cohort.Cohort",
+    "calibrate": "calibrate.Calibrate",
 }
-"""The class of each command, in the order in which they are used: first steps, from a patient to a case, from
-there to a result, and many of them."""
+"""The file and class of each command, in the order in which they are used: first steps, from a patient to a case,
+from there to a result, and many of them."""
 
 
 def load(words: list[str]) -> Any:
@@ -49,8 +53,8 @@ def load(words: list[str]) -> Any:
     name = words[0]
     if name not in COMMANDS:
         raise InputError(f"'{name}': there is no such command{nearest(name, COMMANDS)}; known are {known}")
-    module = importlib.import_module(f".{_module(name)}", __package__)
-    return getattr(module, COMMANDS[name])
+    module, kind = COMMANDS[name].split(".")
+    return getattr(importlib.import_module(f".{module}", __package__), kind)
 
 
 def overview() -> str:
@@ -71,15 +75,49 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return f" (did you mean {near[0]}?)" if near else ""
 
 
-def _module(name: str) -> str:
-    """The file of a command; a word of Python's own cannot be the name of a module."""
-    return f"{name}_case" if keyword.iskeyword(name) else name.replace("-", "_")
-
-
 def _sentence(name: str) -> str:
     """The first sentence of a command's documentation, read from its file without loading it."""
-    source = Path(__file__).with_name(f"{_module(name)}.py").read_text(encoding="utf-8")
-    for node in ast.parse(source).body:
-        if isinstance(node, ast.ClassDef) and node.name == COMMANDS[name]:
-            return " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split())
-    raise LookupError(f"{name}: its file has no class {COMMANDS[name]}")
+    module, kind = COMMANDS[name].split(".")
+    source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+    node = next(n for n in ast.parse(source).body if isinstance(n, ast.ClassDef) and n.name == kind)
+    return " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split())
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command; returns its exit status, 0 only for a simulation that converged."""
+    own_process = arguments is None
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    if arguments[:1] in (["-h"], ["--help"]):
+        print(overview())
+        return OK
+    atexit.unregister(gc.freeze)
+    atexit.register(gc.freeze)  # else the end looks for garbage in all that was loaded, a third of a second
+    try:
+        return _loaded(arguments, own_process).run(arguments)
+    except InputError as error:
+        print(f"warp-trunk: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except OSError as error:
+        print(f"warp-trunk: {error}", file=sys.stderr)
+        return NOT_CONVERGED
+    except KeyboardInterrupt:
+        print("warp-trunk: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _loaded(arguments: list[str], own_process: bool) -> Any:
+    """The command that is asked for, with Warp started: after the help, for which neither is needed."""
+    gc.disable()  # what is loaded is no garbage; to look for some again and again takes a sixth of the time
+    try:
+        kind = load(arguments)
+        from warp_trunk.run.starting import start_warp
+
+        from .arguments import parse
+
+        command = parse(kind, arguments)
+        start_warp()
+        return command
+    finally:
+        if own_process:
+            gc.freeze()  # nor later: all of this stays to the end
+        gc.enable()

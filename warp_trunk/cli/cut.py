@@ -17,7 +17,7 @@ from warp_trunk.io.surface_files import read_surface, surface_files, write_surfa
 from warp_trunk.preparation.osteotomy import cut_bone
 from warp_trunk.preparation.scanning import CutPlane
 
-from .exit_status import OK
+from .output import OK
 
 
 @dataclass(frozen=True, kw_only=True)

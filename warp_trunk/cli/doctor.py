@@ -8,7 +8,7 @@ from pathlib import Path
 
 from warp_trunk.run.doctor import examine
 
-from .exit_status import NOT_READY, OK
+from .output import NOT_READY, OK
 
 
 @dataclass(frozen=True, kw_only=True)

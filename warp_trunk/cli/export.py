@@ -18,7 +18,7 @@ from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.results import read_summary
 from warp_trunk.results.result import TRUNK
 
-from .exit_status import OK
+from .output import OK
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,9 +21,8 @@ from warp_trunk.preparation.label_maps.mask import Mask
 from warp_trunk.preparation.label_maps.sources import read_body, read_tissue
 from warp_trunk.run.progress import Progress
 
-from .cut_planes import cut_planes
-from .exit_status import INCOMPLETE, OK
-from .next_command import next_command
+from .inputs import cut_planes
+from .output import INCOMPLETE, OK, next_command
 
 PICTURE, CONFIDENCE = "landmarks_before.png", "landmarks_confidence.csv"
 

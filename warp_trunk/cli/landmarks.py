@@ -17,8 +17,8 @@ from warp_trunk.io.file_access import check_place
 from warp_trunk.preparation.landmark_finder import FoundLandmarks, find_landmarks
 from warp_trunk.run.progress import Progress
 
-from .bone_folder import read_bones
-from .exit_status import INCOMPLETE, OK
+from .inputs import read_bones
+from .output import INCOMPLETE, OK
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,8 @@ from warp_trunk.preparation.deformity import MeasuredSpine, SpineCurve, make_cas
 from warp_trunk.preparation.deformity.published_curves import KYPHOSIS
 from warp_trunk.run.progress import Progress
 
-from .bone_folder import read_bones
-from .exit_status import OK
-from .next_command import next_command
+from .inputs import read_bones
+from .output import OK, next_command
 
 
 @dataclass(frozen=True, kw_only=True)

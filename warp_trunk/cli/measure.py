@@ -24,7 +24,7 @@ from warp_trunk.results.result import PREDICTED_SKIN, read_summary
 from warp_trunk.results.summary import SUMMARY
 from warp_trunk.run.progress import Progress
 
-from .exit_status import OK
+from .output import OK
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,11 +25,8 @@ from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 
-from .crossing_file import crossings_written
-from .ending import report_ending
-from .exit_status import NOT_CONVERGED, OK
-from .next_command import next_command
-from .simulation import COMMON
+from .output import NOT_CONVERGED, OK, next_command
+from .simulation import COMMON, crossings_written, report_ending
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.report import write_comparison, write_report
 from warp_trunk.run.progress import Progress
 
-from .exit_status import OK
+from .output import OK
 
 
 @dataclass(frozen=True, kw_only=True)

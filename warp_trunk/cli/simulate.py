@@ -1,29 +1,33 @@
-"""warp-trunk simulate"""
+"""warp-trunk simulate, and warp-trunk demo"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Annotated, ClassVar
 
+import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.planned_folder import plan_files
 from warp_trunk.case import Case, read_checked_case
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
+from warp_trunk.meshing import MeshOptions
+from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.recording import load_rerun
 from warp_trunk.results import Result
+from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of, with_mesh_given
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
-from .crossing_file import crossings_written
-from .ending import report_ending
-from .next_command import next_command
-from .simulation import SimulationArguments
+from .output import next_command
+from .simulation import COMMON, SimulationArguments, crossings_written, report_ending
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,3 +103,28 @@ class Simulate(SimulationArguments):
         if len(plans) > 1:
             print(f"Side by side: {next_command('report', *(out / name for name in plans))}")
         return max(ends)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demo:
+    """Simulate the built-in case, a synthetic trunk with a thoracic scoliosis; needs no file."""
+
+    common: ClassVar[frozenset[str]] = COMMON
+    out: Path = Path("results/demo")
+    """Result folder."""
+    options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(
+        default_factory=lambda: RunOptions(
+            # small gaps between the ribs need tetrahedra of good shape
+            mesh=MeshOptions(tets=90_000, radius_edge_ratio=1.5),
+            simulation=SimulationOptions(increments=5),
+        )
+    )
+    """How the case is simulated."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Simulate the synthetic trunk and print how to look at the result."""
+        with Progress() as progress:
+            with progress.stage("load", "making the synthetic trunk"):
+                case = phantom_case()
+            result = simulate(case, folder=self.out, options=self.options, progress=progress, warnings=())
+        return report_ending(result)

@@ -13,8 +13,7 @@ from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of,
 
 from .rows import FAILED, CaseRow, case_error, level_errors
 from .statistics import Estimate
-from .summary import AGAINST, WHOLE, CohortSummary, case_errors
-from .tables import over_whole_back, worse_parts
+from .summary import AGAINST, WHOLE, CohortSummary, RangeSummary, case_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -326,3 +325,49 @@ def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary, known: Seque
         axes.set_axis_off()
     panels[0].set_ylabel("mean absolute error [degrees]")
     return figure
+
+
+PARTS = {"T3-T12": "The thoracic back (T3-T12)", "L1-L5": "The lumbar back (L1-L5)"}
+"""Regions that together are the whole back that is judged."""
+NOTHING_CHANGES, BY_SPLINE = "saying that nothing changes", "moving the skin with the spline of the landmarks"
+
+
+def over_whole_back(summary: CohortSummary) -> list[str]:
+    """A sentence for each baseline, over all levels from T3 to L5."""
+    return [
+        f"The error is {abs(gain.mean):.2f} degrees {'smaller' if gain.mean > 0.0 else 'larger'} than by {what}"
+        f"{_interval_of_gain(gain)}."
+        for what, gain, _ in _baselines(summary.ranges["T3-L5"])
+    ]
+
+
+def worse_parts(summary: CohortSummary) -> list[str]:
+    """A sentence for each region that is predicted worse than by a baseline."""
+    said = []
+    for name, part in PARTS.items():
+        found = summary.ranges[name]
+        for what, gain, other in _baselines(found):
+            if gain.mean < 0.0 and found.error is not None:
+                said.append(
+                    f"{part} is predicted worse than by {what}: the error is {found.error.mean:.2f} degrees, not "
+                    f"{other.mean:.2f}; the difference is {-gain.mean:.2f}{_interval_of_gain(gain, -1.0)}."
+                )
+    return said
+
+
+def _baselines(found: RangeSummary) -> list[tuple[str, Estimate, Estimate]]:
+    """Each baseline with what is gained over it and its own error, as far as they are known."""
+    both = (
+        (NOTHING_CHANGES, found.better_than_nothing, found.nothing_changes),
+        (BY_SPLINE, found.better_than_spline, found.spline),
+    )
+    return [(what, gain, other) for what, gain, other in both if gain is not None and other is not None]
+
+
+def _interval_of_gain(gain: Estimate, way: float = 1.0) -> str:
+    """How sure a gain is, or a loss where `way` is -1."""
+    if gain.low is None or gain.high is None:
+        return "; fewer than three patients do not show whether that holds for others"
+    low, high = sorted((way * gain.low, way * gain.high))
+    sure = "" if low > 0.0 or high < 0.0 else "; it holds 0, so these patients do not show it"
+    return f" (95 % interval {low:.2f} to {high:.2f}{sure})"

@@ -127,7 +127,7 @@ def case_folders(folder: Path) -> list[Path]:
 
 
 def check_out(out: Path, folder: Path, names: list[str]) -> list[str]:
-    """Makes the folder of a cohort's results; tells of results in it that are of no case any more.
+    """Makes the folder of a cohort's results; reports results in it that belong to no case any more.
 
     Raises:
         InputError: it lies in a case, or is the folder of the cases, or cannot be written to.

@@ -1,0 +1,146 @@
+"""From films, markers and an atlas to bones and skin: warp-trunk triangulate, register and fit-atlas."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from warp_trunk.case.landmarks import read_landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.file_access import check_place
+from warp_trunk.io.surface_files import check_written, read_surface, write_surface
+from warp_trunk.preparation.reconstruction import (
+    fit_atlas,
+    read_film,
+    register_skin,
+    triangulate,
+    write_triangulation,
+)
+
+from .inputs import read_bones
+from .output import OK, mean_and_largest
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangulate:
+    """Find landmarks in space from their places on two calibrated radiographs."""
+
+    pa: Path
+    """Places on the postero-anterior film: CSV with the columns name, u, v [mm on the film, or pixels]."""
+    pa_matrix: Path
+    """Its projection: a text file with 3 lines of 4 numbers, for points in mm and LPS axes."""
+    lateral: Path
+    """Places of the same landmarks on the lateral film."""
+    lateral_matrix: Path
+    """Its projection."""
+    out: Path
+    """CSV of landmarks to write: name, x, y, z [mm], their reprojection error and their uncertainty."""
+    limit: float = 5.0
+    """Reprojection error above which landmarks are refused [units of the films]."""
+    noise: float | None = None
+    """Standard deviation of a coordinate on the films [their units]; estimated when left out."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the landmarks and says how well they are known."""
+        check_place(self.out)
+        first, second = read_film(self.pa, self.pa_matrix), read_film(self.lateral, self.lateral_matrix)
+        found = triangulate(first, second, self.limit, self.noise)
+        write_triangulation(self.out, found)
+        names = found.landmarks.names
+        print(f"{len(names)} landmarks written to {self.out}")
+        print(f"Reprojection error: {mean_and_largest(found.miss.max(axis=1), names, 'in units of the films')}")
+        print(
+            f"Expected error in space, for {found.noise:.2f} in each coordinate on the films: "
+            f"{mean_and_largest(found.error, names)}"
+        )
+        return OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Register:
+    """Bring the scanned skin into the frame of the bones, by markers seen on the skin and on the films."""
+
+    skin: Path
+    """The scanned skin, in mm and LPS axes."""
+    on_skin: Path
+    """Markers on it, in the frame of the scan: CSV (name,x,y,z), .mrk.json or .fcsv."""
+    on_films: Path
+    """The same markers in the frame of the bones, such as `warp-trunk triangulate` writes."""
+    out: Path
+    """Surface file to write."""
+    nugget: float = 0.0
+    """How much to smooth: variance of the markers over the slope of the variogram [mm]; 0 meets them all."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the skin and prints the rigid and the elastic part of its motion."""
+        check_written(self.out)
+        skin, on_skin, on_films = (
+            read_surface(self.skin),
+            read_landmarks(self.on_skin),
+            read_landmarks(self.on_films),
+        )
+        found = register_skin(skin, on_skin, on_films, self.nugget)
+        write_surface(self.out, found.skin)
+        turned = np.degrees(found.rigid.rotation.magnitude())
+        centre = on_skin.points.mean(axis=0)
+        shift = np.linalg.norm(found.rigid.apply(centre) - centre)
+        print(f"Skin written to {self.out}")
+        print(
+            f"Rigid part: turns by {turned:.2f} degrees, shifts by {shift:.1f} mm; markers are off by "
+            f"{mean_and_largest(found.rigid_miss, found.names)}"
+        )
+        print(
+            f"Spline part: stretches by {100.0 * found.strain.min():+z.2f} to {100.0 * found.strain.max():+z.2f} "
+            f"%, bends the skin by {mean_and_largest(found.bending)}; markers are off by "
+            f"{mean_and_largest(found.miss, found.names)}; least volume {found.least_volume:.2f}, no fold"
+        )
+        return OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitAtlas:
+    """Carry the generic bones of an atlas onto the landmarks of a patient, by dual kriging."""
+
+    bones: Path
+    """Folder with one surface for each bone of the atlas, named after it, in mm and LPS axes."""
+    atlas: Path
+    """Landmarks on these bones: CSV (name,x,y,z), .mrk.json or .fcsv."""
+    patient: Path
+    """Landmarks of the patient, under the same names."""
+    out: Path
+    """Folder to write the patient's bones to, and atlas_fit.csv with the error at each landmark."""
+    drift: Literal["linear", "constant"] = "linear"
+    """What a bone may do as a whole beside moving rigidly: grow and shear, or nothing."""
+    nugget: float = 0.0
+    """How much to smooth: variance of the landmarks over the slope of the variogram [mm]; 0 meets them all."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Writes the bones and prints the cross-validation error of the landmarks."""
+        if self.out.exists() and not self.out.is_dir():
+            raise InputError(f"{self.out}: is a file; give the name of a folder")
+        atlas, patient = read_landmarks(self.atlas), read_landmarks(self.patient)
+        fit = fit_atlas(read_bones(self.bones), atlas, patient, self.drift, self.nugget)
+        self.out.mkdir(parents=True, exist_ok=True)
+        for name, bone in fit.bones.items():
+            write_surface(self.out / f"{name}.ply", bone)
+        with (
+            atomic_write(self.out / "atlas_fit.csv") as unfinished,
+            unfinished.open("w", newline="", encoding="utf-8") as file,
+        ):
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(["name", "error", "error_left_out"])
+            writer.writerows(zip(fit.names, fit.miss.tolist(), fit.left_out.tolist(), strict=True))
+        print(
+            f"{len(fit.bones)} bones written to {self.out}: {len(fit.own)} by their own landmarks, "
+            f"{len(fit.bones) - len(fit.own)} by those of all bones"
+        )
+        print(f"Landmarks are missed by {mean_and_largest(fit.miss, fit.names)}")
+        if np.isfinite(fit.left_out).any():
+            print(f"Left out one at a time: {mean_and_largest(fit.left_out, fit.names)}")
+        return OK
