@@ -161,7 +161,7 @@ class Relaxer:
             if arrived:
                 return history.end(RelaxStatus.CONVERGED if confirm else RelaxStatus.NEAR, newton.distance)
             if trial is None or newton.exhausted:
-                if method is not newton or newton.exhausted or not newton.can_retry:
+                if method is not newton or newton.exhausted or not newton.retry():
                     return history.end(RelaxStatus.STALLED, newton.distance)
                 products = None
             # Evaluate, assemble and precondition at the accepted state.
@@ -258,8 +258,12 @@ CONTRACTION = 0.2
 FIRST = 2.0 / 3.0
 """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is too
 stiff where edges are compressed, and no step has been seen yet."""
-NEAR = 20.0
-"""So many tolerances from the equilibrium the true Hessian takes over, where the end is to be confirmed."""
+NEAR, STALLED_NEAR = 3.0, 20.0
+"""So many tolerances from the equilibrium the true Hessian takes over, where the end is to be confirmed; and where
+the projected one leads no further."""
+NEARER = 0.25
+"""The part of the distance to which the projected Hessian must have led before the true one is tried again that was
+negative somewhere: crushed tissue has negative curvature within a millimetre of a minimum."""
 CLOSE = 10.0
 """A step of so many tolerances along the true Hessian may have led to within one of them."""
 REACH = 10.0
@@ -318,6 +322,7 @@ class Newton:
         With `confirm` its end is to be confirmed; `near`, it begins some tolerances from there.
         """
         self._tolerance, self.floor = tolerance, floor
+        self._true_within, self._at_saddle = NEAR * tolerance, False
         self._confirm, self._starts_near = confirm, near
         self._longest_solve = 0
         self._cut = self._true = self._first_true = self._consecutive = self._launched = False
@@ -333,14 +338,16 @@ class Newton:
         self._assemble_true()
         return self._matrix, self._preconditioner
 
-    @property
-    def can_retry(self) -> bool:
-        """Whether the next direction at the same state is another: down from a saddle, or the first true one."""
-        return self._down is not None or (not self._true and self._is_near)
+    def retry(self) -> bool:
+        """Whether there is another direction at the same state: down from a saddle, or the first true one."""
+        if self._down is not None:
+            return True
+        self._true_within, self._at_saddle = STALLED_NEAR * self._tolerance, True
+        return not self._true and self._is_near
 
     @property
     def _is_near(self) -> bool:
-        return self._confirm and (self._starts_near or self.distance <= NEAR * self._tolerance)
+        return self._confirm and (self._starts_near or self.distance <= self._true_within)
 
     def launch(self, products: Products | None, last_length: float) -> bool:
         """Assembles where it pays and launches the solve that `propose` then reads; returns whether there is one.
@@ -377,8 +384,11 @@ class Newton:
         solution = self._solver.read()
         self._longest_solve = max(self._longest_solve, solution.iterations)
         self.negative_curvature = self._true and solution.negative_curvature
-        if self._first_true and solution.negative_curvature:  # not as near as promised
-            more = self.propose(None, 1.0).iterations
+        if self.negative_curvature and (self._first_true or not self._at_saddle):  # not as near as expected
+            self._true_within = min(self._true_within, NEARER * self.distance)
+            self._at_saddle = self._true_within <= self._tolerance
+            self.distance = math.inf
+            more = self.propose(None, 1.0).iterations  # of the projected Hessian
             self.negative_curvature = True
             return Proposal(1.0, solution.iterations + more)
         if self.negative_curvature:
