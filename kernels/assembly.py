@@ -25,31 +25,18 @@ SHARED = 3
 vec16i = wp.types.vector(16, wp.int32)
 PAIRS = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 """The pairs of corners whose blocks a tetrahedron keeps; those of the others are transposed ones."""
-
-PARTS = len(PAIRS)
-"""Their number."""
 SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """The numbers that are kept of the symmetric block of a corner with itself."""
 KEPT = 80
 """Numbers that a tetrahedron keeps: those blocks, then the others, then none up to whole sectors of 32 bytes."""
-
-
-def _places() -> list[int]:
-    """Where the numbers of each part begin."""
-    places, symmetric, others = [], 0, 4 * len(SYMMETRIC)
-    for a, b in PAIRS:
-        places.append(symmetric if a == b else others)
-        symmetric, others = (symmetric + len(SYMMETRIC), others) if a == b else (symmetric, others + NUMBERS)
-    return places
-
-
-PLACES = wp.constant(wp.types.vector(PARTS, wp.int32)(*_places()))
-"""Where the numbers of each part begin among those that are kept."""
+PLACES = (0, 24, 33, 42, 6, 51, 60, 12, 69, 18)
+"""Where the numbers of each of those blocks begin: the four symmetric ones first."""
 
 
 @wp.func
 def add_gradient(gradient: wp.array2d(dtype=Any), slab: int, n: wp.vec4i, g0: Any, g1: Any, g2: Any, g3: Any):
     """Adds the gradients of the four corners to their nodes."""
+    # atomic on CUDA alone: on the CPU a range has a slab of its own, and Warp's addition there is a plain one
     wp.atomic_add(gradient, slab, n[0], g0)
     wp.atomic_add(gradient, slab, n[1], g1)
     wp.atomic_add(gradient, slab, n[2], g2)
@@ -96,6 +83,7 @@ def hessian_adder(scalar: type, cuda: bool) -> Any:
         cc: Any,
     ):
         oo, oa, ob, oc = with_corner_0(aa, ab, ac, bb, bc, cc)
+        # only one of the blocks (a, b) and (b, a) has a number: above the diagonal of the matrix
         if wp.static(cuda):
             store_blocks(blocks, item, oo, oa, ob, oc, aa, ab, ac, bb, bc, cc)
         else:
@@ -235,9 +223,9 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
         lane = item % WARP
         i = SHARED * (item // WARP) + lane // NUMBERS
         if lane < SHARED * NUMBERS and i < blocks:
-            along = lane % NUMBERS
+            along = lane % NUMBERS  # neighbouring threads read neighbouring numbers of the same block
             across = 3 * (along % 3) + along // 3
-            low = wp.min(along, across) // 3
+            low = wp.min(along, across) // 3  # of a symmetric block six numbers are kept, row after row
             kept = wp.where(i < symmetric, low * (5 - low) // 2 + wp.max(along, across) // 3, along)
             total = sum_of_parts(parts, place, start[i], start[i + 1], kept, across)
             numbers[NUMBERS * block[i] + along] = total
@@ -245,74 +233,3 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
                 numbers[NUMBERS * mirrored[i] + across] = total
 
     return SimpleNamespace(gather=gather_kernel)
-
-
-@wp.kernel(enable_backward=False)
-def blocks_of_rows(
-    first: int,
-    end: int,
-    slab: int,
-    upper: bool,
-    row_start: wp.array(dtype=wp.int32),
-    tets: wp.array(dtype=wp.vec4i),
-    place: wp.array(dtype=wp.uint16, ndim=2),
-    block_of: wp.array(dtype=vec16i),
-):
-    """The block of each corner pair by its place in its row, from 1; -1 where that is 0.
-
-    With `upper` it is also -1 for blocks below the diagonal.
-    """
-    t = first + wp.tid()
-    if t < end:
-        blocks = vec16i()
-        for a in range(4):
-            for b in range(4):
-                k = 4 * a + b
-                blocks[k] = -1
-                if wp.int32(place[t, k]) > 0 and not (upper and tets[t][a] > tets[t][b]):
-                    blocks[k] = row_start[tets[t][a]] + wp.int32(place[t, k]) - 1
-        block_of[t] = blocks
-
-
-@wp.kernel(enable_backward=False)
-def list_parts(
-    count: int,
-    block_of: wp.array(dtype=vec16i),
-    number: wp.array(dtype=wp.int32),
-    keys: wp.array(dtype=wp.int32),
-    places: wp.array(dtype=wp.int32),
-    block: wp.array(dtype=wp.int32),
-    mirrored: wp.array(dtype=wp.int32),
-):
-    """For every part of a tetrahedron the number of the block that gathers it, `count` where none does."""
-    t = wp.tid()
-    part = wp.int32(0)
-    for a in range(4):
-        for b in range(a, 4):
-            at = block_of[t][4 * a + b]
-            image = block_of[t][4 * b + a]
-            place = KEPT * t + PLACES[part]
-            key = wp.int32(-1)
-            if at >= 0:
-                key = number[at]
-            if key < 0:
-                at, image = image, at
-                place = -place - 1
-                if at >= 0:
-                    key = number[at]
-            if key < 0:
-                key = count
-            else:
-                block[key] = at
-                mirrored[key] = wp.where(image < 0, at, image)
-            keys[PARTS * t + part] = key
-            places[PARTS * t + part] = place
-            part += 1
-
-
-@wp.kernel(enable_backward=False)
-def find_starts(keys: wp.array(dtype=wp.int32), start: wp.array(dtype=wp.int32)):
-    """Where each number begins among sorted ones, none of which is left out."""
-    i = wp.tid()
-    if i == 0 or keys[i] != keys[wp.max(i - 1, 0)]:
-        start[keys[i]] = i

@@ -28,7 +28,7 @@ because the loop over items has no vector instructions (an item for each vec3 to
 def total(products: wp.array2d(dtype=wp.float64), row: int, ranges: int):
     """Sum over the ranges of one scalar product."""
     value = wp.float64(0.0)
-    for r in range(ranges):
+    for r in range(ranges):  # always in this order, so that every thread finds the same bits
         value += products[row, 8 * r]
     return value
 
@@ -43,7 +43,7 @@ def find_beta(
     if iteration > 0:
         negative_curvature = total(p_dot_q, iteration - 1, ranges) < wp.float64(0.0)
         last = total(r_dot_z, iteration - 1, ranges)
-        if last > wp.float64(0.0):
+        if last > wp.float64(0.0):  # otherwise rounding is all that is left: start again along z
             beta = total(r_dot_z, iteration, ranges) / last
     return beta, negative_curvature
 
@@ -54,7 +54,7 @@ def find_alpha(
 ):
     """The step along the search direction; 0 where its curvature is not positive."""
     curvature = total(p_dot_q, iteration, ranges)
-    alpha = wp.float64(0.0)
+    alpha = wp.float64(0.0)  # the solution stays where negative curvature was met, until the window is over
     if curvature > wp.float64(0.0):
         alpha = total(r_dot_z, iteration, ranges) / curvature
     return alpha
@@ -214,7 +214,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         change = wp.sqrt(change)
         length = wp.sqrt(length)
         before = outcome[LAST_CHANGE]
-        ratio = wp.float64(SLOWEST)
+        ratio = wp.float64(SLOWEST)  # of the first window, whose shrinking is not known
         if before > wp.float64(0.0):
             ratio = wp.min(change / before, wp.float64(SLOWEST))
         error = change * wp.max(wp.float64(1.0), ratio / (wp.float64(1.0) - ratio))
@@ -232,6 +232,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         outcome[ITERATIONS] = wp.float64(iteration[0])
         outcome[NORM] = wp.sqrt(wp.max(start, wp.float64(0.0)))
         wanted = wp.max(limits[0], limits[1] * length)
+        # the changes of an ill-conditioned solve can pause: then the residual has not fallen either
         fallen = now <= limits[1] * limits[1] * start
         early = wp.float64(iteration[0]) < limits[2]
         inside = sound and not negative_curvature and length <= limits[3] and iteration[0] < most

@@ -61,6 +61,7 @@ def distance_hessian(rest: Any, change: Any, rest_length: Any, weight: Any, posi
     least = rest_length
     if not positive:
         least = zero
+    # a collapsed edge has no direction: it keeps its axial stiffness alone, which is 0 with `direction_of`
     across = wp.where(length > least, type(length)(1.0) - rest_length / length, zero)
     stiffness = (weight + weight) / (rest_length * rest_length)
     identity = wp.identity(n=3, dtype=type(length))

@@ -68,7 +68,7 @@ def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
             block = wp.transpose(block)
         elif u == v:
             block += wp.transpose(block)
-        for a in range(3):
+        for a in range(3):  # in double precision: thousands of nodes add to a vertex of the coarsest grid
             for b in range(3):
                 wp.atomic_add(matrix, slab, row + a, column + b, wp.float64(block[a, b]))
 
@@ -133,7 +133,7 @@ RESTRICT = """
     wp::int32 k = row_start.data[first];
     for (wp::int32 v = first; v < end; ++v) {
         const wp::int32 last = row_start.data[v + 1];
-        four even = {0, 0, 0, 0}, odd = even;
+        four even = {0, 0, 0, 0}, odd = even;  // two sums, because an addition waits for the one before it
         for (; k + 1 < last; k += 2) {
             even += w[k] * three(x + 3 * at[k]);
             odd += w[k + 1] * three(x + 3 * at[k + 1]);
@@ -180,6 +180,7 @@ DENSE = """
     const real* s = scale.data;
     const real* x = residual.data;
     const auto at = [&](long k) { return __builtin_convertvector(number[k], eight); };
+    // a strip of 16 rows: their sums stay in registers while the columns are read one after the other
     for (wp::int32 b = first; b < end; ++b, number += 2 * (long)size) {
         eight low[2] = {0, 0}, high[2] = {0, 0};
         for (wp::int32 k = 0; k < size; k += 2) {
@@ -321,7 +322,7 @@ const float4* factors = reinterpret_cast<const float4*>(vector.data);
 float sum = 0.0f;
 #pragma unroll 4
 for (int k = lane; k < matrix.shape[1] / 8; k += 32) {{
-    const uint4 octet = __ldcs(entries + k);
+    const uint4 octet = __ldcs(entries + k);  // read once: it must not push the vectors out of the cache
     const float4 x = factors[2 * k], y = factors[2 * k + 1];
     {LENGTHEN}
     sum += number[0] * x.x + number[1] * x.y + number[2] * x.z + number[3] * x.w
@@ -334,25 +335,6 @@ def part_of_product(
 ) -> wp.float32:
     """What one of ROW_LANES threads adds to a row of a product; it reads OCTET numbers at once, past the cache."""
     ...
-
-
-@wp.kernel(enable_backward=False)
-def scale_and_shorten(
-    matrix: wp.array(dtype=wp.float32, ndim=2),
-    scale: wp.array(dtype=wp.float32),
-    scaled: wp.array(dtype=wp.float16, ndim=2),
-):
-    """A symmetric matrix by the scales of its rows and columns, in 16 bits; see `KEPT`."""
-    i, k = wp.tid()
-    share = matrix[i, k] / (scale[i] * scale[k])
-    scaled[i, k] = wp.float16(wp.where(i == k, share, KEPT * share))
-
-
-@wp.kernel(enable_backward=False)
-def shorten(values: wp.array(dtype=wp.float32), shortened: wp.array(dtype=wp.float16)):
-    """The values in 16 bits."""
-    i = wp.tid()
-    shortened[i] = wp.float16(values[i])
 
 
 @cache

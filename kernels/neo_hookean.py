@@ -106,7 +106,7 @@ def neo_hookean(h: Any, mu: Any, bulk: Any):
     x = stretch(h)
     j = dilation(h, cof)
     second_order = half * wp.ddot(h, h) - wp.trace(cof) - wp.dot(h[0], cof[0])
-    y = wp.float64(quarter * x)
+    y = wp.float64(quarter * x)  # in float32 y - log(1 + y) would have no digits near rest
     barrier = type(mu)(y - wp.log(wp.float64(1.0) + y))
     shape = mu * (type(mu)(0.75) * second_order + half * barrier)
     identity = wp.identity(n=3, dtype=type(mu))
@@ -132,7 +132,7 @@ def bounded_pressure(c: Any, bulk: Any, pressure: Any, h: Any, x: Any, j: Any):
     by lambda as long as -pressure <= 3/2 lambda det F: det F T + diag(g^2) = g g on the principal axes, g = cof F.
     """
     third = type(c)(1.0) / type(c)(3.0)
-    tiny = type(c)(1.0e-20)
+    tiny = type(c)(1.0e-20)  # a tetrahedron shrunk to a point has no root to divide by
     squared = third * (type(c)(3.0) + x)
     root = wp.sqrt(wp.max(squared, tiny))
     angle = third * safe_acos((type(c)(1.0) + j) / (root * root * root))
@@ -248,7 +248,7 @@ def neo_hookean_formulas(scalar: type, layered: bool, gravity: bool) -> TetFormu
         across = mu * (scalar(3.0) + x) / (scalar(4.0) + x)
         pressure = bulk * volumetric_pressure(j) - scalar(0.75) * mu
         bulk *= volumetric_stiffness(j)
-        if positive:
+        if positive:  # all else in the curvature is positive; see there
             pressure = bounded_pressure(across, bulk, pressure, h, x, j)
         along = (mu + mu) / ((scalar(4.0) + x) * (scalar(4.0) + x))
         ab_turn = -pressure * wp.skew(f * wp.cross(a, b))

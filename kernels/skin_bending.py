@@ -27,7 +27,7 @@ def hinge_angle(a: Any, b: Any, c: Any):
 def over_square(v: Any):
     """v / |v|^2, zero where v is zero."""
     square = wp.dot(v, v)
-    if square > type(square)(0.0):
+    if square > type(square)(0.0):  # a triangle without area has no normal to turn
         return v / square
     return v - v
 
@@ -135,7 +135,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             blocks: blocks_type,
         ):
             item = first + wp.tid()
-            h = wp.min(item, end - 1)
+            h = wp.min(item, end - 1)  # all threads of a warp store together, those past the end as well
             n = hinges[h]
             u = displacement[n[0]]
             a = rest_edge[h, 0] + (displacement[n[1]] - u)
@@ -149,7 +149,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             bb = k * wp.outer(gb, gb)
             bc = k * wp.outer(gb, gc)
             cc = k * wp.outer(gc, gc)
-            if not wp.static(positive):
+            if not wp.static(positive):  # what the angle's own second derivative adds is indefinite
                 moment = k * angle_change(hinge_angle(a, b, c), rest_angle[h])
                 t_aa, t_ab, t_ac, t_bb, t_cc = hinge_hessian(a, b, c)
                 aa += moment * t_aa

@@ -49,6 +49,7 @@ MULTIPLY = """
             a += l * v;
             b += n * v;
             c += o * v;
+            // the mirror image of the block, for a row of the same range that is yet to come
             if (j > i && j < end) below[j] += l * by_x + n * by_y + o * by_z;
         }
         const four sum = below[i];
@@ -69,7 +70,7 @@ def four_types(scalar: type) -> str:
 
 @cache
 def sparse_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels of the matrix for both devices, in one precision: `mirror`, `copy_blocks`, `invert_diagonal`."""
+    """The kernels of the matrix for both devices, in one precision: `copy_blocks`, `invert_diagonal`."""
     mat33 = wp.types.matrix((3, 3), scalar)
     module = f"sparse_{scalar.__name__}"
 
@@ -91,20 +92,6 @@ def sparse_kernels(scalar: type) -> SimpleNamespace:
             inverse[i] = factor * wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
 
     @wp.kernel(module=module, enable_backward=False)
-    def mirror_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        lower: wp.array(dtype=wp.int32),
-        mirrored: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33, ndim=2),
-    ):
-        """Sets the blocks below the diagonal to the transposed ones above it."""
-        i = first + wp.tid()
-        if i < end:
-            blocks[0, lower[i]] = wp.transpose(blocks[0, mirrored[i]])
-
-    @wp.kernel(module=module, enable_backward=False)
     def copy_blocks_kernel(
         first: int,
         end: int,
@@ -113,14 +100,13 @@ def sparse_kernels(scalar: type) -> SimpleNamespace:
         blocks: wp.array(dtype=mat33, ndim=2),
         copies: wp.array(dtype=mat33),
     ):
-        """Copies the blocks that the product on the CPU reads."""
+        """Copies the blocks that the product on the CPU reads; k < 0 is the transposed block ~k."""
         i = first + wp.tid()
         if i < end:
-            copies[i] = blocks[0, taken[i]]
+            k = taken[i]
+            copies[i] = wp.where(k < 0, wp.transpose(blocks[0, wp.max(-k - 1, 0)]), blocks[0, wp.max(k, 0)])
 
-    return SimpleNamespace(
-        mirror=mirror_kernel, invert_diagonal=invert_diagonal_kernel, copy_blocks=copy_blocks_kernel
-    )
+    return SimpleNamespace(invert_diagonal=invert_diagonal_kernel, copy_blocks=copy_blocks_kernel)
 
 
 @cache
@@ -195,7 +181,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
     for (int k = first; k < end; k += {2 * LANES}) {{
         #pragma unroll
         for (int n = 0; n < 2; ++n) {{  // both are asked for before the first is waited for
-            const int block = min(k + {LANES} * n, end - 1);
+            const int block = min(k + {LANES} * n, end - 1);  // past the end the last one, times zero
             const decltype(+sum[0]) used = k + {LANES} * n < end;
             const decltype(sum) vector = used * vectors.data[columns.data[block]];
             const auto* number = planes.data + block;
@@ -251,7 +237,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
             if j == 0:
                 p[k] = numbers_of_z[k]
                 q[k] = own
-            elif not negative_curvature:
+            elif not negative_curvature:  # else p stays, for the host to go along it
                 p[k] = numbers_of_z[k] + scalar(beta) * p[k]
                 q[k] = own + scalar(beta) * q[k]
             product = wp.float64(p[k]) * wp.float64(q[k])

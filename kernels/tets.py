@@ -146,7 +146,7 @@ def _gradient(formulas: TetFormulas, cuda: bool) -> wp.Kernel:
             for k in range(FIRST_TERM, wp.static(used)):
                 found[k] = wp.float64(e[k - FIRST_TERM])
             is_inverted = wp.int8(0)
-            if not (growth > scalar(-1.0)):
+            if not (growth > scalar(-1.0)):  # so written, a volume that is not a number counts, too
                 is_inverted = wp.int8(1)
                 found[INVERTED] = wp.float64(1.0)
                 if inverted_before[t] == wp.int8(0):
@@ -176,7 +176,7 @@ def _hessian(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
         blocks: blocks_type,
     ):
         item = first + wp.tid()
-        t = wp.min(item, end - 1)
+        t = wp.min(item, end - 1)  # all threads of a warp store together, those past the end as well
         n = tets[t]
         aa, ab, ac, bb, bc, cc = find_hessian(
             elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]], clip
@@ -212,7 +212,7 @@ BEGIN = f"""
 read of them is then a copy, filled up with the first. `moved` is number k of the displacements of corner a."""
 
 SCATTER_GRADIENT = """
-        for (int l = 0; l < count; ++l) {
+        for (int l = 0; l < count; ++l) {  // one after the other: tetrahedra in the lanes share nodes
             for (int a = 0; a < 4; ++a) {
                 real* to = out + 3 * n[4 * l + a];
                 to[0] += forces[3 * a][l];

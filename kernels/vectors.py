@@ -115,7 +115,7 @@ def slab_kernels(dtype: type) -> SimpleNamespace:
         """Sets every item of every slab to zero."""
         i = first + wp.tid()
         if i < end:
-            for each in range(slabs):
+            for each in range(slabs):  # one launch for all slabs: a launch costs more than its work
                 values[each, i] = dtype()
 
     @wp.kernel(module=f"slabs_{wp.types.type_repr(dtype)}", enable_backward=False)

@@ -128,7 +128,7 @@ def test_the_scan_is_a_minimum_or_the_rest_state_is_refused(energy: EnergyName, 
         return
     model = sag_free(standing(energy, kilopascal)).model
     rest = at_rest(model)
-    reference = (Reference if energy == "itmsm" else Continuum)(rest, model.tissue)
+    reference = (Reference if energy == "itmsm" else Continuum)(rest, model.tissues[0])
     assert np.linalg.eigvalsh(reference.hessian(BARE.nodes - rest.nodes))[0] > 0.0
 
 

@@ -12,7 +12,6 @@ from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.linear import BlockMatrix
-from warp_trunk.engine.memo import Memo
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.sag_free import sag_free
@@ -28,10 +27,12 @@ RIGIDITY = 30.0
 
 def dense(matrix: BlockMatrix) -> np.ndarray:
     """The matrix over the free nodes."""
-    start, columns = matrix.model.pattern.row_start, matrix.model.pattern.columns
-    size = len(start) - 1
+    pattern, size = matrix.model.pattern, matrix.model.free_nodes
     found = np.zeros((size, size, 3, 3))
-    found[np.repeat(np.arange(size), np.diff(start)), columns] = matrix.blocks.numpy()[0]
+    upper = pattern.columns >= pattern.rows
+    rows, columns, blocks = pattern.rows[upper], pattern.columns[upper], matrix.blocks.numpy()[0][upper]
+    found[columns, rows] = blocks.transpose(0, 2, 1)
+    found[rows, columns] = blocks
     return found.transpose(0, 2, 1, 3).reshape(3 * size, 3 * size)
 
 
@@ -145,17 +146,6 @@ def test_a_scene_without_it_is_none_of_its_business() -> None:
     assert other.terms == plain.terms
     assert np.array_equal(other.stencils, plain.stencils)
     assert Relaxer(other).state.model is other
-
-
-def test_what_is_remembered_without_skin_is_not_taken_with_it() -> None:
-    memo = Memo()
-    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=memo, energy="itmsm", skin_rigidity=0.0))
-    again = Memo(memo.asked)
-    Relaxer(build_model(TRUNK, device="cpu", threads=1, memo=again, energy="itmsm", skin_rigidity=0.0))
-    assert not again.is_new
-    stiff = Memo(memo.asked)
-    Relaxer(build_model(TRUNK, skin_rigidity=1.0, device="cpu", threads=1, memo=stiff, energy="itmsm"))
-    assert stiff.is_new
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])

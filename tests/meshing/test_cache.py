@@ -5,7 +5,7 @@ import pytest
 
 from support.synthetic import shell_trunk, sphere
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.meshing.cache import SetUpCache, cache_folder, cache_key, load_cached, store_cached
+from warp_trunk.meshing.cache import cache_folder, cache_key, load_cached, store_cached
 
 KEY = "0" * 64
 
@@ -35,10 +35,6 @@ def test_folder_that_cannot_be_written_only_warns(trunk, folder):
     folder.write_text("a file where the folder should be")
     with pytest.warns(UserWarning, match="could not be kept"):
         store_cached(KEY, trunk)
-    cache = SetUpCache(trunk, "a")
-    assert found(cache)
-    with pytest.warns(UserWarning, match="could not be kept"):
-        cache.store()
 
 
 def test_key_depends_on_every_part():
@@ -73,13 +69,9 @@ def test_folder_is_the_systems_place_without_the_variable(monkeypatch, tmp_path)
 )
 def test_a_damaged_file_is_made_again(trunk, folder, spoil):
     store_cached(KEY, trunk)
-    cache = SetUpCache(trunk, "a")
-    assert found(cache)
-    cache.store()
     for path in folder.iterdir():
         path.write_bytes(spoil(path.read_bytes()))
     assert load_cached(KEY) is None
-    assert found(SetUpCache(trunk, "a"))
 
 
 def test_a_mesh_of_another_key_or_whose_parts_do_not_fit_is_not_used(trunk, folder):
@@ -88,38 +80,3 @@ def test_a_mesh_of_another_key_or_whose_parts_do_not_fit_is_not_used(trunk, fold
     assert load_cached("1" * 64) is None
     store_cached(KEY, replace(trunk, tets=trunk.tets[:, [0, 2, 1, 3]]))
     assert load_cached(KEY) is None
-
-
-VALUES = np.arange(5000)
-
-
-def found(cache: SetUpCache) -> bool:
-    """Whether the values have to be found, and are not in the file."""
-    np.testing.assert_array_equal(
-        cache.memo.arrays("part", lambda: {"values": VALUES}, lambda _: True)["values"], VALUES
-    )
-    return cache.memo.is_new
-
-
-def test_what_was_found_is_read_the_next_time(trunk, folder):
-    """Each mesh has one file, with the settings used last."""
-    for settings in ("a", "b"):
-        cache = SetUpCache(trunk, settings)
-        assert found(cache)
-        cache.store()
-    assert len(list(folder.iterdir())) == 1
-    assert found(SetUpCache(trunk, "a"))
-    again = SetUpCache(trunk, "b")
-    assert not found(again)
-    again.path.unlink()
-    again.store()  # nothing was found that the file had not
-    assert not again.path.exists()
-
-
-def test_another_mesh_is_another_file(trunk):
-    moved, freed = trunk.nodes.copy(), trunk.bone.copy()
-    moved[0, 0] += 1e-12
-    freed[np.argmax(freed)] = -1
-    others = ({}, {"nodes": moved}, {"tets": trunk.tets[::-1]}, {"bone": freed},
-              {"tissue": np.zeros(len(trunk.tets), dtype=np.int8)})  # fmt: skip
-    assert len({SetUpCache(replace(trunk, **other), "a").path for other in others}) == len(others)

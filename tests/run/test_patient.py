@@ -54,21 +54,6 @@ def test_every_plan_gives_the_bits_of_a_run_on_its_own(options: RunOptions, tmp_
     assert ends[0] == ends[2] != ends[1]
 
 
-@pytest.mark.parametrize("options", [OPTIONS, replace(OPTIONS, gravity=9.81), replace(OPTIONS, bones="follow")])
-def test_what_an_earlier_process_found_of_her_changes_no_bit(
-    options: RunOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path / "cache"))
-    for name in ("first", "again"):
-        patient = patient_of(planned(12.0), options, TRUNK)
-        simulate(planned(12.0), folder=tmp_path / name, options=options, warnings=(), patient=patient)
-        sag_free = options.gravity != 0.0  # rest is then found again, and nothing of it is kept
-        assert (patient.set_up is None) == sag_free
-        assert sag_free or (patient.set_up is not None and patient.set_up.memo.is_new == (name == "first"))
-    for file in ("predicted_skin.ply", "trunk.vtu"):
-        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "again" / file).read_bytes()
-
-
 def test_the_time_of_making_her_ready_is_in_no_plans_summary(patient: Patient, tmp_path: Path) -> None:
     seconds = simulate(
         planned(5.0), folder=tmp_path, options=OPTIONS, warnings=(), patient=patient

@@ -11,19 +11,17 @@ import warp as wp
 from warp_trunk.kernels.assembly import (
     KEPT,
     NUMBERS,
-    PARTS,
-    blocks_of_rows,
-    find_starts,
+    PAIRS,
+    PLACES,
     gather_kernels,
-    list_parts,
     threads_over,
     vec16i,
 )
-from warp_trunk.kernels.sparse import sparse_kernels
 from warp_trunk.kernels.vectors import slab_kernels
 
-from .model import Model, Pattern
+from .model import Model
 from .parallel import Launch, in_sequence, view
+from .topology import Pattern
 
 BLOCK = 64
 """Threads of a CUDA block of a Hessian; of larger ones, which need so many registers, fewer run at once."""
@@ -51,48 +49,39 @@ def assembly_of_blocks(model: Model, block_of: np.ndarray, size: int) -> Assembl
             of a pair and the pair turned round one at most.
         size: number of blocks, all of them in `block_of`.
     """
-    on_device = model.array(block_of, vec16i)
     if not model.parallel.is_cuda:
-        return _Added(model, on_device, [model.zeros(wp.int32, 0)] * 2)
-    return _Gathered(model, on_device, np.arange(size, dtype=np.int32))
+        return _Added(model, model.array(block_of, vec16i))
+    return _Gathered(model, block_of, np.arange(size, dtype=np.int32))
 
 
 def assembly_of_rows(model: Model, pattern: Pattern) -> Assembly:
-    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others their
-    images."""
-    row_start, columns, place = pattern.row_start, pattern.columns, pattern.place
-    rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int32), np.diff(row_start))
-    upper = np.flatnonzero(columns > rows)
-    block_of, cuda = model.zeros(vec16i, len(place)), model.parallel.is_cuda
-    at = [not cuda, model.array(row_start, wp.int32), model.stencils_there, model.array(place, wp.uint16)]
-    model.parallel.record(blocks_of_rows, len(place), at, [block_of])()
-    if cuda:
+    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up.
+
+    Those below are their images on CUDA; on the CPU, whose product does not read them, they stay zero.
+    """
+    rows, columns = pattern.rows, pattern.columns
+    size, upper = len(pattern.row_start) - 1, np.flatnonzero(columns > rows)
+    if model.parallel.is_cuda:
         number = np.full(len(columns), -1, dtype=np.int32)
-        number[columns == rows] = np.arange(len(row_start) - 1)  # with most parts, and so first
-        number[upper] = np.arange(len(upper)) + len(row_start) - 1
-        return _Gathered(model, block_of, number, symmetric=len(row_start) - 1)
-    mirrored = upper[np.argsort(columns[upper], kind="stable")]  # in the order of the lower ones
-    mirrors = [
-        model.array(blocks.astype(np.int32), wp.int32) for blocks in (np.flatnonzero(columns < rows), mirrored)
-    ]
-    return _Added(model, block_of, mirrors)
+        number[columns == rows] = np.arange(size)  # with most parts, and so first
+        number[upper] = np.arange(len(upper)) + size
+        return _Gathered(model, pattern.block_of, number, symmetric=size)
+    below = (columns < rows)[pattern.block_of]
+    return _Added(model, model.array(np.where(below, np.int32(-1), pattern.block_of), vec16i))
 
 
 class _Added:
     """On the CPU: every range of tetrahedra adds to blocks of its own."""
 
-    def __init__(self, model: Model, block_of: wp.array, mirrors: list[wp.array]) -> None:
-        """`mirrors` are blocks, shape (k,), int32, and those that they are the transposes of."""
-        self._model, self._block_of, self._mirrors = model, block_of, mirrors
+    def __init__(self, model: Model, block_of: wp.array) -> None:
+        self._model, self._block_of = model, block_of
 
     def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
         model = self._model
         ranges, size = blocks.shape
         record, slabs = model.parallel.record, slab_kernels(blocks.dtype)
-        mirror = sparse_kernels(model.scalar).mirror
         before = [record(slabs.clear, size, [ranges], [blocks])]
         after = [record(slabs.gather, size, [ranges], [blocks])] if ranges > 1 else []
-        after.append(record(mirror, len(self._mirrors[0]), self._mirrors, [blocks]))
 
         def recorded(name: str) -> Launch:
             return in_sequence(*before, *_over_all(model, name, self._block_of, displacement, blocks), *after)
@@ -103,27 +92,15 @@ class _Added:
 class _Gathered:
     """On CUDA: every block gathers what the tetrahedra keep for it."""
 
-    def __init__(self, model: Model, block_of: wp.array, number: np.ndarray, symmetric: int = 0) -> None:
+    def __init__(self, model: Model, block_of: np.ndarray, number: np.ndarray, symmetric: int = 0) -> None:
         """`number` is the place of each block in the order of gathering, -1 for those that are images.
 
         The `symmetric` first ones are on the diagonal.
         """
         self._model, self._symmetric = model, symmetric
-        self._stencils = len(model.stencils)
-        parts, count = PARTS * self._stencils, int(number.max(initial=-1)) + 1
-        keys, places = (model.zeros(wp.int32, 2 * parts) for _ in range(2))  # half of it is for the sort
-        block, mirrored, start = (model.zeros(wp.int32, count + 1) for _ in range(3))
-        wp.launch(
-            list_parts,
-            self._stencils,
-            [count, block_of, model.array(number, wp.int32)],
-            [keys, places, block, mirrored],
-            device=model.device,
-        )
-        wp.utils.radix_sort_pairs(keys, places, parts)
-        start.fill_(parts)  # where all parts are gathered nothing follows the last block
-        wp.launch(find_starts, parts, [keys], [start], device=model.device)
-        self._blocks, self._lists = count, (start, places, block, mirrored)
+        self._stencils = len(block_of)
+        lists = list_parts(block_of, number)
+        self._blocks, self._lists = len(lists[2]), [model.array(values, wp.int32) for values in lists]
 
     def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
         model = self._model
@@ -140,6 +117,34 @@ class _Gathered:
             return in_sequence(*_over_all(model, name, unused, displacement, parts), gather)
 
         return recorded
+
+
+def list_parts(block_of: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Which parts of the stencils each block gathers.
+
+    Args:
+        block_of: the block of each corner pair, -1 for none, shape (stencils, 16).
+        number: the place of each block in the order of gathering, -1 for those that are images of others.
+
+    Returns:
+        Of each block in that order the first entry in the list of parts, shape (blocks + 1,); the list: where a
+        part begins among the numbers that are kept, in bits turned over where it is the transposed one; and of
+        each block its own number and that of its image, which is its own where it has none.
+    """
+    a, b = np.array(PAIRS).T
+    own, image = block_of[:, 4 * a + b], block_of[:, 4 * b + a]
+    key, key_of_image = (np.append(number, -1)[blocks] for blocks in (own, image))
+    turned = key < 0
+    key, own, image = (np.where(turned, *pair) for pair in ((key_of_image, key), (image, own), (own, image)))
+    place = KEPT * np.arange(len(block_of))[:, None] + np.array(PLACES)
+    place = np.where(turned, ~place, place)
+    gathered = key >= 0
+    key, own, image = key[gathered], own[gathered], image[gathered]
+    block, mirrored = np.empty((2, int(number.max(initial=-1)) + 1), dtype=np.int32)
+    block[key], mirrored[key] = own, np.where(image < 0, own, image)
+    order = np.argsort(key, kind="stable")
+    start = np.searchsorted(key[order], np.arange(len(block) + 1))
+    return start, place[gathered][order], block, mirrored
 
 
 def _over_all(model: Model, name: str, block_of: wp.array, displacement: wp.array, to: wp.array) -> list[Launch]:

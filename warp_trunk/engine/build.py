@@ -6,18 +6,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import warp as wp
 
-from .adjacency import Adjacency
 from .checks import check_arguments, check_mesh, check_tissues
 from .energies.by_name import ENERGIES, EnergyName, WeightsName
-from .memo import Arrays, Memo, arrays_of
-from .model import Model, Pattern
+from .model import Model
 from .ordering import order_nodes, order_tets, places
 from .parallel import Parallel
 from .rest_mesh import PRECISIONS, RestMesh
-from .skin import Skin, make_skin
+from .skin import make_skin
 from .tissue import ENERGY, SKIN_RIGIDITY, Tissue
+from .topology import square_pattern
 from .trunk_mesh import TrunkMesh
 
 
@@ -32,7 +30,6 @@ def build_model(
     device: str | Parallel = "auto",
     precision: str = "float32",
     threads: int = 0,
-    memo: Memo | None = None,
 ) -> Model:
     """Measures the trunk at rest and uploads it.
 
@@ -47,7 +44,6 @@ def build_model(
         device: 'auto', 'cpu' or 'cuda:N'; or where several models run, with its threads.
         precision: 'float32' or 'float64', of the device arrays; the host measures in float64.
         threads: CPU threads; 0 is all cores.
-        memo: what is remembered of this mesh with these arguments; what had to be found is added.
 
     Raises:
         InputError: an argument out of its range, no tetrahedron, a tetrahedron without volume at rest or of a
@@ -56,15 +52,16 @@ def build_model(
     tissues = (tissue or Tissue(),) if isinstance(tissue, Tissue | None) else tuple(tissue)
     check_arguments(energy, weights, precision, skin_rigidity, gravity)
     parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
-    check_mesh(trunk, parallel.device, memo)
+    check_mesh(trunk)
     check_tissues(trunk, tissues)
-    order = order_nodes(trunk, memo)
-    rest = _in_order(trunk, order, tissues, PRECISIONS[precision], parallel=parallel, memo=memo)
+    order = order_nodes(trunk)
+    rest = _in_order(trunk, order, tissues, PRECISIONS[precision], parallel)
     elements = ENERGIES[energy](rest, gravity, weights)
     skin = None
     if skin_rigidity:
         faces = places(order)[trunk.skin_nodes[trunk.skin_faces]]
         skin = make_skin(rest, faces, skin_rigidity, elements.per_millijoule(rest))
+    stencils = rest.corners if skin is None else np.vstack([rest.corners, skin.corners])
     free_nodes = int(np.count_nonzero(~trunk.prescribed))
     return Model(
         parallel=parallel,
@@ -77,10 +74,9 @@ def build_model(
         corners=rest.corners,
         tets=rest.tets,
         elements=elements,
-        pattern=_find_pattern(rest, skin, free_nodes),
+        pattern=square_pattern(stencils, free_nodes),
         label=rest.label,
         skin=skin,
-        memo=memo,
     )
 
 
@@ -89,54 +85,10 @@ def _in_order(
     order: np.ndarray,
     tissues: tuple[Tissue, ...],
     scalar: Any,
-    *,
     parallel: Parallel,
-    memo: Memo | None,
 ) -> RestMesh:
     """The trunk at rest with its nodes in an order, and its tetrahedra in that which follows."""
     corners = places(order)[trunk.tets]
     tets = order_tets(corners)
     label = trunk.tissue[tets] if trunk.tissue is not None and len(tissues) > 1 else None
-    return RestMesh(trunk.nodes[order], corners[tets], tissues, label, scalar, parallel, memo)
-
-
-def _find_pattern(rest: RestMesh, skin: Skin | None, free_nodes: int) -> Pattern:
-    """The blocks of the Hessian: node pairs that share a tetrahedron or a hinge, both free."""
-    stencils = rest.corners if skin is None else np.vstack([rest.corners, skin.corners])
-
-    def find() -> Arrays:
-        around = (
-            rest.adjacency
-            if skin is None
-            else Adjacency(rest.parallel, rest.upload(stencils, wp.vec4i), len(rest.nodes))
-        )
-        return around.rows(free_nodes)
-
-    found = arrays_of(
-        rest.memo, "pattern", find, lambda known: _is_pattern(known, stencils, len(rest.nodes), free_nodes)
-    )
-    return Pattern(found["row_start"], found["columns"], found["place"])
-
-
-def _is_pattern(known: Arrays, corners: np.ndarray, nodes: int, size: int) -> bool:
-    row_start, columns, place = known["row_start"], known["columns"], known["place"]
-    kinds = row_start.dtype, columns.dtype, place.dtype
-    if (
-        kinds != (np.int32, np.int32, np.uint16)
-        or row_start.shape != (size + 1,)
-        or place.shape != (len(corners), 16)
-    ):
-        return False
-    count = np.diff(row_start)
-    length = np.zeros(nodes, dtype=np.uint16)
-    length[:size] = count
-    length = length.take(corners)
-    return bool(
-        row_start[0] == 0
-        and (count > 0).all()
-        and columns.shape == (row_start[-1],)
-        and columns.min() >= 0
-        and columns.max() < size
-        and all((place[:, k::4] <= length).all() for k in range(4))
-        and np.count_nonzero(columns == np.repeat(np.arange(size, dtype=np.int32), count)) == size
-    )
+    return RestMesh(trunk.nodes[order], corners[tets], tissues, label, scalar, parallel)

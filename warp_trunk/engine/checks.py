@@ -9,11 +9,10 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .adjacency import pieces
 from .energies.by_name import EnergyName, WeightsName
-from .memo import Arrays, Memo, arrays_of
 from .rest_mesh import PRECISIONS
 from .tissue import Tissue
+from .topology import find_pieces
 from .trunk_mesh import TrunkMesh, tet_volumes
 
 
@@ -60,17 +59,12 @@ def check_tissues(trunk: TrunkMesh, tissues: tuple[Tissue, ...]) -> None:
         )
 
 
-def check_mesh(trunk: TrunkMesh, device: str, memo: Memo | None = None) -> None:
-    """InputError where the trunk cannot be a rest state, found out on a device; what passed is remembered."""
+def check_mesh(trunk: TrunkMesh) -> None:
+    """InputError where the trunk cannot be a rest state."""
     if len(trunk.tets) == 0:
         raise InputError("trunk: the mesh has no tetrahedron; give a mesh with soft tissue")
-
-    def check() -> Arrays:
-        _check_volumes(trunk)
-        return {"loose": np.array(unheld_nodes(trunk, device))}
-
-    loose = int(arrays_of(memo, "held", check, lambda known: known["loose"] == 0)["loose"])
-    if loose:
+    _check_volumes(trunk)
+    if loose := unheld_nodes(trunk):
         raise InputError(
             f"trunk: {loose} free nodes belong to tissue that no bone holds, so it could move rigidly; "
             "remove that piece or mark nodes of it as bone"
@@ -91,9 +85,9 @@ def _check_volumes(trunk: TrunkMesh) -> None:
         )
 
 
-def unheld_nodes(trunk: TrunkMesh, device: str) -> int:
+def unheld_nodes(trunk: TrunkMesh) -> int:
     """Number of free nodes in connected pieces of tissue whose prescribed nodes leave a rigid motion free."""
-    label = pieces(trunk.tets, len(trunk.nodes), device)
+    label = find_pieces(trunk.tets, len(trunk.nodes))
     used = np.zeros(len(trunk.nodes), dtype=bool)
     used[trunk.tets] = True
     free_pieces = np.unique(label[~trunk.prescribed])

@@ -6,8 +6,8 @@ import numpy as np
 import warp as wp
 
 from .assembly import assembly_of_blocks
-from .model import Model
 from .state import State
+from .topology import coupling_pattern
 
 
 class Coupling:
@@ -17,11 +17,12 @@ class Coupling:
         """Takes it from the Hessian at the state as it is now; nothing of it is projected."""
         model = state.model
         self._free, self._prescribed = model.free_nodes, model.nodes - model.free_nodes
-        self._row, self._column, block_of = _pattern(model)
+        pattern = coupling_pattern(model.stencils, model.free_nodes)
+        self._row, self._column = pattern.rows, pattern.columns
         size = len(self._row)
         blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), model.parallel.ranges, max(size, 1))
         if size:
-            record = assembly_of_blocks(model, block_of, size).into(blocks, state.displacement)
+            record = assembly_of_blocks(model, pattern.block_of, size).into(blocks, state.displacement)
             record("hessian")()
         self._blocks = blocks.numpy()[0, :size].astype(np.float64)
         self._by_column = np.argsort(self._column, kind="stable")
@@ -42,17 +43,6 @@ class Coupling:
 def _each(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Products of blocks (n, 3, 3) with vectors (n, 3)."""
     return np.einsum("bij,bj->bi", blocks, vectors)
-
-
-def _pattern(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Free row and prescribed column, from 0, of each block, and the block of each corner pair (tets, 16)."""
-    rows = np.repeat(model.stencils, 4, axis=1).astype(np.int64)
-    columns = np.tile(model.stencils, (1, 4)).astype(np.int64)
-    couples = model.is_free(rows) & ~model.is_free(columns)
-    unique, inverse = np.unique(rows[couples] * model.nodes + columns[couples], return_inverse=True)
-    block_of = np.full(rows.shape, -1, dtype=np.int32)
-    block_of[couples] = inverse
-    return unique // model.nodes, unique % model.nodes - model.free_nodes, block_of
 
 
 def _sum_by(row: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:

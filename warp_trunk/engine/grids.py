@@ -3,7 +3,6 @@ host."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -113,24 +112,19 @@ def _corners(cell: np.ndarray, size: np.ndarray) -> np.ndarray:
     return (CORNERS @ strides)[:, None] + strides @ cell
 
 
-def spacings_of(scales: Mapping[str, np.ndarray]) -> list[float]:
-    """Spacings of the grids, finest first, each twice the one before [mm], by `find_scales`."""
-    spacings = [float(scales["coarsest"])]
-    while 0.5 * spacings[0] >= FINEST_SPACING * float(scales["node_distance"]):
-        spacings.insert(0, 0.5 * spacings[0])
-    return spacings
-
-
-def find_scales(points: np.ndarray) -> dict[str, np.ndarray]:
-    """The spacing of the coarsest grid and the mean distance of nodes [mm]."""
-    dense = float(np.ptp(points, axis=0).max(initial=1e-6))
+def find_spacings(points: np.ndarray) -> list[float]:
+    """Spacings of the grids over points (points, 3), finest first, each twice the one before [mm]."""
+    coarsest = float(np.ptp(points, axis=0).max(initial=1e-6))
     most = min(DENSE_CELLS, len(points) / 8)
     along = np.ascontiguousarray((points - points.min(axis=0)).T)
-    while occupied_cells(along, dense / 1.1) <= most:
-        dense /= 1.1
-    quarter = 0.25 * dense
+    while occupied_cells(along, coarsest / 1.1) <= most:
+        coarsest /= 1.1
+    quarter = 0.25 * coarsest
     node_distance = quarter * (occupied_cells(along, quarter) / len(points)) ** (1.0 / 3.0)
-    return {"coarsest": np.array(dense), "node_distance": np.array(node_distance)}
+    spacings = [coarsest]
+    while 0.5 * spacings[0] >= FINEST_SPACING * node_distance:
+        spacings.insert(0, 0.5 * spacings[0])
+    return spacings
 
 
 def occupied_cells(along: np.ndarray, spacing: float) -> int:

@@ -13,30 +13,9 @@ from .parallel import CUDA_BLOCK, Launch, Parallel
 
 if TYPE_CHECKING:
     from .energies.energy import TetEnergy
-    from .memo import Memo
     from .skin import Skin
     from .tissue import Tissue
-
-
-@dataclass(frozen=True, eq=False)
-class Pattern:
-    """Compressed rows of the 3x3 blocks of the Hessian: pairs of free nodes that share a tetrahedron or a
-    hinge."""
-
-    row_start: np.ndarray
-    """First block of each row and the end of the last, shape (free + 1,), int32."""
-    columns: np.ndarray
-    """Column of each block, ascending within a row, shape (blocks,), int32."""
-    place: np.ndarray
-    """The place of each corner pair in its row, from 1; 0 with a prescribed corner, shape (stencils, 16),
-    uint16."""
-
-    def row_bounds(self, ranges: int) -> np.ndarray:
-        """Ranges of rows with equally many blocks, for the threads, shape (ranges + 1,)."""
-        size = len(self.row_start) - 1
-        bounds = np.searchsorted(self.row_start, np.linspace(0, len(self.columns), ranges + 1)).clip(0, size)
-        bounds[0], bounds[-1] = 0, size
-        return bounds
+    from .topology import Pattern
 
 
 @dataclass(frozen=True)
@@ -45,7 +24,7 @@ class Model:
 
     It alone knows how nodes are numbered: the free ones first, then the prescribed ones, so that both are a
     range of every array and a launch over the free nodes moves no prescribed one (the mappings U of eq. 4.3 of
-    [2]). Everything else asks for `free`, `prescribed`, `is_free` or a launch `over_free`.
+    [2]). Everything else asks for `free`, `prescribed` or a launch `over_free`.
     """
 
     parallel: Parallel
@@ -77,8 +56,6 @@ class Model:
     where the trunk before surgery is at rest."""
     skin: Skin | None = None
     """The skin as a thin plate; None where it resists no bending."""
-    memo: Memo | None = None
-    """What is remembered of this trunk at rest; None where nothing is."""
 
     @property
     def precision(self) -> str:
@@ -89,11 +66,6 @@ class Model:
     def device(self) -> str:
         """'cpu' or 'cuda:N'."""
         return self.parallel.device
-
-    @property
-    def tissue(self) -> Tissue:
-        """The first tissue, the only one of a uniform trunk."""
-        return self.tissues[0]
 
     @property
     def vec3(self) -> Any:
@@ -121,11 +93,6 @@ class Model:
         return self.corners if self.skin is None else np.vstack([self.corners, self.skin.corners])
 
     @property
-    def stencils_there(self) -> wp.array:
-        """The same on the device, shape (stencils,), vec4i."""
-        return self.tets if self.skin is None else self.array(self.stencils, wp.vec4i)
-
-    @property
     def free(self) -> slice:
         """The free nodes, which relaxation moves, in every array over the nodes."""
         return slice(0, self.free_nodes)
@@ -134,10 +101,6 @@ class Model:
     def prescribed(self) -> slice:
         """The nodes on bone, which surgery moves and relaxation holds."""
         return slice(self.free_nodes, self.nodes)
-
-    def is_free(self, nodes: np.ndarray) -> np.ndarray:
-        """Which of some model nodes are free."""
-        return nodes < self.free_nodes
 
     def over_free(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
         """Records a launch over the free nodes; see `Parallel.record`."""

@@ -32,16 +32,13 @@ from warp_trunk.kernels.multigrid import (
     cpu_grid_kernels,
     cuda_grid_kernels,
     grid_matrix_kernels,
-    scale_and_shorten,
-    shorten,
     vec8i,
 )
 from warp_trunk.kernels.sparse import sparse_kernels
 from warp_trunk.kernels.vectors import slab_kernels
 
-from .grids import CoarseGrid, Interpolation, find_scales, spacings_of
+from .grids import CoarseGrid, Interpolation, find_spacings
 from .linear import BlockMatrix, Dots, Iterates
-from .memo import Arrays, arrays_of
 from .model import Model
 from .parallel import Launch, in_sequence, view
 
@@ -67,7 +64,7 @@ class Multigrid:
         self.model = model = matrix.model
         self._inverse_diagonal = matrix.inverse_diagonal
         points = model.rest[model.free]
-        spacings = spacings_of(_scales(model, points))
+        spacings = find_spacings(points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
 
         def lay(spacing: float) -> tuple[CoarseGrid, Interpolation]:
@@ -78,21 +75,21 @@ class Multigrid:
         sizes = [len(grid.positions) for grid in grids]
         on_device = _Interpolation(model, to_nodes[0])
 
-        def find() -> Arrays:
-            matrix.assemble_projected()
-            return _matrices(matrix, [on_device, *(_Interpolation(model, onto) for onto in to_nodes[1:])], sizes)
-
-        found = arrays_of(model.memo, "matrices", find, lambda known: _are_matrices(known, sizes, model.precision))
-        mat33 = wp.types.matrix((3, 3), model.scalar)
-        diagonals = [model.array(found[f"diagonal_{k}"], mat33) for k in range(len(spacings) - 1)]
+        onto_nodes = [on_device, *(_Interpolation(model, onto) for onto in to_nodes[1:])]
+        matrix.assemble_projected()
+        diagonals = [
+            grid_diagonal(matrix, onto, size, 1.0 / len(sizes))
+            for onto, size in zip(onto_nodes[:-1], sizes[:-1], strict=True)
+        ]
+        inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]), model.precision)
         if model.parallel.is_cuda:
-            self._levels = CudaLevels(model, to_nodes, diagonals, found["inverse"])
+            self._levels = CudaLevels(model, to_nodes, diagonals, inverse)
         else:
             between = [_Interpolation(model, grid.interpolate(finer.positions)) for finer, grid in pairwise(grids)]
             levels = zip(
                 [model.free_nodes, *sizes], sizes, [on_device, *between], [*diagonals, None], strict=False
             )
-            self._levels = CpuLevels(model, [_Level(*level) for level in levels], found["inverse"])
+            self._levels = CpuLevels(model, [_Level(*level) for level in levels], inverse)
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
@@ -218,23 +215,21 @@ class CudaLevels:
         self._by_vertex = (
             model.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32),
             model.array(np.concatenate(point), number),
-            _shortened(model, weight),
+            model.array(np.concatenate(weight).astype(np.float16), wp.float16),
         )
         corners = [grid.vertex.ravel() + start for grid, start in zip(coarsest_first, starts, strict=False)]
+        corner_weights = [grid.weight.ravel() for grid in coarsest_first]
         self._by_node = (
             model.array(np.concatenate(corners), number),
-            _shortened(model, [grid.weight.ravel() for grid in coarsest_first]),
+            model.array(np.concatenate(corner_weights).astype(np.float16), wp.float16),
         )
         self._inverse_diagonal = model.zeros(
             wp.types.matrix((3, 3), model.scalar), self._vertices - self._coarsest
         )
         for diagonal, start in zip(diagonals[::-1], starts[1:], strict=False):
             wp.copy(self._inverse_diagonal, diagonal, dest_offset=int(start) - self._coarsest)
-        scale = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))  # none of 16 bits overflows
-        self._scale = model.array(scale, wp.float32)
-        self._inverse = model.zeros(wp.float16, len(inverse), -(-len(inverse) // OCTET) * OCTET)
-        given = [model.array(inverse, wp.float32), self._scale]
-        wp.launch(scale_and_shorten, inverse.shape, given, [self._inverse], device=model.device)
+        numbers, scale = in_half_precision(inverse)
+        self._scale, self._inverse = model.array(scale, wp.float32), model.array(numbers, wp.float16)
 
     def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = D^-1 r + the corrections of all grids, with r . z, for the inverse diagonal of the nodes."""
@@ -281,42 +276,16 @@ class CudaLevels:
         )
 
 
-def _shortened(model: Model, weights: Sequence[np.ndarray]) -> wp.array:
-    """All weights in 16 bits, made on the device: the host takes much longer."""
-    given = model.array(np.concatenate(weights, dtype=np.float32), wp.float32)
-    shortened = model.zeros(wp.float16, len(given))
-    wp.launch(shorten, len(given), [given], [shortened], device=model.device)
-    return shortened
+def in_half_precision(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A symmetric positive matrix (n, n) with ones on its diagonal, and the scales of its rows and columns (n,).
 
-
-def _scales(model: Model, points: np.ndarray) -> Arrays:
-    """The scales of the grids; finding them takes long, so that they may be remembered."""
-
-    def fits(known: Arrays) -> bool:
-        extent = np.ptp(points, axis=0).max(initial=1e-6)
-        return bool(1e-3 * extent < known["node_distance"] <= known["coarsest"] <= extent)
-
-    return arrays_of(model.memo, "grids", lambda: find_scales(points), fits)
-
-
-def _matrices(matrix: BlockMatrix, whole: list[_Interpolation], sizes: list[int]) -> dict[str, np.ndarray]:
-    """The inverse of the matrix on the last grid, in the model's precision; `grid_diagonal` on the others."""
-    diagonals = [
-        grid_diagonal(matrix, interpolation, size, 1.0 / len(sizes)).numpy()
-        for interpolation, size in zip(whole[:-1], sizes[:-1], strict=True)
-    ]
-    inverse = invert(grid_matrix(matrix, whole[-1], sizes[-1]), matrix.model.precision)
-    return {"inverse": inverse, **{f"diagonal_{k}": values for k, values in enumerate(diagonals)}}
-
-
-def _are_matrices(known: Arrays, sizes: list[int], precision: str) -> bool:
-    """Whether these can be `_matrices` of grids with so many vertices."""
-    *finer, coarsest = sizes
-    shapes = {"inverse": (3 * coarsest,) * 2, **{f"diagonal_{k}": (size, 3, 3) for k, size in enumerate(finer)}}
-    return known.keys() == shapes.keys() and all(
-        known[name].shape == shape and known[name].dtype == precision and bool(np.isfinite(known[name]).all())
-        for name, shape in shapes.items()
-    )
+    The matrix is float16, its rows filled up to whole octets; see `KEPT`. None of its numbers overflows.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
+    numbers = np.zeros((len(inverse), -(-len(inverse) // OCTET) * OCTET), dtype=np.float16)
+    numbers[:, : len(inverse)] = inverse * (KEPT / scale[:, None]) / scale
+    np.fill_diagonal(numbers, 1.0)
+    return numbers, scale
 
 
 def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, size: int, weight: float) -> wp.array:

@@ -258,12 +258,13 @@ CONTRACTION = 0.2
 FIRST = 2.0 / 3.0
 """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is too
 stiff where edges are compressed, and no step has been seen yet."""
-NEAR, STALLED_NEAR = 3.0, 20.0
-"""So many tolerances from the equilibrium the true Hessian takes over, where the end is to be confirmed; and where
-the projected one leads no further."""
+NEAR = 20.0
+"""So many tolerances from the equilibrium the true Hessian takes over, where the end is to be confirmed."""
+WELL_SHAPED, WITHIN = 0.3, 3.0
+"""It takes over no farther than so many mm, or tolerances: beyond, crushed tissue has negative curvature."""
 NEARER = 0.25
-"""The part of the distance to which the projected Hessian must have led before the true one is tried again that was
-negative somewhere: crushed tissue has negative curvature within a millimetre of a minimum."""
+"""The part of the distance to which the projected Hessian leads before the true one, found indefinite, is tried
+again."""
 CLOSE = 10.0
 """A step of so many tolerances along the true Hessian may have led to within one of them."""
 REACH = 10.0
@@ -322,7 +323,8 @@ class Newton:
         With `confirm` its end is to be confirmed; `near`, it begins some tolerances from there.
         """
         self._tolerance, self.floor = tolerance, floor
-        self._true_within, self._at_saddle = NEAR * tolerance, False
+        self._true_within = min(NEAR * tolerance, max(WITHIN * tolerance, WELL_SHAPED))
+        self._at_saddle = False
         self._confirm, self._starts_near = confirm, near
         self._longest_solve = 0
         self._cut = self._true = self._first_true = self._consecutive = self._launched = False
@@ -342,7 +344,7 @@ class Newton:
         """Whether there is another direction at the same state: down from a saddle, or the first true one."""
         if self._down is not None:
             return True
-        self._true_within, self._at_saddle = STALLED_NEAR * self._tolerance, True
+        self._true_within, self._at_saddle = NEAR * self._tolerance, True
         return not self._true and self._is_near
 
     @property

@@ -4,27 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from .memo import Arrays, Memo, arrays_of
 from .trunk_mesh import TrunkMesh
 
 
-def order_nodes(trunk: TrunkMesh, memo: Memo | None = None) -> np.ndarray:
-    """The mesh node of each model node, shape (nodes,), found or remembered."""
-
-    def find() -> Arrays:
-        free, prescribed = np.flatnonzero(~trunk.prescribed), np.flatnonzero(trunk.prescribed)
-        near = bisect(trunk.nodes[free], max(1, len(free) // 8))[0]
-        return {"order": np.concatenate([free[near], prescribed]).astype(np.int32)}
-
-    def fits(known: Arrays) -> bool:
-        order, prescribed = known["order"], trunk.prescribed
-        return (
-            np.array_equal(np.sort(order), np.arange(len(prescribed)))
-            and order.dtype == np.int32
-            and np.array_equal(prescribed[order], np.sort(prescribed))
-        )
-
-    return arrays_of(memo, "numbering", find, fits)["order"].astype(np.int64)
+def order_nodes(trunk: TrunkMesh) -> np.ndarray:
+    """The mesh node of each model node, shape (nodes,)."""
+    free, prescribed = np.flatnonzero(~trunk.prescribed), np.flatnonzero(trunk.prescribed)
+    near = bisect(trunk.nodes[free], max(1, len(free) // 8))[0]
+    return np.concatenate([free[near], prescribed])
 
 
 def order_tets(corners: np.ndarray) -> np.ndarray:

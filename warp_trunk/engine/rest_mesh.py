@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .adjacency import Adjacency
-from .memo import Memo
 from .parallel import Parallel
 from .tissue import Tissue
 from .trunk_mesh import tet_volumes
@@ -37,8 +35,6 @@ class RestMesh:
     """Precision of the device arrays, wp.float32 or wp.float64."""
     parallel: Parallel
     """Where they are measured."""
-    memo: Memo | None = None
-    """What is remembered of this trunk."""
 
     @property
     def is_cuda(self) -> bool:
@@ -49,11 +45,6 @@ class RestMesh:
     def tets(self) -> wp.array:
         """`corners` on the device, shape (tets,), vec4i."""
         return self.upload(self.corners, wp.vec4i)
-
-    @cached_property
-    def adjacency(self) -> Adjacency:
-        """What the tetrahedra share."""
-        return Adjacency(self.parallel, self.tets, len(self.nodes))
 
     @cached_property
     def volume(self) -> np.ndarray:
@@ -76,16 +67,6 @@ class RestMesh:
             return 0.0
         height = sum(self.nodes[:, 2].take(corner) for corner in self.corners.T)
         return float((weight * self.volume * height).sum())
-
-    def measure(self, kernel: Any, arrays: dict[str, wp.array]) -> dict[str, wp.array]:
-        """The arrays, set to what a kernel of `rest_kernels` measures."""
-        given = [self.tets, self.upload(self.nodes, wp.vec3d)]
-        self.parallel.record(kernel, len(self.corners), given, list(arrays.values()))()
-        return arrays
-
-    def empty(self, dtype: Any, *shape: int) -> wp.array:
-        """A device array that holds nothing yet."""
-        return wp.empty(shape, dtype=dtype, device=self.parallel.device)
 
     def upload(self, values: np.ndarray, dtype: Any) -> wp.array:
         """The values as a device array."""

@@ -90,7 +90,7 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
         if arrived:
-            found = replace(resting(model, mesh), rest=rest, scan=scan - rest, memo=None)
+            found = replace(resting(model, mesh), rest=rest, scan=scan - rest)
             return RestState(found, sag, newton.distance, rounds, spent)
         if newton.negative_curvature or math.isinf(newton.distance):
             raise InputError(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_trunk.kernels.mesh import mean_ratios, move_nodes
+from warp_trunk.kernels.tet_quality import mean_ratios, move_nodes
 
 _DOUBLE: Any = wp.float64
 _GOAL = 0.3

@@ -59,7 +59,7 @@ def summarize(
     displacement = increments[-1].displacement
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     before, after, actual = measures
-    constants = dataclasses.asdict(model.tissue) if len(model.tissues) == 1 else {}
+    constants = dataclasses.asdict(model.tissues[0]) if len(model.tissues) == 1 else {}
 
     def motion_of(bone: str) -> RigidTransform:
         rows = np.flatnonzero(trunk.bone == trunk.bone_names.index(bone))

@@ -24,7 +24,6 @@ from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume
 from warp_trunk.meshing import make_trunk
-from warp_trunk.meshing.cache import SetUpCache
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
 
@@ -63,16 +62,11 @@ class Patient:
     """The mesh on its device, at rest."""
     given: TrunkMesh | None = None
     """The mesh that was given instead of being made here."""
-    set_up: SetUpCache | None = None
-    """Where what was found of the model is kept for the next process; None where nothing is kept."""
 
     @cached_property
     def relaxer(self) -> Relaxer:
         """The solver of every relaxation, made on first use."""
-        relaxer = Relaxer(self.model, self.options.simulation.relax)
-        if self.set_up is not None:
-            self.set_up.store()
-        return relaxer
+        return Relaxer(self.model, self.options.simulation.relax)
 
     def carried(self, landmarks: Landmarks) -> np.ndarray:
         """How far the spline carries each node [mm], in the precision of the model, shape (nodes, 3).
@@ -143,7 +137,6 @@ def patient_of(
         if kernels is not None:
             kernels.wait()
         parallel = Parallel(options.device, options.threads)
-        set_up = _set_up(trunk, tissues, options, parallel)
         model = build_model(
             trunk,
             tissues,
@@ -153,26 +146,11 @@ def patient_of(
             gravity=options.gravity,
             device=parallel,
             precision=options.precision,
-            memo=None if set_up is None else set_up.memo,
         )
     if options.gravity != 0.0 and options.rest == "sag-free":
         with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
             model = sag_free(model).model
-    return Patient(case, options, trunk, model, given, set_up)
-
-
-def _set_up(
-    trunk: TrunkMesh, tissues: Tissue | tuple[Tissue, ...], options: RunOptions, parallel: Parallel
-) -> SetUpCache | None:
-    """The file of what is found of a mesh at rest; none where no mesh is kept or rest is to be found."""
-    if not options.mesh.cache or (options.gravity != 0.0 and options.rest == "sag-free"):
-        return None
-    device = "cuda" if parallel.is_cuda else f"cpu {parallel.ranges}"
-    settings = (
-        *(tissues, options.energy_of_tissue, options.weights, options.rigidity_of_skin),
-        *(options.gravity, options.precision, device),
-    )
-    return SetUpCache(trunk, repr(settings))
+    return Patient(case, options, trunk, model, given)
 
 
 def with_mesh_given(

@@ -11,16 +11,10 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.itmsm import AREA, DISTANCE, GRAVITY, VOLUME, itmsm_kernels
-from warp_trunk.kernels.mesh import rest_kernels
 
-from ..memo import Arrays, arrays_of
 from ..rest_mesh import RestMesh
+from ..topology import EDGES, FACES, edges_shared, faces_shared
 from .energy import of_each
-
-EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
-"""Corners of a tetrahedron's edges."""
-FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-"""Corners of a tetrahedron's faces; face k lies opposite corner k."""
 
 
 @dataclass(frozen=True)
@@ -140,28 +134,13 @@ class Shares:
 
 def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
     """The shares by count, as the papers have it, or by the volume that each feature stands for."""
-    occurs = arrays_of(rest.memo, "features", lambda: _occurrences(rest), lambda known: _are_counts(known, rest))
-    edge, face = (1.0 / occurs[name] for name in ("edge", "face"))
+    edge, face = 1.0 / edges_shared(rest.corners), 1.0 / faces_shared(rest.corners)
     edges = float(edge.sum())
     if not by_volume:
         return Shares(edge, face, np.ones(1), edges)
     part = rest.volume / rest.volume.sum()
     edge, face = (np.outer(part, np.full(share.shape[1], share.sum() / share.shape[1])) for share in (edge, face))
     return Shares(edge, face, part * len(part), edges)
-
-
-def _occurrences(rest: RestMesh) -> dict[str, np.ndarray]:
-    """In how many tetrahedra the edges and the faces of each occur."""
-    return rest.adjacency.shared()
-
-
-def _are_counts(known: Arrays, rest: RestMesh) -> bool:
-    return all(
-        known[name].shape == (len(rest.corners), len(part))
-        and known[name].dtype == np.uint16
-        and known[name].all()
-        for name, part in (("edge", EDGES), ("face", FACES))
-    )
 
 
 def weights(rest: RestMesh, gravity: float, shares: Shares) -> tuple[dict[str, np.ndarray], float]:
@@ -181,14 +160,14 @@ def weights(rest: RestMesh, gravity: float, shares: Shares) -> tuple[dict[str, n
 
 def measures(rest: RestMesh, area: bool) -> dict[str, wp.array]:
     """Edge vectors, lengths, areas (none without their term) and volumes, as the fields of `Itmsm`."""
-    scalar, tets = rest.scalar, len(rest.corners)
-    arrays = {
-        "rest_edge": rest.empty(wp.types.vector(3, scalar), tets, 3),
-        "rest_length": rest.empty(wp.types.vector(6, scalar), tets),
-        "rest_area": rest.empty(wp.types.vector(4, scalar), tets if area else 0),
-        "rest_volume": rest.empty(scalar, tets),
+    scalar, corners = rest.scalar, rest.nodes[rest.corners]
+    areas = face_areas(corners) if area else np.empty((0, 4))
+    return {
+        "rest_edge": rest.upload(corners[:, 1:] - corners[:, :1], wp.types.vector(3, scalar)),
+        "rest_length": rest.upload(edge_lengths(corners), wp.types.vector(6, scalar)),
+        "rest_area": rest.upload(areas, wp.types.vector(4, scalar)),
+        "rest_volume": rest.upload(rest.volume, scalar),
     }
-    return rest.measure(rest_kernels(scalar).itmsm, arrays)
 
 
 def gravity_weights(rest: RestMesh, gravity: float, edges: float) -> tuple[float, np.ndarray]:
@@ -222,7 +201,7 @@ def edge_lengths(p: np.ndarray) -> np.ndarray:
 def face_areas(p: np.ndarray) -> np.ndarray:
     """Areas of the four faces of tetrahedra with corners p (tets, 4, 3), shape (tets, 4)."""
     x = _by_corner(p)
-    return np.stack([0.5 * _length(_cross(x[:, j] - x[:, i], x[:, k] - x[:, i])) for i, j, k in FACES], axis=1)
+    return np.stack([0.5 * _length(cross(x[:, j] - x[:, i], x[:, k] - x[:, i])) for i, j, k in FACES], axis=1)
 
 
 def _by_corner(p: np.ndarray) -> np.ndarray:
@@ -230,7 +209,7 @@ def _by_corner(p: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.moveaxis(p, 0, 2)).swapaxes(0, 1)
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> list[np.ndarray]:
+def cross(a: np.ndarray, b: np.ndarray) -> list[np.ndarray]:
     return [a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))]
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.mesh import rest_kernels
 from warp_trunk.kernels.neo_hookean import (
     CRUSH,
     CRUSHED,
@@ -112,10 +111,14 @@ def weights(rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
 
 def measures(rest: RestMesh) -> dict[str, wp.array]:
     """Gradients of the shape functions and volumes, as the fields of `NeoHookean`."""
-    scalar, tets = rest.scalar, len(rest.corners)
-    gradient = rest.empty(wp.types.vector(3, scalar), tets, 3)
-    arrays = {"shape_gradient": gradient, "rest_volume": rest.empty(scalar, tets)}
-    return rest.measure(rest_kernels(scalar).neo_hookean, arrays)
+    corners = np.ascontiguousarray(np.moveaxis(rest.nodes[rest.corners], 0, 2))  # NumPy is faster on long rows
+    a, b, c = corners[1:] - corners[0]
+    areas = np.array([np.cross(one, other, axis=0) for one, other in ((b, c), (c, a), (a, b))])
+    gradients = np.moveaxis(areas / (6.0 * rest.volume), 2, 0)
+    return {
+        "shape_gradient": rest.upload(gradients, wp.types.vector(3, rest.scalar)),
+        "rest_volume": rest.upload(rest.volume, rest.scalar),
+    }
 
 
 def stable_moduli(tissue: Tissue) -> tuple[float, float]:

@@ -7,13 +7,17 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-import warp as wp
 
 from support.meshes import block, block_with_bone, single_tet
-from support.threads import split_launches
-from warp_trunk.engine.adjacency import Adjacency, pieces
-from warp_trunk.engine.energies.itmsm import EDGES, FACES
-from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.topology import (
+    EDGES,
+    FACES,
+    coupling_pattern,
+    edges_shared,
+    faces_shared,
+    find_pieces,
+    square_pattern,
+)
 
 MESHES = {
     "block": block().tets,
@@ -21,12 +25,6 @@ MESHES = {
     "single": single_tet().tets,
     "a fan": np.array([[0, 1, k, k + 1] for k in range(2, 80)]),
 }
-PARALLEL = split_launches(3)
-
-
-def adjacency(tets: np.ndarray, parallel: Parallel = PARALLEL) -> Adjacency:
-    corners = wp.array(np.ascontiguousarray(tets, dtype=np.int32), dtype=wp.vec4i, device=parallel.device)
-    return Adjacency(parallel, corners, int(tets.max()) + 2)  # one is in no tetrahedron
 
 
 def shuffled(tets: np.ndarray) -> np.ndarray:
@@ -39,40 +37,43 @@ def shuffled(tets: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", MESHES)
 def test_edges_and_faces_are_counted(name: str) -> None:
     tets = shuffled(MESHES[name])
-    found = adjacency(tets).shared()
-    for part, size in ((EDGES, 2), (FACES, 3)):
+    for part, size, found in ((EDGES, 2, edges_shared(tets)), (FACES, 3, faces_shared(tets))):
         count = Counter(each for tet in tets.tolist() for each in combinations(sorted(tet), size))
         expected = [[count[tuple(sorted(tet[part[k]].tolist()))] for k in range(len(part))] for tet in tets]
-        np.testing.assert_array_equal(found["edge" if size == 2 else "face"], expected)
+        np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("part", [0.0, 0.6, 1.0])
-def test_rows_list_the_neighbours_among_the_first_nodes(name: str, part: float) -> None:
+@pytest.mark.parametrize("couples", [False, True])
+def test_rows_list_the_neighbours_and_every_pair_has_its_block(name: str, part: float, couples: bool) -> None:
     tets = shuffled(MESHES[name])
-    size = int(part * (tets.max() + 1))
-    neighbours = [{node} for node in range(size)]
+    nodes = int(tets.max()) + 2  # one is in no tetrahedron
+    size = int(part * nodes)
+    first, end = (size, nodes) if couples else (0, size)
+    neighbours: list[set[int]] = [set() if couples else {node} for node in range(size)]
     for tet in tets.tolist():
         for node in tet:
             if node < size:
-                neighbours[node] |= {other for other in tet if other < size}
-    found = adjacency(tets).rows(size)
-    start, columns, place = found["row_start"], found["columns"], found["place"].reshape(-1, 4, 4)
+                neighbours[node] |= {other - first for other in tet if first <= other < end}
+    found = coupling_pattern(tets, size) if couples else square_pattern(tets, size)
+    start, columns = found.row_start, found.columns
     assert [columns[start[i] : start[i + 1]].tolist() for i in range(size)] == [sorted(row) for row in neighbours]
-    for tet, places in zip(tets.tolist(), place, strict=True):
+    assert found.rows.tolist() == [row for row in range(size) for _ in neighbours[row]]
+    for tet, blocks in zip(tets.tolist(), found.block_of.reshape(-1, 4, 4), strict=True):
         for a, row in enumerate(tet):
             for b, column in enumerate(tet):
-                inside = row < size and column < size
-                assert (places[a, b] > 0) == inside
-                assert not inside or columns[start[row] + places[a, b] - 1] == column
+                inside = row < size and first <= column < end
+                assert (blocks[a, b] >= 0) == inside
+                if inside:
+                    assert (found.rows[blocks[a, b]], columns[blocks[a, b]]) == (row, column - first)
 
 
 def test_pieces_have_the_number_of_their_lowest_node() -> None:
     """A chain whose numbers fall and rise, so that a label has to go both ways, and two pieces more."""
     chain = np.array([[k + 3, k + 2, k + 1, k] for k in [*range(60, 100), *range(0, 63)]])
     other = np.array([[110, 111, 112, 113], [113, 104, 105, 106]])
-    found = pieces(np.concatenate([chain, other]), 115, "cpu")
     expected = np.arange(115)
     expected[:103] = 0
     expected[[104, 105, 106, 110, 111, 112, 113]] = 104
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(find_pieces(np.concatenate([chain, other]), 115), expected)

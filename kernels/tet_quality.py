@@ -1,0 +1,101 @@
+"""Moving nodes of a tetrahedral mesh to improve the shape of its tetrahedra."""
+
+import warp as wp
+
+LEAST_GAIN = wp.constant(wp.float64(1.0e-3))
+"""A node is moved where the worst tetrahedron at it gets better by more than this."""
+
+
+@wp.func
+def mean_ratio(i: wp.vec3d, j: wp.vec3d, k: wp.vec3d, m: wp.vec3d) -> wp.float64:
+    """12 (3 V)^(2/3) / sum of squared edges: 1 for a regular tetrahedron, 0 flat, negative inverted."""
+    a = j - i
+    b = k - i
+    c = m - i
+    six = wp.dot(a, wp.cross(b, c))
+    edges = wp.length_sq(a) + wp.length_sq(b) + wp.length_sq(c)
+    edges += wp.length_sq(k - j) + wp.length_sq(m - j) + wp.length_sq(m - k)
+    root = wp.cbrt(wp.float64(0.5) * six)
+    return wp.float64(12.0) * root * root * wp.sign(six) / edges
+
+
+@wp.kernel(enable_backward=False)
+def mean_ratios(corners: wp.array(dtype=wp.vec3d, ndim=2), quality: wp.array(dtype=wp.float64)):
+    """Quality of tetrahedra by their corners."""
+    t = wp.tid()
+    quality[t] = mean_ratio(corners[t, 0], corners[t, 1], corners[t, 2], corners[t, 3])
+
+
+@wp.func
+def quality_with(
+    tets: wp.array(dtype=wp.vec4i), nodes: wp.array(dtype=wp.vec3d), tet: wp.int32, node: wp.int32, place: wp.vec3d
+) -> wp.float64:
+    """Quality of a tetrahedron with one of its nodes at another place."""
+    n = tets[tet]
+    i = nodes[n[0]]
+    j = nodes[n[1]]
+    k = nodes[n[2]]
+    m = nodes[n[3]]
+    if n[0] == node:
+        i = place
+    if n[1] == node:
+        j = place
+    if n[2] == node:
+        k = place
+    if n[3] == node:
+        m = place
+    return mean_ratio(i, j, k, m)
+
+
+@wp.kernel(enable_backward=False)
+def move_nodes(
+    turns: wp.array(dtype=wp.int32),
+    goal: wp.float64,
+    tets: wp.array(dtype=wp.vec4i),
+    start: wp.array(dtype=wp.int32),
+    star: wp.array(dtype=wp.int32),
+    around: wp.array(dtype=wp.vec3d),
+    reach: wp.array(dtype=wp.float64),
+    given: wp.array(dtype=wp.vec3d),
+    moved: wp.array(dtype=wp.vec3d),
+    quality: wp.array(dtype=wp.float64),
+    moves: wp.array(dtype=wp.int32),
+):
+    """Gives the nodes in `turns` their turns; one item, because each sees where those before it went.
+
+    `star` holds the tetrahedra of every node from `start` on. A node goes to the best place of `around`, in mean
+    edge lengths, within its reach of where it was given.
+    """
+    for turn in range(turns.shape[0]):
+        node = turns[turn]
+        first = start[node]
+        end = start[node + 1]
+        worst = wp.float64(wp.inf)
+        for s in range(first, end):
+            worst = wp.min(worst, quality[star[s]])
+        if reach[node] > wp.float64(0.0) and worst < goal:
+            here = moved[node]
+            size = wp.float64(0.0)
+            for s in range(first, end):
+                n = tets[star[s]]
+                for c in range(4):
+                    size += wp.length(moved[n[c]] - here)
+            size = size / wp.float64(3 * (end - first))
+            best = worst + LEAST_GAIN
+            best_place = here
+            for k in range(around.shape[0]):
+                place = here + size * around[k]
+                if wp.length(place - given[node]) <= reach[node]:
+                    least = wp.float64(wp.inf)
+                    s = first
+                    while s < end and least > best:
+                        least = wp.min(least, quality_with(tets, moved, star[s], node, place))
+                        s += 1
+                    if least > best:
+                        best = least
+                        best_place = place
+            if best > worst + LEAST_GAIN:
+                moved[node] = best_place
+                moves[0] = moves[0] + 1
+                for s in range(first, end):
+                    quality[star[s]] = quality_with(tets, moved, star[s], node, best_place)
