@@ -28,7 +28,7 @@ from warp_trunk.preparation.reconstruction import Film
 ROOT = Path(__file__).parents[2]
 SMALL = "--tets 26000 --bone-voxel 8 --bone-tolerance 2"
 """Added to each simulation of a patient with a coarse skin, so that it takes some seconds ..."""
-FINE = "--tets 100000"
+FINE = "--tets 150000"
 """... and of one with a fine skin."""
 PROGRAM = """#!/bin/sh
 case "$1 $*" in
