@@ -54,7 +54,7 @@ def test_help_shows_what_people_set_and_the_whole_help_the_rest(capsys: pytest.C
     shown = {flag.removeprefix("--").replace("-", "_") for flag in whole}
     assert options - {"mesh", "simulation"} - shown == ONLY_IN_PYTHON
     assert "--help-all" in said["--help"]
-    assert "Number of tetrahedra asked for" in said["--help"]  # documented at the field of the option
+    assert "Requested number of tetrahedra" in said["--help"]  # documented at the field of the option
 
 
 @pytest.mark.parametrize(

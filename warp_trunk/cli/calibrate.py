@@ -31,22 +31,22 @@ from .simulation import SimulationArguments
 
 @dataclass(frozen=True, kw_only=True)
 class Calibrate(SimulationArguments):
-    """Find constants of tissue and ribs on patients whose actual skin is known."""
+    """Fit constants of tissue and ribs to patients whose actual skin is known."""
 
     folder: Positional[Path]
-    """Folder with case folders in it; each needs an actual skin."""
+    """Folder of case folders, each with an actual skin."""
     free: tuple[str, ...]
-    """Constants to find: poisson_ratio, epsilon, theta, fat.youngs_modulus, ribs.recovery, ..."""
+    """Constants to fit: poisson_ratio, epsilon, theta, fat.youngs_modulus, ribs.recovery, ..."""
     out: Path
-    """File to write, tissue.toml; a page and a JSON file go beside it."""
+    """File to write, such as tissue.toml; a page and a JSON file are written beside it."""
     pose: Literal["all", "surgery", "bending"] = "all"
-    """Which cases take part: bending ones calibrate a patient's own tissue before surgery."""
+    """Pose of the cases that are used; bending cases calibrate a patient's own tissue before surgery."""
     priors: bool = True
     """Use the priors of --bands where the data do not determine a constant."""
     workers: int = 0
-    """Cases that are worked on at the same time; 0 is as many as fit this machine."""
+    """Number of cases that are simulated at the same time; 0 is as many as fit this machine."""
     scheduler: str | None = None
-    """Address of a Dask scheduler that runs already (tcp://host:8786)."""
+    """Address of a running Dask scheduler (tcp://host:8786)."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Finds the constants and writes them."""

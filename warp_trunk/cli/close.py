@@ -37,16 +37,16 @@ class Close:
     out: Path
     """File for the closed skin: .ply, .stl, .obj, .off or .glb."""
     transforms: tuple[Path, ...] = ()
-    """For each part, in order, a text file with the 16 numbers of the rigid 4x4 matrix into the common frame."""
+    """A text file for each part, in order, with the 16 numbers of the rigid 4x4 matrix into the common frame."""
     refine: bool = False
-    """Move each part but the first onto the others where they overlap, by some millimetres."""
+    """Align the parts to the first one where they overlap, by some millimetres."""
     cut_above: float | None = None
-    """Cut the trunk flat at this z [mm], the neck."""
+    """Cut the neck flat at this height z [mm]."""
     cut_below: float | None = None
-    """Cut the trunk flat at this z [mm], the thighs."""
+    """Cut the thighs flat at this height z [mm]."""
     cut: UseAppendAction[tuple[str, ...]] = ()
-    """Cut flat at planes, the arms. x,y,z,nx,ny,nz,radius: a point, the normal to what goes, and how far from the
-    point the cut reaches [mm]."""
+    """Cut flat at planes, for example at the arms. x,y,z,nx,ny,nz,radius: a point, the normal towards the removed
+    side, and the distance from the point to which the cut reaches [mm]."""
     options: Annotated[CloseOptions, tyro.conf.arg(name="")] = field(default_factory=CloseOptions)
     """How the surface is made."""
 

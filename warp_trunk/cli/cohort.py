@@ -29,14 +29,14 @@ class Cohort(SimulationArguments):
     """Predict and evaluate every case of a folder, on all cores or a cluster, and summarise them."""
 
     folder: Positional[Path]
-    """Folder with case folders in it."""
+    """Folder of case folders."""
     out: Path
-    """Folder for a result folder of each case, and for cohort.csv, cohort.json and cohort.html."""
+    """Folder for the results of the cases, and for cohort.csv, cohort.json and cohort.html."""
     workers: int = 0
-    """Cases that are worked on at the same time, each in a process with one thread (--threads gives it more); 0 is
-    one for each GPU, or for each core for which there are 4 GB of memory."""
+    """Number of cases that are simulated at the same time, each in a process with one thread (or --threads); 0 is
+    one for each GPU, or one for each core with 4 GB of memory."""
     scheduler: str | None = None
-    """Address of a Dask scheduler that runs already (tcp://host:8786), whose workers see the same folders."""
+    """Address of a running Dask scheduler (tcp://host:8786), whose workers see the same folders."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Works on what is missing and writes tables and page."""

@@ -22,20 +22,20 @@ from .output import OK
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """Cut a bone of a case into closed parts at a plane, which motions can then move apart."""
+    """Cut a bone of a case at a plane into closed parts, which can then move separately."""
 
     case: Positional[Path]
     """Case folder. The whole bone is kept in its folder bones_uncut, which no command reads."""
     bone: str
-    """The bone, by its name."""
+    """Name of the bone."""
     plane: tuple[float, float, float, float, float, float]
     """A point of the plane and its normal, x y z nx ny nz, in mm and in the axes of the case."""
     names: tuple[str, ...]
     """Names of the parts: the one that the normal points away from, then those beyond the plane, from larger
     to smaller x."""
     radius: float = math.inf
-    """Cut off only parts beyond the plane that come nearer to its point than this [mm]; all when left out.
-    A bone that is cut again stays whole in bones_uncut."""
+    """Cut only parts beyond the plane that come nearer to its point than this [mm]; by default all. A bone that is
+    cut again stays whole in bones_uncut."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the parts in place of the bone."""

@@ -13,10 +13,10 @@ from .output import NOT_READY, OK
 
 @dataclass(frozen=True, kw_only=True)
 class Doctor:
-    """Look for all that the program needs on this machine, and say what to do about what is missing."""
+    """Check the installation and name the cure for what is missing."""
 
     results: Path = Path("results")
-    """Folder in which results are to be written."""
+    """Folder for results."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Prints what was found; status 1 where something is missing without which nothing runs."""

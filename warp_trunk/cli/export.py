@@ -28,7 +28,8 @@ class Export:
     result: Positional[Path]
     """Result folder."""
     out: Path
-    """File to write; its ending says for whom: .vtu .vtk .xdmf .msh, .inp (Abaqus, CalculiX), .feb (FEBio)."""
+    """File to write; its ending chooses the format: .vtu .vtk .xdmf .msh, .inp (Abaqus, CalculiX), .feb
+    (FEBio)."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the file."""

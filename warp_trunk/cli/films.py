@@ -29,22 +29,22 @@ from .output import OK, mean_and_largest
 
 @dataclass(frozen=True, kw_only=True)
 class Triangulate:
-    """Find landmarks in space from their places on two calibrated radiographs."""
+    """Compute landmarks in space from two calibrated radiographs."""
 
     pa: Path
-    """Places on the postero-anterior film: CSV with the columns name, u, v [mm on the film, or pixels]."""
+    """Landmarks on the postero-anterior film: CSV with the columns name, u, v [mm on the film, or pixels]."""
     pa_matrix: Path
-    """Its projection: a text file with 3 lines of 4 numbers, for points in mm and LPS axes."""
+    """Projection matrix of this film: a text file with 3 lines of 4 numbers, for points in mm and LPS axes."""
     lateral: Path
-    """Places of the same landmarks on the lateral film."""
+    """The same landmarks on the lateral film."""
     lateral_matrix: Path
-    """Its projection."""
+    """Projection matrix of this film."""
     out: Path
     """CSV of landmarks to write: name, x, y, z [mm], their reprojection error and their uncertainty."""
     limit: float = 5.0
     """Reprojection error above which landmarks are refused [units of the films]."""
     noise: float | None = None
-    """Standard deviation of a coordinate on the films [their units]; estimated when left out."""
+    """Standard deviation of a coordinate on the films [their units]; estimated by default."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the landmarks and says how well they are known."""
@@ -64,18 +64,18 @@ class Triangulate:
 
 @dataclass(frozen=True, kw_only=True)
 class Register:
-    """Bring the scanned skin into the frame of the bones, by markers seen on the skin and on the films."""
+    """Move the scanned skin into the frame of the bones, by markers visible on the skin and on the films."""
 
     skin: Path
     """The scanned skin, in mm and LPS axes."""
     on_skin: Path
     """Markers on it, in the frame of the scan: CSV (name,x,y,z), .mrk.json or .fcsv."""
     on_films: Path
-    """The same markers in the frame of the bones, such as `warp-trunk triangulate` writes."""
+    """The same markers in the frame of the bones, as `warp-trunk triangulate` writes them."""
     out: Path
     """Surface file to write."""
     nugget: float = 0.0
-    """How much to smooth: variance of the markers over the slope of the variogram [mm]; 0 meets them all."""
+    """Smoothing: variance of the markers over the slope of the variogram [mm]; 0 interpolates."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the skin and prints the rigid and the elastic part of its motion."""

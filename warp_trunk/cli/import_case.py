@@ -29,34 +29,35 @@ PICTURE, CONFIDENCE = "landmarks_before.png", "landmarks_confidence.csv"
 
 @dataclass(frozen=True, kw_only=True)
 class Import:
-    """Make a case of a label map of a CT or MRI, or of surfaces that others have named.
+    """Make a case from a label map of a CT or MRI, or from surfaces with other names.
 
     Ends with status 3 where something is missing without which no surgery can be planned: all that is there is
     written, and what is missing is named.
     """
 
     segmentation: Positional[Path]
-    """A label map (.nii.gz, .nii, .seg.nrrd, .nrrd), or a folder of one mask for each class, or of surfaces."""
+    """A label map (.nii.gz, .nii, .seg.nrrd, .nrrd), or a folder with one mask for each class, or a folder of
+    surfaces."""
     out: Path
     """Case folder to write."""
     body: Path | None = None
-    """Mask of the body, from which the skin is made, where the segmentation has none (body.nii.gz)."""
+    """Mask of the body, from which the skin is made, if the segmentation has none (body.nii.gz)."""
     ct: Path | None = None
-    """The CT itself, a file or a folder of DICOM files, from whose density the skin is made where there is no mask
-    of the body."""
+    """The CT, a file or a folder of DICOM files, from whose density the skin is made if there is no mask of the
+    body."""
     tissue: Path | None = None
-    """Where the fat under the skin and the muscles are, from which layers are measured: what TotalSegmentator -ta
-    tissue_types writes, a folder or a label map."""
+    """Masks of fat and muscle, from which the layers are measured, as TotalSegmentator -ta tissue_types writes
+    them: a folder or a label map."""
     labels: str | None = None
     """Meaning of the numbers if the file does not state it: totalsegmentator-v2, totalsegmentator-v1, or a file
     .csv of numbers and names."""
     cut_above: float | None = None
-    """Cut the trunk flat at this z [mm], the neck; 25 mm above T1 when left out."""
+    """Cut the neck flat at this height z [mm]; by default 25 mm above T1."""
     cut_below: float | None = None
-    """Cut the trunk flat at this z [mm], the thighs; 25 mm below the hip bones when left out."""
+    """Cut the thighs flat at this height z [mm]; by default 25 mm below the hip bones."""
     cut: UseAppendAction[tuple[str, ...]] = ()
-    """Cut flat at planes, the arms. x,y,z,nx,ny,nz,radius: a point, the normal to what goes, and how far from the
-    point the cut reaches [mm]."""
+    """Cut flat at planes, for example at the arms. x,y,z,nx,ny,nz,radius: a point, the normal towards the removed
+    side, and the distance from the point to which the cut reaches [mm]."""
     options: Annotated[ImportOptions, tyro.conf.arg(name="")] = field(default_factory=ImportOptions)
     """How surfaces are made."""
 

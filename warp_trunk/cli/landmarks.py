@@ -30,11 +30,11 @@ class FindLandmarks:
 
     bones: Positional[Path]
     """Folder with one surface for each bone, named after it (T7.ply, hip_left.ply), in mm and LPS axes; or a
-    folder that holds such a folder called bones, as a case does."""
+    folder, such as a case, that contains a folder bones."""
     out: Path
     """CSV file to write (name,x,y,z): six landmarks of each vertebra T1 to L5, and the iliac spines."""
     picture: Path | None = None
-    """PNG file to write: the bones from behind and from the left side with what was found, to look at."""
+    """PNG file to write: the bones from behind and from the left with the landmarks, for a visual check."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the landmarks and names what is missing."""

@@ -29,18 +29,18 @@ from .output import OK
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """Measure a skin, simulated or scanned, and judge it by the actual one."""
+    """Measure a simulated or scanned skin, and compare it with the actual one."""
 
     skin: Positional[Path]
     """A closed surface in mm and LPS axes (in those of the case if it lies in its folder), or a result folder."""
     case: Path | None = None
-    """Case folder: its landmarks say where the vertebrae are. A result holds its own, so it needs none."""
+    """Case folder with the landmarks. A result has its own landmarks and needs no case."""
     against: Path | None = None
-    """The actual skin after surgery, closed; it may have triangles of its own."""
+    """The actual skin after surgery, closed; it may have other triangles."""
     when: Literal["before", "after"] | None = None
-    """Which landmarks go with the skin; when left out, before surgery for the case's own skin, else after."""
+    """Landmarks of the skin; by default before surgery for the case's own skin, otherwise after."""
     out: Path | None = None
-    """Folder for measures.json and measures.csv, or their name without ending; beside the skin when left out."""
+    """Folder for measures.json and measures.csv, or their name without ending; by default beside the skin."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Prints the measures and writes them."""

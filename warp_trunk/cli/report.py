@@ -18,12 +18,12 @@ from .output import OK
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """Write the report of a result, or of plans side by side: a page for browser or printer, and its pictures."""
+    """Write the report of a result, or compare plans: a page for browser or printer, and its pictures."""
 
     results: Positional[tuple[Path, ...]]
-    """Result folder; several, of plans for one patient, are compared on one page."""
+    """Result folder; several results of plans for one patient are compared on one page."""
     out: Path | None = None
-    """Folder to write to; when left out the result folder, of several that which holds the first."""
+    """Folder to write to; by default the result folder, or the folder of the first of several results."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the page and says where."""

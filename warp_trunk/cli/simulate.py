@@ -37,14 +37,14 @@ class Simulate(SimulationArguments):
     case: Positional[Path]
     """Case folder."""
     out: Path | None = None
-    """Result folder; results/ and the name of the case folder when left out. With --plan the folder in which each
-    plan has a result folder of its own name."""
+    """Result folder; by default results/ and the name of the case folder. With --plan the folder that contains a
+    result folder for each plan."""
     motions: UseAppendAction[tuple[Path, ...]] = ()
-    """How bones move, in place of motions.toml of the case; once for each of several plans, each of which then has
-    a result folder of the file's name in --out."""
+    """File of motions that overrides motions.toml of the case; repeat it to compare motions, each with a result
+    folder of the name of the file in --out."""
     plan: UseAppendAction[tuple[Path, ...]] = ()
-    """A plan that overrides landmarks_after of the case: plan.toml, or a folder that holds one;
-    once for each plan. All share the mesh and the model of the patient."""
+    """Plan that overrides landmarks_after of the case: plan.toml, or a folder that contains one; repeat it to
+    compare plans, which share the mesh and the model of the patient."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Simulates the case, or each plan for it, and writes the results."""

@@ -37,9 +37,9 @@ class SimulationArguments:
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
     """How the case is simulated."""
     align_pelvis: bool = False
-    """Bring what is known after surgery back onto the pelvis before it, where its files are in another frame."""
+    """Move the data after surgery onto the pelvis before it, if they are in another frame."""
     tissue_file: Path | None = None
-    """Constants of tissue and ribs that stand for those of case.toml, as `calibrate` writes them (tissue.toml)."""
+    """Constants of tissue and ribs that override those of case.toml, as `calibrate` writes them (tissue.toml)."""
     tissue: Tissue = field(default_factory=Tissue)
     """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
 

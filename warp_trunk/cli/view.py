@@ -19,7 +19,7 @@ class View:
     result: Positional[Path]
     """Result folder, or a recording."""
     web: bool = False
-    """Show it in a browser on this machine instead of in a window."""
+    """Show it in a browser on this machine instead of a window."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Starts the viewer, which other machines cannot reach, and waits for its end."""

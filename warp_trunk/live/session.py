@@ -176,7 +176,7 @@ class Session:
         show(_view(job, image))
         self._asides.append(_Aside(job, show))
         if self._current is not None:
-            self._jobs.put(self._current)  # wakes who relaxes
+            self._jobs.put(self._current)  # wakes the solver thread
 
     def _plan(self) -> None:
         while (wish := self._wishes.take()) is not None:

@@ -25,9 +25,9 @@ class MeshOptions:
     """How a trunk is meshed."""
 
     tets: int = 225_000
-    """Number of tetrahedra asked for, met within 15 %."""
+    """Requested number of tetrahedra, met within 15 %."""
     bone_margin: float = 2.0
-    """No bone comes nearer to the skin than this [mm]; bones that do are cut back."""
+    """Least distance of bones from the skin [mm]; bones that are nearer are cut back."""
     bone_voxel: float = 4.0
     """Grid spacing of the bone surface [mm]; a bone thinner than this may break into pieces."""
     bone_edge_length: float = 0.0
@@ -38,11 +38,11 @@ class MeshOptions:
     radius_edge_ratio: float = 2.0
     """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
     smallest_dihedral: float = 0.0
-    """Quality bound: angle between the faces of a tetrahedron aimed for [degrees]; above 15 is slow."""
+    """Quality bound: requested smallest angle between the faces of a tetrahedron [degrees]; above 15 is slow."""
     largest_dihedral: float = 165.0
     """Quality bound: tetrahedra with a larger angle between faces are improved where possible [degrees]."""
     cache: bool = True
-    """Keep the mesh on disk, and use the one kept of the same surfaces and options."""
+    """Keep the mesh on disk, and reuse it for the same surfaces and options."""
 
     def __post_init__(self) -> None:
         for name, least, most in (

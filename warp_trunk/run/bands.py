@@ -244,7 +244,7 @@ def _ranked(
 STEP = 1e-3
 """How far a landmark is moved for a derivative [mm]."""
 OBLIQUE = np.array([0.7, 0.5, 0.3])
-"""A way that no measure is blind to."""
+"""A generic direction, on which every measure depends."""
 
 
 def spine_bands(case: Case, sources: Sequence[Source]) -> dict[str, Band]:

@@ -37,8 +37,8 @@ class RunOptions:
     simulation: SimulationOptions = field(default_factory=SimulationOptions)
     """How the correction is applied."""
     energy: EnergyName | None = None
-    """Energy of the tissue: neo-hookean (continuum) or itmsm (springs on edges, faces, volumes; the papers'); when
-    left out the continuum with --bones follow, whose rigid ribs crumple itmsm, and itmsm with the spline."""
+    """Energy of the tissue: neo-hookean (continuum) or itmsm (springs on edges, faces and volumes, the papers').
+    By default the continuum with --bones follow, because rigid ribs crumple itmsm, and itmsm with the spline."""
     weights: WeightsName = "count"
     """Weight of an edge, face or tetrahedron in itmsm: count (each the same, the papers') or volume (the volume it
     represents, so that the stiffness does not depend on the size of tetrahedra)."""
@@ -54,29 +54,29 @@ class RunOptions:
     gravity: float = 0.0
     """Gravity [m/s^2], pulling down; 0 is off."""
     rest: Literal["sag-free", "scan"] = "sag-free"
-    """The rest state under gravity: what gravity pulls into the scan, so that no surgery changes nothing, or the
-    scan itself, which then sags (the papers)."""
+    """Rest state under gravity: sag-free, the shape that gravity pulls into the scan, so that nothing moves
+    without surgery; or the scan itself, which then sags (the papers)."""
     layers: LayersFrom | None = None
-    """Skin, fat and muscle: none (one tissue), by depth under the skin, or from the labels of a mesh; what
-    case.toml has in [layers] when left out."""
+    """Skin, fat and muscle: none (one tissue), by depth below the skin, or from the labels of a mesh; by default
+    as in [layers] of case.toml."""
     bones: Literal["follow", "spline"] = "follow"
-    """How bones are carried: each rigidly, known ones first, vertebrae by their landmarks, and ribs follow them by
-    the shares of [ribs]; or by the thin-plate spline through all landmarks, which bends them (the papers)."""
+    """Motion of the bones. follow: each bone rigidly, known ones first, vertebrae by their landmarks, and ribs by
+    the shares of [ribs]; spline: by the thin-plate spline through all landmarks, which bends them (the papers)."""
     bands: bool = False
     """Compute 95 % intervals from the errors that case.toml states in [uncertainty]; takes some seconds, longer
     under gravity."""
     record: bool = True
-    """Write recording.rrd, which the viewer steps through."""
+    """Write recording.rrd for the viewer."""
     record_steps: bool = False
     """Record every step of the relaxations too, on a second timeline."""
     record_colours: tuple[FurtherColour, ...] = ()
     """Further colours of the recorded skin beside its displacement; they cost time at every increment."""
     live: bool = False
-    """Show it live: `plan` opens the planning page in the browser, all else the recording in the viewer as it
-    grows."""
+    """Show the run live: `plan` opens the planning page in the browser, other commands the recording in the
+    viewer."""
     from_mesh: Path | None = None
     """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
-    boundary takes the place of the skin, and `--layers mesh` takes the labels of its cell data `tissue`."""
+    boundary replaces the skin, and `--layers mesh` uses the labels of its cell data `tissue`."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
