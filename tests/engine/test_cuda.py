@@ -96,10 +96,11 @@ def test_a_skin_that_resists_bending_is_that_of_the_cpu(
         state.set_displacement(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
         state.evaluate()
         matrix = BlockMatrix(state)
+        upper = model.pattern.columns >= model.pattern.rows  # all that is written on the CPU
         given = [np.array(list(state.energy().terms.values())), state.gradient.numpy().copy()]
         for assemble in (matrix.assemble_projected, matrix.assemble_true):
             assemble()
-            given.append(matrix.blocks.numpy()[0].copy())
+            given.append(matrix.blocks.numpy()[0][upper])
         found.append(given)
     for there, here in zip(*found, strict=True):
         np.testing.assert_allclose(here, there, atol=tolerance * np.abs(there).max())
