@@ -152,10 +152,9 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             residual[i] -= alpha * product[i]
 
     @wp.kernel(module=module, enable_backward=False)
-    def count_kernel(window: int, iteration: wp.array(dtype=wp.int32), within: wp.array(dtype=wp.int32)):
-        """Counts the iteration just done; `within` is not 0 as long as its window continues."""
+    def count_kernel(iteration: wp.array(dtype=wp.int32)):
+        """Counts the iteration just done; a launch of its own, since the products' rows follow it at once."""
         iteration[0] = iteration[0] + 1
-        within[0] = iteration[0] % window
 
     @wp.kernel(module=module, enable_backward=False)
     def measure_kernel(

@@ -323,26 +323,20 @@ def _iterations_on_cpu(matrix: BlockMatrix, preconditioner: Preconditioner, at: 
     r."""
     model = matrix.model
     kernels, ranges = conjugate_gradient_kernels(*model.variant), model.parallel.ranges
-    iteration, within = at.r_dot_z.iteration, model.zeros(wp.int32, 1)
+    iteration = at.r_dot_z.iteration
     scalars = [ranges, iteration, at.r_dot_z.products, at.p_dot_q.products]
     x, r, z, p, q = (
         _runs(model, vectors) for vectors in (at.solution, at.residual, at.preconditioned, at.search, at.product)
     )
     precondition = preconditioner.apply(at.residual, at.preconditioned, at.r_dot_z)
-    iterate = in_sequence(
+    iterate = [
         _over_runs(model, kernels.update_search, [*scalars, z], [p]),
         matrix.multiply(at.search, at.product, at.p_dot_q),
         _over_runs(model, kernels.update_solution, [*scalars, p, q], [x, r]),
-        model.parallel.record_undivided(kernels.count, 1, [WINDOW], [iteration, within]),
+        model.parallel.record_undivided(kernels.count, 1, [], [iteration]),
         precondition,
-    )
-
-    def iterate_window() -> None:
-        """A loop in the loop: the host takes as long to capture an iteration as to do one."""
-        iterate()
-        wp.capture_while(within, iterate)
-
-    return precondition, iterate_window
+    ]
+    return precondition, in_sequence(*iterate * WINDOW)
 
 
 def _in_whole_runs(model: Model) -> wp.array:
