@@ -22,3 +22,18 @@ def expect(value: object, kind: type, name: str, cure: str) -> None:
     """Raise InputError, which begins with `name`, for a value of another type; `cure` says where to get one."""
     if not isinstance(value, kind):
         raise InputError(f"{name} must be of type {kind.__name__}, not {type(value).__name__}; {cure}")
+
+
+def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[float, float]) -> None:
+    """Raise InputError for a number among the fields of some options that is not within its range.
+
+    Args:
+        options: the options.
+        what: what they are of, the first word of the message.
+        unit: of the numbers, after a blank.
+        ranges: least and greatest value by the name of the field.
+    """
+    for name, (least, most) in ranges.items():
+        value = getattr(options, name)
+        if not least <= value <= most:  # nor is NaN
+            raise InputError(f"{what}: '{name}' must be a number from {least:g} to {most:g}{unit}, not {value}")

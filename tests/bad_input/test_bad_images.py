@@ -211,7 +211,7 @@ ROWS: list[tuple[Any, ...]] = [
     ("tissue without fat", lambda f: None, "--tissue", SEG, "has no label or mask 'subcutaneous_fat'"),
     ("a cut that is no plane", lambda f: None, "--cut", "1,2,3", "--cut: must be x,y,z,nx,ny,nz"),
     ("a cut beside the body", lambda f: None, "--cut-above", "900", "nothing of the body lies beyond"),
-    ("an edge of no length", lambda f: None, "--edge-length", "0", "'edge_length' must be from 2 to 20 mm, not 0"),
+    ("an edge of no length", lambda f: None, "--edge-length", "0", "must be a number from 2 to 20 mm, not 0"),
     ("a posture that is none", lambda f: None, "--posture", "sitting",
      "'sitting' for argument '--posture'", "'supine', 'prone', 'standing'"),
 ]

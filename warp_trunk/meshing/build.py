@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
-from warp_trunk.errors import InputError, expect
+from warp_trunk.errors import InputError, check_ranges, expect
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_volume
 
@@ -45,19 +45,18 @@ class MeshOptions:
     """Keep the mesh on disk, and reuse it for the same surfaces and options."""
 
     def __post_init__(self) -> None:
-        for name, least, most in (
-            ("tets", 4, 50_000_000),
-            ("bone_margin", 0.0, 100.0),
-            ("bone_voxel", 0.1, 100.0),
-            ("bone_edge_length", 0.0, 1000.0),
-            ("bone_tolerance", 0.0, 100.0),
-            ("radius_edge_ratio", 1.01, 100.0),
-            ("smallest_dihedral", 0.0, 25.0),
-            ("largest_dihedral", 90.0, 180.0),
-        ):
-            value = getattr(self, name)
-            if not math.isfinite(value) or not least <= value <= most:
-                raise InputError(f"mesh: '{name}' must be a number from {least:g} to {most:g}, not {value}")
+        check_ranges(
+            self,
+            "mesh",
+            tets=(4, 50_000_000),
+            bone_margin=(0.0, 100.0),
+            bone_voxel=(0.1, 100.0),
+            bone_edge_length=(0.0, 1000.0),
+            bone_tolerance=(0.0, 100.0),
+            radius_edge_ratio=(1.01, 100.0),
+            smallest_dihedral=(0.0, 25.0),
+            largest_dihedral=(90.0, 180.0),
+        )
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ def test_a_trunk_needs_a_body(files):
 
 @pytest.mark.parametrize(
     ("options", "said"),
-    [({"smoothing": -1.0}, "'smoothing' must be " "from 0 to 5 mm, not -1.0"), ({"edge_length": 0.0},
+    [({"smoothing": -1.0}, "'smoothing' must be a " "number from 0 to 5 mm, not -1.0"), ({"edge_length": 0.0},
     "'edge_length'"), ({"posture": "sitting"}, "'posture' must be one of standing, supine, prone, not 'sitting'")],
 )  # fmt: skip
 def test_options_out_of_range(options, said):

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import os
 import re
 from collections.abc import Callable, Container, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -17,7 +14,8 @@ from warp_trunk.case import Case
 from warp_trunk.case.header import POSTURES
 from warp_trunk.case.landmarks import ASIS, VERTEBRAE, Landmarks
 from warp_trunk.case.layers import Layers
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.geometry.cores import each_over_cores
 from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
@@ -54,10 +52,7 @@ class ImportOptions:
 
     def __post_init__(self) -> None:
         """Raises InputError for a number out of range or a posture that is not known."""
-        for name, least, most in (("smoothing", 0.0, 5.0), ("edge_length", 2.0, 20.0)):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and least <= value <= most):
-                raise InputError(f"import: '{name}' must be from {least:g} to {most:g} mm, not {value}")
+        check_ranges(self, "import", " mm", smoothing=(0.0, 5.0), edge_length=(2.0, 20.0))
         if self.posture not in POSTURES:
             raise InputError(f"import: 'posture' must be one of {', '.join(POSTURES)}, not '{self.posture}'")
 
@@ -113,7 +108,8 @@ def import_case(
             told += more
     wanted = {n: mask for n, mask in sorted(masks.items()) if _is_wanted(n, options.more_bones)}
     with stage("bones", f"drawing the surfaces of {len(wanted)} bones"):
-        shapes = _shapes(wanted, options.smoothing)
+        drawn_bones = each_over_cores(lambda n: bone_shape(wanted[n], n, options.smoothing), list(wanted))
+        shapes = dict(zip(wanted, drawn_bones, strict=True))
     surfaces = {n: s for n, s in source.surfaces.items() if _is_wanted(n, options.more_bones)}
     surfaces |= {n: shape.surface for n, shape in shapes.items()}
     with stage("skin", "drawing the skin"):
@@ -135,7 +131,11 @@ def import_case(
         posture=options.posture,
         layers=None if fat is None else Layers(fat_thickness=fat.thickness),
     )
-    notes = (*told, *_dropped(shapes, bones), *_doubts(bones, masks, body))
+    own = {n: masks[n] for n in bones if n in masks}
+    spine = {n: bones[n] for n in VERTEBRAE if n in bones}
+    cut = {n for n, mask in own.items() if mask.faces_at_border()}
+    doubts = (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
+    notes = (*told, *_dropped(shapes, bones), *doubts)
     return Imported(case, found, shapes, made, fat, notes)
 
 
@@ -175,17 +175,6 @@ def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[s
     return {**others, **split.masks}, notes
 
 
-def _shapes(masks: Mapping[str, Mask], smoothing: float) -> dict[str, BoneShape]:
-    """The surface of each; several at a time, as SciPy and Warp let go of the interpreter while they work."""
-    shapes: dict[str, BoneShape] = {}
-    names = list(masks)
-    for name in names[:1]:  # alone, so that kernels are compiled once
-        shapes[name] = bone_shape(masks[name], name, smoothing)
-    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
-        shapes |= zip(names[1:], pool.map(lambda n: bone_shape(masks[n], n, smoothing), names[1:]), strict=True)
-    return shapes
-
-
 def _landmarks(bones: Mapping[str, Surface], masks: Mapping[str, Mask]) -> FoundLandmarks:
     """Landmarks of whole bones; a vertebra that the image cuts off has none."""
     cut = {
@@ -201,14 +190,6 @@ def _landmarks(bones: Mapping[str, Surface], masks: Mapping[str, Mask]) -> Found
     found = find_landmarks(whole)
     reasons = {**found.unsure, **cut}
     return replace(found, unsure={name: reasons[name] for name in (*VERTEBRAE, *ASIS) if name in reasons})
-
-
-def _doubts(bones: Mapping[str, Surface], masks: Mapping[str, Mask], body: Mask | None) -> list[str]:
-    """Sentences on doubts about the segmentation and the image."""
-    own = {n: masks[n] for n in bones if n in masks}
-    spine = {n: bones[n] for n in VERTEBRAE if n in bones}
-    cut = {n for n, mask in own.items() if mask.faces_at_border()}
-    return [*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine)]
 
 
 def _dropped(shapes: Mapping[str, BoneShape], bones: Container[str]) -> list[str]:

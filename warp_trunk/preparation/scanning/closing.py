@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.distance_field import Grid
 from warp_trunk.geometry.isosurface import one_solid, zero_surface
@@ -46,10 +45,7 @@ class CloseOptions:
     """Close the ends of the scan (neck, arms, thighs) flat at their rims; otherwise they are rounded off."""
 
     def __post_init__(self) -> None:
-        for name, least, most in (("edge_length", 1.0, 50.0), ("smoothing", 0.0, 30.0)):
-            value = getattr(self, name)
-            if not math.isfinite(value) or not least <= value <= most:
-                raise InputError(f"close: '{name}' must be a number from {least:g} to {most:g}, not {value}")
+        check_ranges(self, "close", edge_length=(1.0, 50.0), smoothing=(0.0, 30.0))
 
 
 @dataclass(frozen=True)
