@@ -1,14 +1,37 @@
 """Fixtures that tests of several rooms share. This folder is on the import path, for the package support in it."""
 
 import os
+import tempfile
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read by NumPy once; workers of a run share the cores already
 
 import pytest
+from filelock import FileLock
+from warp._src.context import Module  # Warp has no public hook for compilation
 
 from support.report_results import write_small_result
 from warp_trunk.report import write_report
+
+
+def pytest_configure() -> None:
+    """Let one worker compile a module of kernels; the others wait and load it from Warp's cache."""
+    compile_module = Module._compile
+
+    def once(self: Any, device: Any, folder: str, *more: Any, **options: Any) -> bool:
+        with FileLock(Path(tempfile.gettempdir(), f"{Path(folder).name}.lock")):
+            return compile_module(self, device, folder, *more, **options)
+
+    Module._compile = once  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say which tests a plain run leaves out."""
+    if "not slow" in str(config.getoption("markexpr")):
+        terminalreporter.write_line(
+            "Left out: tests marked slow (killed processes, browsers, other solvers); run them with pytest -m slow"
+        )
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,8 @@ from support.killing import killed_at_work
 from warp_trunk.cli import main
 from warp_trunk.cohort.one_case import do_case
 
+pytestmark = pytest.mark.slow
+
 OPTIONS = ("--tets", "8000", "--bone-voxel", "8", "--increments", "1", "--device", "cpu", "--no-record")
 """Those of `cohort_options`."""
 

@@ -50,6 +50,7 @@ def levels(out: Path) -> list[Any]:
     return [json.loads((out / name / JUDGED).read_text())["row"]["levels"] for name in "abc"]
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_a_retry_and_changes_no_bit(
     cases: Path, client: Client, alone: Path, tmp_path: Path
 ) -> None:

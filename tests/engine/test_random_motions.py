@@ -109,6 +109,7 @@ def test_where_rounding_is_what_is_left() -> None:
     check(ROUNDING_IS_LEFT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_a_stiff_block_turned_by_100_degrees(threads: int) -> None:
     """The way is long and rounding decides it: 0.0076 mm was once reported where 0.0195 was true."""

@@ -57,6 +57,7 @@ def holder(folder: Path) -> subprocess.Popen[str]:
     return process
 
 
+@pytest.mark.slow
 def test_the_second_process_is_refused_until_the_first_is_killed(tmp_path: Path) -> None:
     (tmp_path / "result").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "result")

@@ -17,6 +17,8 @@ from support.live_client import Client
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.recording.viewer import free_port
 
+pytestmark = pytest.mark.slow
+
 PAGES = """
 import os, sys
 from pathlib import Path

@@ -21,7 +21,7 @@ from warp_trunk.live.wish import Wish
 from warp_trunk.measures.rows import number as shown
 from warp_trunk.recording.viewer import free_port
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-webgl", "--ignore-gpu-blocklist")
 WAIT = 90_000.0
 """Longest wait for the page [ms]."""

@@ -15,6 +15,8 @@ from warp_trunk.recording import start_viewer
 from warp_trunk.recording.viewer import stop
 from warp_trunk.recording.web import address, page_server
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):

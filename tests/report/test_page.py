@@ -6,7 +6,7 @@ pytest.importorskip("playwright", reason="playwright is not installed (uv sync i
 
 from support.chromium import needs_chromium, open_page
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module", params=["plain_report", "compared_report"])

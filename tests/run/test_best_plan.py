@@ -55,6 +55,7 @@ def test_slopes_against_differences_of_whole_simulations(aim: Aim) -> None:
         assert slope == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=0.02)
 
 
+@pytest.mark.slow
 def test_it_is_better_than_every_plan_of_a_grid_in_few_relaxations() -> None:
     best = found()
     assert len(best.trials) < 10

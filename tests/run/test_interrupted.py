@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 MOMENTS = int(os.environ.get("WARP_TRUNK_KILLS", "4"))
 """Random moments at which a run is killed; every move of a file is one more."""
 

@@ -223,6 +223,7 @@ def test_increments_lead_to_the_same_trunk() -> None:
     assert rows[1].split("|")[4].strip() == "0"
 
 
+@pytest.mark.slow
 def test_scenes_are_all_measured() -> None:
     setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
     rows = [row.split("|") for row in scenes_table(problem(), setting).splitlines()[2:]]

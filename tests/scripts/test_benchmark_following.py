@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from benchmarking.curves import curve
 from benchmarking.prepare import as_simulated
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
@@ -19,6 +20,7 @@ from warp_trunk.run.options import SKIN_RIGIDITY
 from warp_trunk.run.patient import prepare
 
 
+@pytest.mark.slow
 def test_a_problem_of_bones_that_follow(tmp_path: Path) -> None:
     """It comes back with their path and the skin, and ends where the simulation of the case does."""
     case, trunk = small_case()

@@ -14,6 +14,8 @@ from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.io.exchange import write_volume
 
+pytestmark = pytest.mark.slow
+
 CCX = shutil.which("ccx")
 
 

@@ -9,6 +9,8 @@ from voxelise_case import write_labels
 
 from support.label_maps import NAMES, NUMBERS
 
+pytestmark = pytest.mark.slow
+
 SHAPE = (512, 512, 900)
 MOST = 2e9
 """Bytes."""
