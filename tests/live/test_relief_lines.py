@@ -13,11 +13,11 @@ def test_lines_of_a_sphere_are_its_circles() -> None:
     np.testing.assert_allclose(ends[:, 1, 1], depth, atol=1e-9)
     np.testing.assert_allclose(depth / STEP, np.round(depth / STEP), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(ends, axis=2), 98.0, atol=0.15)
-    for number in range(4, 19):  # the way around each circle is whole
+    for number in range(11, 19):  # the way around each circle that faces back is whole
         at = np.isclose(depth, STEP * number)
         around = np.linalg.norm(ends[at, 0] - ends[at, 1], axis=1).sum()
         assert abs(around / (2.0 * np.pi * np.sqrt(98.0**2 - (STEP * number) ** 2)) - 1.0) < 0.01
-    assert depth.min() > 0.0  # its front has none
+    assert depth.min() > 0.45 * 98.0  # its front and its flank have none
 
 
 def test_a_corner_on_a_plane_leaves_no_hole_and_no_nan() -> None:

@@ -33,7 +33,7 @@ _TABLE = (
     "<style>.numbers{border-collapse:collapse;font-size:13px;width:100%;font-variant-numeric:tabular-nums}"
     ".numbers th{text-align:left;font-weight:normal;overflow-wrap:anywhere}"
     ".numbers thead th,.numbers .group th{font-weight:bold;padding-top:7px}"
-    ".numbers td,.numbers thead th+th{text-align:right;padding-left:8px}"
+    ".numbers td,.numbers thead th+th{text-align:right;padding-left:8px}.numbers td{white-space:nowrap}"
     ".numbers tr+tr{border-top:1px solid #8883}</style>"
 )
 _BROKEN = "overflow-wrap:anywhere"

@@ -6,8 +6,8 @@ import numpy as np
 
 STEP = 5.0
 """From one line to the next [mm]."""
-_FACING = 0.15
-"""Skin that faces back by less than this is no back (cosine)."""
+_FACING = 0.5
+"""Where the skin faces back by less than this (a cosine: 60 degrees), it is flank and lines would run together."""
 _LIFT = 0.6
 """Lines lie so far in front of the skin that they are seen [mm]."""
 
