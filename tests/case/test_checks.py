@@ -187,11 +187,11 @@ def replace_bone(name: str, surface: Surface) -> Case:
 def test_bones_must_be_inside_the_skin():
     bone, skin = small_case().bones["sternum"], small_case().skin
     depth = -float(SurfaceDistance(skin).at(bone.vertices).max())
-    # 3 and then 9 mm beyond the foremost point of the skin
+    # pushed forward until it is some 2 and then 6 mm out
     check_case(replace_bone("sternum", Surface(bone.vertices - [0.0, depth + 3.0, 0.0], bone.faces)))
     refused(
         replace_bone("sternum", Surface(bone.vertices - [0.0, depth + 9.0, 0.0], bone.faces)),
-        r"sternum: reaches ([6-9]|10)\.\d mm outside skin at \(.*\), 5 mm is allowed",
+        r"sternum: reaches [6-9]\.\d mm outside skin at \(.*\), 5 mm is allowed",
     )
 
 

@@ -41,7 +41,7 @@ def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.
     assert said.err.count("meshing the soft tissue") == said.err.count("preparing the model") == 1
     for name in ("less", "more"):
         assert said.err.count(f"plan {name}: increment 1 of 1: ") == 1
-        for begin in ("CONVERGED: ", "Back surface rotation", f"Written to results/anna/{name}: "):
+        for begin in ("CONVERGED: ", "Rotation of the back", f"Written to results/anna/{name}: "):
             assert said.out.count(f"plan {name}: {begin}") == 1
     assert main(["plan", "anna", "--plan", "more/plan.toml", "--out", "cases/more"]) == 0
     assert main(["simulate", "cases/more", "--out", "alone", *COARSE]) == 0

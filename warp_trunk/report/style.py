@@ -42,7 +42,7 @@ class Look:
     title: str
     """Its name."""
     colour: str
-    """Grey, blue and vermilion of Okabe and Ito stay apart for every kind of colour vision."""
+    """Colours differ for every kind of colour vision and, by their lightness, in print without colour."""
     marker: str
     """Its points."""
     line: str
@@ -56,14 +56,14 @@ class Look:
         return self.title[:1].upper() + self.title[1:]
 
 
-BEFORE = Look("before surgery", "#767676", "o", "--", "before surgery")
-PREDICTED = Look("predicted", "#0072b2", "s", "-")
+BEFORE = Look("before surgery", "#9a9a9a", "o", "--", "before surgery")
+PREDICTED = Look("predicted", "#005a96", "s", "-")
 ACTUAL = Look("actual, after surgery", "#d55e00", "^", ":")
 PLANS = (
-    Look("plan A", "#0072b2", "s", "-", "plan A"),
+    Look("plan A", "#005a96", "s", "-", "plan A"),
     Look("plan B", "#d55e00", "^", "-", "plan B"),
-    Look("plan C", "#009e73", "D", "-", "plan C"),
-    Look("plan D", "#cc79a7", "v", "-", "plan D"),
+    Look("plan C", "#004d38", "D", "-", "plan C"),
+    Look("plan D", "#e6a817", "v", "-", "plan D"),
 )
 """Most plans in a comparison; more are hard to compare."""
 
