@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warp_trunk.live.forecast import MOST, Forecast
+from warp_trunk.live.image import MOST, Forecast
 
 REST = np.random.default_rng(1).normal(size=(40, 3))
 WAY, BESIDE = np.random.default_rng(2).normal(size=(2, 40, 3))

@@ -1,8 +1,8 @@
-"""A place for the latest value: nothing queues, and who waits is woken."""
+"""What the threads of the page hand to each other, and how a fault ends them."""
 
 import threading
 
-from warp_trunk.live.latest import Latest
+from warp_trunk.live.latest import Latest, worker
 
 
 def test_the_latest_is_taken_and_what_came_before_is_gone() -> None:
@@ -53,3 +53,16 @@ def test_a_pause_ends_where_it_is_closed() -> None:
     place.put(2)
     threading.Timer(0.05, place.close).start()
     assert place.take() is None
+
+
+def test_a_fault_is_told_and_a_good_end_is_not() -> None:
+    told: list[str] = []
+
+    def breaks() -> None:
+        raise ZeroDivisionError("as if")
+
+    for work in (breaks, lambda: None):
+        thread = worker("one", work, told.append)
+        thread.start()
+        thread.join()
+    assert told == ["ZeroDivisionError: as if"]

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from warp_trunk.live.relief_lines import STEP, relief_lines
+from warp_trunk.live.scene import STEP, relief_lines
 
 
 def test_lines_of_a_sphere_are_its_circles() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from support.trunk_shapes import ASIS, LEFT, ellipse, rotation, spine, tube, with_points
 from warp_trunk.measures import measure
-from warp_trunk.measures.axial_rotation import axial_rotation
+from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import spine_of
 
 

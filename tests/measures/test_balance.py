@@ -9,9 +9,9 @@ from support.trunk_shapes import rotation, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
+from warp_trunk.measures.sagittal import spine_height
 from warp_trunk.measures.shoulders import INNER, OUTER, shoulder_heights
 from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.spine_height import spine_height
 from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
 
 LEFT = np.array([1.0, 0.0])

@@ -1,10 +1,14 @@
-"""Bars and labels beside the trunk."""
+"""Bars, whiskers and the table of numbers of the viewer."""
 
 import numpy as np
 import pytest
 
+from support.small_trunk import made_up_increments, measured, small_case
+from warp_trunk.measures import measure
+from warp_trunk.measures.rows import number
 from warp_trunk.recording import drawing
 from warp_trunk.recording.drawing import BarPlot
+from warp_trunk.recording.numbers import table
 
 
 def test_bars_stand_beside_their_level():
@@ -28,3 +32,13 @@ def test_labels_can_be_read_on_a_dark_and_on_a_light_ground(name, ground):
 
     low, high = sorted([luminance(getattr(drawing, name)), luminance(ground)])
     assert (high + 0.05) / (low + 0.05) >= 3.0
+
+
+def test_the_table_says_before_now_and_target():
+    case, trunk = small_case()
+    (increment,) = made_up_increments(trunk, count=1)
+    now, before = measured(case, trunk, increment), measure(case.skin, case.landmarks_before)
+    rows = table(before, now, before, "target", 1.0).splitlines()
+    assert rows[0] == "|  | before | now, 100 % | target |"
+    assert "| Rotation of the back (BSR), largest from T1 to T12 [°] | 0.0 | 12 right | 0.0 |" in rows
+    assert f"| Movement of the skin, largest [mm] | – | {number(now.skin_change_max)} | – |" in rows

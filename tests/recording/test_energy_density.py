@@ -8,7 +8,7 @@ from support.small_trunk import small_trunk
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.recording.energy_density import energy_density, tet_energies
+from warp_trunk.recording.colours import energy_density, tet_energies
 
 
 @pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])

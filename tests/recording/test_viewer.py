@@ -12,8 +12,7 @@ from support.headless_viewer import headless_viewer, needs_vulkan, picture, unti
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.recording import start_viewer
-from warp_trunk.recording.viewer import stop
-from warp_trunk.recording.web import address, page_server
+from warp_trunk.recording.viewer import address, page_server, stop
 
 pytestmark = pytest.mark.slow
 

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.text import Annotation
 
 from support.report_results import write_small_result
-from warp_trunk.report.convergence_plot import convergence_plot
+from warp_trunk.report.plots import convergence_plot
 from warp_trunk.results.result import read_result
 
 

@@ -7,6 +7,7 @@ from support.small_trunk import box_mesh, small_landmarks
 from support.trunk_shapes import ellipse, tube
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.report.hump_picture import FADE, painted_difference, side_difference
 from warp_trunk.report.relief import (
     BEHIND,
     BELOW,
@@ -19,7 +20,6 @@ from warp_trunk.report.relief import (
     seen_from,
     window,
 )
-from warp_trunk.report.sides import FADE, painted_difference, side_difference
 
 
 def turned_about_z(points, degrees, shift=(0.0, 0.0, 0.0)):

@@ -9,9 +9,8 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import measure
 from warp_trunk.report.hump_picture import scale_limit
 from warp_trunk.report.relief import BEHIND, RIGHT
-from warp_trunk.report.spine_pictures import spine_picture
+from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
 from warp_trunk.report.style import BEFORE, PREDICTED, Pose
-from warp_trunk.report.vertebra_boxes import DEEP, FACES, WIDE, vertebra_boxes
 
 
 def test_box_leans_and_turns_as_its_vertebra():

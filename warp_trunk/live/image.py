@@ -9,8 +9,6 @@ import numpy as np
 
 from warp_trunk.geometry.spline import spline_response
 
-from .forecast import Forecast
-
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
@@ -65,3 +63,62 @@ class Images:
 
     def _carried(self, landmarks: Landmarks) -> np.ndarray:
         return self._skin + self._response @ (landmarks.points - self._before).astype(np.float32)
+
+
+MOST = 12
+"""So many plans are remembered."""
+_APART = 0.5
+"""A plan that is nearer than this to a remembered one takes its place [mm]."""
+_DOUBT = 0.5
+"""Plans are weighted as if landmarks had this error [mm], because they were relaxed to a millimetre only."""
+
+
+class Forecast:
+    """A field of displacements for any landmarks, between and beside those that are known.
+
+    It is a sum of the known fields whose weights add up to 1: those with which the landmarks of the known plans
+    come nearest to the landmarks asked for. Along a slider that is straight on through the last plans, so that its
+    error goes with the square of the way and not with the way; to the side it is the field of the nearest.
+    """
+
+    def __init__(self, landmarks: np.ndarray, field: np.ndarray) -> None:
+        """Knows one plan, with its landmarks (n, 3) [mm] and its field (m, 3) [mm]."""
+        self._landmarks, self._fields = [landmarks], [field]
+
+    def way(self, landmarks: np.ndarray) -> float:
+        """The longest way of a landmark from the nearest plan that is known [mm]."""
+        return float(self._ways(landmarks).min())
+
+    def at(self, landmarks: np.ndarray) -> np.ndarray:
+        """The field for landmarks (n, 3), shape (m, 3) [mm]."""
+        nearest = int(np.argmin(self._ways(landmarks)))
+        others = [row for row in range(len(self._fields)) if row != nearest]
+        start, field = self._landmarks[nearest], self._fields[nearest]
+        if not others:
+            return field
+        steps = np.array([(self._landmarks[row] - start).ravel() for row in others])
+        doubt = landmarks.size * _DOUBT**2 * np.eye(len(others))
+        weights = np.linalg.solve(steps @ steps.T + doubt, steps @ (landmarks - start).ravel()).tolist()
+        found = (1.0 - sum(weights)) * field
+        for weight, row in zip(weights, others, strict=True):
+            found += weight * self._fields[row]
+        return found
+
+    def learn(self, landmarks: np.ndarray, field: np.ndarray) -> None:
+        """Takes in another plan, in place of one that is as good as the same, or that another stands close to."""
+        ways = self._ways(landmarks)
+        nearest = int(np.argmin(ways))
+        if ways[nearest] < _APART or len(self._fields) == MOST:
+            gone = nearest if ways[nearest] < _APART else self._crowded()
+            del self._landmarks[gone], self._fields[gone]
+        self._landmarks.append(landmarks)
+        self._fields.append(field)
+
+    def _crowded(self) -> int:
+        """The plan that is nearest to another one."""
+        apart = np.array([self._ways(landmarks) for landmarks in self._landmarks])
+        np.fill_diagonal(apart, np.inf)
+        return int(np.argmin(apart.min(axis=1)))
+
+    def _ways(self, landmarks: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(np.array(self._landmarks) - landmarks, axis=2).max(axis=1, initial=0.0)

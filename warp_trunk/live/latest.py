@@ -1,9 +1,11 @@
-"""A place for one value that threads hand over: a newer one takes the place of the one that waits."""
+"""The threads of the planning page, and what they hand to each other."""
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -54,3 +56,19 @@ class Latest(Generic[T]):
         with self._changed:
             self._closed = True
             self._changed.notify_all()
+
+
+_log = logging.getLogger("warp_trunk")
+
+
+def worker(name: str, work: Callable[[], None], report_error: Callable[[str], None]) -> threading.Thread:
+    """A thread, not started yet, that reports a fault of the program that ends it; the log has its trace."""
+
+    def guarded() -> None:
+        try:
+            work()
+        except Exception as error:
+            _log.exception("the planning page ends")
+            report_error(f"{type(error).__name__}: {error}")
+
+    return threading.Thread(target=guarded, name=name, daemon=True)

@@ -14,14 +14,13 @@ from warp_trunk.measures import measure
 
 from .controls import MotionControls, WishControls
 from .kept import KeptPlans
-from .latest import Latest
+from .latest import Latest, worker
 from .loopback import LoopbackServer
 from .motion_wish import first_motions
 from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
 from .session import Measured, Refusal, Session, View
 from .wish import first_wish, spine_before
-from .worker import worker
 
 if TYPE_CHECKING:
     import viser

@@ -16,7 +16,7 @@ from warp_trunk.engine.state import State
 from warp_trunk.run.patient import find_path, motions_of
 from warp_trunk.run.warnings import ending_warnings
 
-from .forecast import Forecast
+from .image import Forecast
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

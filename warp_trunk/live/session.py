@@ -19,10 +19,9 @@ from warp_trunk.measures import measure
 from warp_trunk.run.warnings import curve_warnings
 
 from .image import Image, Images
-from .latest import Latest
+from .latest import Latest, worker
 from .motion_wish import MotionPlan, MotionPlanner, MotionWish
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
-from .worker import worker
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform

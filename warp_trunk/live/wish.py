@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from warp_trunk.bone_motion.plan import CurvePlan, Plan
 from warp_trunk.bone_motion.plan.record import rank
 from warp_trunk.measures import cobb_angles
-from warp_trunk.measures.axial_rotation import axial_rotation
+from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import asis_axis, spine_of
 

@@ -5,13 +5,13 @@ from .asymmetry import mirror_asymmetry
 from .back_rotation import DualTangent, back_surface_rotation
 from .cobb import CobbAngle, cobb_angles, curves_after
 from .comparison import BsrError, SkinComparison, compare_skins
-from .flanks import FlankAsymmetry
 from .measures import TrunkMeasures, measure
+from .outlines import FlankAsymmetry
+from .part import tissue_volume_change
+from .sagittal import SpineHeight
 from .shoulders import Shoulders
 from .skin_distance import DistanceStatistics
-from .spine_height import SpineHeight
 from .trunk_shift import SacralLine, TrunkShift
-from .volume import tissue_volume_change
 
 __all__ = [
     "ApicalVertebra",

@@ -12,17 +12,14 @@ import numpy as np
 
 from warp_trunk.errors import InputError, expect
 
-from .apical import ApicalVertebra, apical_vertebrae
-from .axial_rotation import axial_rotation
+from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
 from .back_rotation import DualTangent, tangents_of
 from .cobb import CobbAngle, curves_of
-from .flanks import FlankAsymmetry, flank_asymmetry
 from .hump import hump_height
-from .outlines import outlines_of
-from .sagittal import kyphosis, lordosis
+from .outlines import FlankAsymmetry, flank_asymmetry, outlines_of
+from .sagittal import SpineHeight, kyphosis, lordosis, spine_height
 from .shoulders import Shoulders, shoulder_heights
 from .spine import Spine, spine_of
-from .spine_height import SpineHeight, spine_height
 from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift
 
 if TYPE_CHECKING:

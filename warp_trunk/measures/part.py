@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.geometry.normals import area_vectors, corner_areas
 
 from .skin_distance import same_skin
 
 if TYPE_CHECKING:
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.geometry.surface import Surface
 
 NEAR = 2.0
@@ -71,3 +73,18 @@ def agreement_rows(agreed: Agreement) -> list[list[str]]:
         ["95 % of the skin is nearer than [mm]", f"{agreed.p95_mm:.2f}"],
         ["Largest distance [mm]", f"{agreed.largest_mm:.2f}"],
     ]
+
+
+def tissue_volume_change(trunk: TrunkMesh, displacement: np.ndarray) -> float:
+    """How much the soft tissue as a whole has grown [%], negative where it shrank.
+
+    Soft tissue is nearly incompressible, so a simulation that changes its volume by percents is not to be
+    trusted there. An inverted tetrahedron counts as negative.
+
+    Args:
+        trunk: the mesh between bones and skin.
+        displacement: of its nodes [mm], shape (nodes, 3).
+    """
+    before = tet_volumes(trunk.nodes, trunk.tets).sum()
+    after = tet_volumes(trunk.nodes + displacement, trunk.tets).sum()
+    return 100.0 * (float(after / before) - 1.0)

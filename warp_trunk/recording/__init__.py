@@ -1,10 +1,8 @@
 """The Rerun recording of a simulation: what is drawn, how the viewer lays it out, and where it is shown."""
 
-from .colours import FurtherColour
-from .painting import check_colours
+from .colours import FurtherColour, check_colours
 from .recording import Recording
 from .stream import load_rerun
-from .viewer import start_viewer, view
-from .web import view_in_browser
+from .viewer import start_viewer, view, view_in_browser
 
 __all__ = ["FurtherColour", "Recording", "check_colours", "load_rerun", "start_viewer", "view", "view_in_browser"]

@@ -18,9 +18,8 @@ from warp_trunk.measures import TrunkMeasures, measure
 
 from . import drawing
 from .blueprint import layout
-from .colours import ColourName, FurtherColour
+from .colours import ColourName, FurtherColour, painters
 from .numbers import Numbers
-from .painting import painters
 from .scene import Scene
 from .stream import open_streams
 

@@ -13,8 +13,7 @@ from warp_trunk.measures.part import agreement_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.measures.table import as_html
 
-from .modelled import modelled, not_modelled
-from .option_rows import option_rows, value_text
+from .modelled import modelled, not_modelled, option_rows, value_text
 from .sentences import glance, sentences
 from .tables import (
     BAND_HEAD,

@@ -1,4 +1,4 @@
-"""The trunk from behind, in front, the side and its shoulders: shaded, with what each view is looked at for."""
+"""The trunk from behind, in front and the side: shaded, with what each view shows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 
 from .panels import panels, shaded
 from .relief import BEHIND, FRONT, RIGHT, Relief, View, Window, relief, seen_from, seen_values, window
@@ -118,3 +121,74 @@ def plain_picture(poses: Sequence[Pose], view: View) -> Figure:
     seen = window([(pose.skin, pose.landmarks) for pose in poses], COARSE, view)
     looks = [shaded(relief(pose.skin, pose.landmarks, seen, view)) for pose in poses]
     return panels(poses, seen, view, looks)[0]
+
+
+STRETCH_STEP = 0.05
+"""Difference of stretch between two colours."""
+
+
+def stretch_picture(pose: Pose, change: SkinChange, view: View) -> Figure:
+    """The predicted skin from one side, coloured where it is stretched by more than `LOOK`.
+
+    What is stretched by more than `STRETCH` or sharply folded is hatched.
+
+    Args:
+        pose: the prediction.
+        change: how its triangles are stretched and folded.
+        view: from where it is seen.
+    """
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm
+
+    seen = window([(pose.skin, pose.landmarks)], COARSE, view)
+    values = seen_values(pose.skin, pose.landmarks, seen, at_vertices(pose.skin, change.stretch), view)
+    colours, norm = colormaps["YlOrRd"], BoundaryNorm(np.arange(LOOK, 1.55, STRETCH_STEP), 256, extend="max")
+    painted = colours(norm(np.nan_to_num(values)))[:, :, :3]
+    image = shaded(relief(pose.skin, pose.landmarks, seen, view), painted, 0.9 * (np.nan_to_num(values) > LOOK))
+    figure, plots = panels([pose], seen, view, [image], legend=0.8)
+    doubtful = at_vertices(pose.skin, change.doubtful.astype(np.float64))
+    hatch(plots[0], seen, seen_values(pose.skin, pose.landmarks, seen, doubtful, view))
+    bar = figure.colorbar(
+        ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal", ticks=[1.25, STRETCH, 1.45]
+    )
+    bar.ax.set_xlabel("length over that before", fontsize=8.5)
+    return figure
+
+
+def at_vertices(skin: Surface, values: np.ndarray) -> np.ndarray:
+    """Mean of a value of the triangles around each vertex, shape (vertices,)."""
+    corner, count = skin.faces.ravel(), len(skin.vertices)
+    triangles = np.maximum(np.bincount(corner, minlength=count), 1)
+    return np.bincount(corner, np.repeat(values, 3), minlength=count) / triangles
+
+
+SD_STEP = 1.0
+"""Difference between two colours [mm]."""
+
+
+def sure_picture(pose: Pose, back: Relief, seen: Window, skin_sd: np.ndarray) -> Figure:
+    """The predicted back, darker where its places are less sure.
+
+    Args:
+        pose: the prediction.
+        back: its relief from behind.
+        seen: the window of the picture.
+        skin_sd: standard deviation of each vertex along its normal [mm], shape (vertices,).
+    """
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm
+
+    values = seen_values(pose.skin, pose.landmarks, seen, skin_sd)
+    most = SD_STEP * max(2.0, float(np.ceil(np.nanmax(values) / SD_STEP)))
+    colours, norm = (
+        colormaps["YlOrBr"],
+        BoundaryNorm(np.arange(0.0, most + 0.5 * SD_STEP, SD_STEP), 256),
+    )
+    painted = colours(norm(np.nan_to_num(values)))[:, :, :3]
+    images = [shaded(back, painted, 0.9 * np.isfinite(values))]
+    figure, plots = panels([pose], seen, BEHIND, images, legend=0.8)
+    bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal")
+    bar.ax.set_xlabel("standard deviation [mm]", fontsize=8.5)
+    return figure

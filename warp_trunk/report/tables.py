@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures.part import swept_volumes
-from warp_trunk.measures.profile import profile
+from warp_trunk.measures.points import profile
 from warp_trunk.measures.rows import level_rows, number, skin_rows, spine_rows
 
 if TYPE_CHECKING:

@@ -19,19 +19,25 @@ from warp_trunk.measures.skin_quality import skin_change
 from warp_trunk.results import read_result
 from warp_trunk.results.result import PAGE, PICTURES, TRUNK
 
-from .convergence_plot import convergence_plot
 from .hump_picture import hump_picture
 from .page import page, part_page
 from .part_pictures import change_sections, changed_views, frame_of, values_picture
 from .plans import plan_poses, plans_page, read_plans
+from .plots import convergence_plot, rotation_plot
 from .relief import BEHIND, FRONT, RIGHT, relief, window
-from .rotation_plot import rotation_plot
 from .section_pictures import section_pictures
-from .skin_pictures import back_picture, front_picture, plain_picture, shoulders_picture, side_picture
+from .skin_pictures import (
+    at_vertices,
+    back_picture,
+    front_picture,
+    plain_picture,
+    shoulders_picture,
+    side_picture,
+    stretch_picture,
+    sure_picture,
+)
 from .spine_pictures import spine_picture
-from .stretch_picture import at_vertices, stretch_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
-from .sure_picture import sure_picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

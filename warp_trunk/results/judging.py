@@ -16,10 +16,9 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
-from warp_trunk.measures.part import agreement, agreement_rows
+from warp_trunk.measures.part import agreement, agreement_rows, tissue_volume_change
 from warp_trunk.measures.record import COLUMNS, comparison_record, measures_record, rows
 from warp_trunk.measures.table import comparison_text, measures_text
-from warp_trunk.measures.volume import tissue_volume_change
 
 from .bands import levels_in_band
 from .result import PREDICTED_SKIN, TRUNK, read_summary

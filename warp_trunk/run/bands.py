@@ -21,7 +21,7 @@ from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
-from warp_trunk.measures.axial_rotation import axial_rotation
+from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.cobb import CobbAngle, angles_between, cobb_angles
 from warp_trunk.measures.sagittal import kyphosis, lordosis
 from warp_trunk.measures.spine import asis_axis, spine_of

@@ -13,7 +13,7 @@ from support.trunk_shapes import joined
 from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks, read_surface
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, bone_of
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.measures.axial_rotation import axial_rotation
+from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 

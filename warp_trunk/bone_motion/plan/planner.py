@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.spline import spline_response
-from warp_trunk.measures.axial_rotation import axial_rotation
+from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.cobb import cobb_angles, curves_after
 from warp_trunk.measures.spine import asis_axis, spine_of
 

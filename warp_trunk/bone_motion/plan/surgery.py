@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from warp_trunk.measures.sagittal import kyphosis, lordosis
+from warp_trunk.measures.sagittal import kyphosis, lordosis, spine_height
 from warp_trunk.measures.spine import spine_of
-from warp_trunk.measures.spine_height import spine_height
 from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Options as the report shows them."""
+"""Options and what was modelled, in words."""
 
 import inspect
 import re
@@ -9,7 +9,7 @@ from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.meshing import MeshOptions
-from warp_trunk.report.option_rows import UNITS, option_rows, value_text
+from warp_trunk.report.modelled import UNITS, option_rows, value_text
 from warp_trunk.run.options import RunOptions, parameters
 
 
