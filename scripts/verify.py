@@ -168,8 +168,8 @@ def landmarks(trunk: Trunk, options: Options) -> Iterator[str]:
     """Landmarks found on curved spines against those that moved with the bones."""
     yield "## Landmarks found on bones\n"
     yield (
-        "Curves are imposed on straight anatomy; the landmarks that moved with the bones are compared with those "
-        "that `landmarks` finds on the curved bones.\n"
+        "Landmarks that moved with the bones as a curve was imposed, and those that `landmarks` finds on curved "
+        "bones: the search must not depend on the pose of a vertebra.\n"
     )
     yield "| curve | distance, mean [mm] | largest [mm] | Cobb angle found [°] | true [°] |"
     yield "|---|---:|---:|---:|---:|"
@@ -178,12 +178,12 @@ def landmarks(trunk: Trunk, options: Options) -> Iterator[str]:
         found = find_landmarks(case.bones).complete()
         distance = np.linalg.norm(found.points - case.landmarks_before.points, axis=1)
         angles = [f"{largest(case.skin, marks):.1f}" for marks in (found, case.landmarks_before)]
-        yield row(name_of(kind), f"{distance.mean():.2f}", f"{distance.max():.1f}", *angles)
+        yield row(name_of(kind), f"{distance.mean():.1g}", f"{distance.max():.1g}", *angles)
 
 
 def import_(trunk: Trunk, options: Options) -> Iterator[str]:
     """A case from its own label map against itself."""
-    spacing = "2.5" if options.quick else "1.5"
+    spacing = "1.5"
     case = imposed(trunk, "thoracic")
     with tempfile.TemporaryDirectory() as scratch, redirect_stdout(io.StringIO()):
         folder = Path(scratch)
@@ -227,7 +227,7 @@ def plans(trunk: Trunk, options: Options) -> Iterator[str]:
         assert left is not None
         asked = (1.0 - CORRECTION) * curves[first].angle
         stretch = np.abs(discs(after) - discs(case.landmarks_before)).max()
-        yield row(name_of(kind), f"{curves[first].angle:.1f}", f"{asked:.1f}", f"{left:.1f}", f"{stretch:.2g}")
+        yield row(name_of(kind), f"{curves[first].angle:.1f}", f"{asked:.1f}", f"{left:.1f}", f"{stretch:.0e}")
 
 
 def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
@@ -256,7 +256,7 @@ def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
                 name_of(kind),
                 f"{one.cobb[0]:.0f} to {one.cobb[1]:.0f}",
                 f"{one.hump_over_cobb:.2f}",
-                f"{shoulders[0]:.0f} to {shoulders[1]:.0f}",
+                f"{shoulders[0]:z.0f} to {shoulders[1]:z.0f}",
                 one.inverted,
                 one.status.name,
             )
