@@ -144,7 +144,7 @@ def test_a_case_is_made_of_a_ct(anatomy: Path, tmp_path: Path) -> None:
 def test_a_case_is_made_of_films(anatomy: Path, tmp_path: Path) -> None:
     case = curved(anatomy)
     write_films(tmp_path, biplanar(case.landmarks_before))
-    (tmp_path / "atlas").symlink_to(anatomy / "bones")
+    (tmp_path / "atlas").symlink_to(anatomy)
     vertices = case.skin.vertices
     markers = vertices[:: len(vertices) // 20]
     marks = Landmarks(tuple(f"marker_{number}" for number in range(len(markers))), markers)
