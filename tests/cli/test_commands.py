@@ -1,5 +1,8 @@
-"""The commands by name, and what is loaded for them."""
+"""The commands by name, words that are typed wrongly, and command lines to paste."""
 
+from __future__ import annotations
+
+import shlex
 import subprocess
 import sys
 from itertools import pairwise
@@ -8,7 +11,9 @@ from pathlib import Path
 import pytest
 
 from warp_trunk.cli import main
+from warp_trunk.cli.arguments import ONLY_IN_PYTHON, whole_number
 from warp_trunk.cli.commands import COMMANDS, load
+from warp_trunk.cli.output import BAD_INPUT, next_command
 
 CLI = Path(load(["demo"]).run.__code__.co_filename).parent
 LOADED = """
@@ -59,3 +64,63 @@ def test_no_file_of_a_command_is_left_out() -> None:
 def test_help_loads_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(("under_uv", "start"), [(True, ["uv", "run", "warp-trunk"]), (False, ["warp-trunk"])])
+def test_it_is_quoted_for_a_shell_and_starts_as_this_run_did(monkeypatch, under_uv: bool, start: list[str]):
+    if under_uv:
+        monkeypatch.setenv("UV_RUN_RECURSION_DEPTH", "1")
+    else:
+        monkeypatch.delenv("UV_RUN_RECURSION_DEPTH", raising=False)
+    words = ["simulate", Path("Anna Müller") / "T4 & L1", "--out", "it's"]
+    assert shlex.split(next_command(*words)) == [*start, *map(str, words)]
+    assert next_command("view", "results/anna") == " ".join([*start, "view results/anna"])
+
+
+FILES = ["--skin", "s.ply", "--bones", "b", "--out", "c"]
+TYPOS = [
+    ([], ["a command is needed", "simulate", "warp-trunk demo"]),
+    (["simulat", "case"], ["'simulat': there is no such command (did you mean simulate?)", "make-case"]),
+    (["xyz"], ["'xyz': there is no such command; known are demo, doctor"]),
+    (["simulate", "case", "--tet", "5"], ["--tet", "--tets INT", "warp-trunk simulate --help-all"]),
+    (["simulate", "case", "--tet=5"], ["--tet=5"]),
+    (["simulate", "case", "--xyzzy", "5"], ["--xyzzy", "warp-trunk simulate --help-all"]),
+    (["make-case", *FILES, "--side", "left"], ["--side", "warp-trunk make-case --help lists"]),
+    (["make-case", "--skin", "s.ply"], ["--bones PATH --out PATH"]),
+    (["simulate"], ["PATH"]),
+    (["simulate", "case", "--out"], ["--out"]),
+    (["simulate", "case", "--tets", "1e5x"], ["--tets", "'1e5x'"]),
+    (["simulate", "case", "--increments", "2.5"], ["--increments", "not a whole number: '2.5'"]),
+    (["simulate", "case", "--poisson-ratio", "much"], ["--poisson-ratio", "'much'"]),
+    (["simulate", "case", "--bones", "folow"], ["'folow'", "--bones", "'follow', 'spline'"]),
+    (["simulate", "case", "--layers", "deep"], ["'deep'", "--layers", "'depth'"]),
+    (["simulate", "case", "--tets", "5", "--tets=6"], ["--tets: is given more than once"]),
+    (["simulate", "case", "--tets", "1e9"], ["warp-trunk: mesh: 'tets' must be a number from 4 to 5e+07"]),
+    (["simulate", "case", "--theta", "nan"], ["warp-trunk: tissue: 'theta' must be a finite number"]),
+    (["simulate", "case", "another"], ["another"]),
+    *(
+        (["simulate", "case", f"--{name.replace('_', '-')}", "1"], ["Unrecognized"])
+        for name in sorted(ONLY_IN_PYTHON)
+    ),
+]
+
+
+@pytest.mark.parametrize(("arguments", "said"), TYPOS)
+def test_a_typo_is_told_in_one_line(arguments, said, capsys):
+    assert main(arguments) == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warp-trunk: ")
+    assert [part for part in said if part not in line] == [], line
+    assert not set(line) & set("╭│─\x1b")
+
+
+def test_whole_numbers_may_have_an_exponent(capsys):
+    assert [whole_number(text) for text in ("7", "1e5", "2.0")] == [7, 100_000, 2]
+    assert main(["simulate", "no/such/case", "--tets", "1e5"]) == BAD_INPUT
+    assert "no/such/case: there is no such folder" in capsys.readouterr().err
+
+
+def test_a_file_in_place_of_a_case_folder_is_said_to_be_one(tmp_path, capsys):
+    (tmp_path / "case.toml").write_text('units = "mm"')
+    assert main(["simulate", str(tmp_path / "case.toml")]) == BAD_INPUT
+    assert "case.toml: is a file; a case folder with case.toml was expected" in capsys.readouterr().err

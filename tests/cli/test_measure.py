@@ -1,12 +1,16 @@
 """warp-trunk measure: what it reads, refuses, prints and writes."""
 
+from __future__ import annotations
+
 import csv
+import dataclasses
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from support.report_results import write_small_result
 from support.small_case import small_case
 from warp_trunk.case import write_case
 from warp_trunk.cli import main
@@ -16,6 +20,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.measures import compare_skins, measure
+from warp_trunk.results import read_result
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +57,7 @@ def test_measures_are_those_of_the_library(place, tmp_path, capsys):
     assert measures.max_thoracic_bsr is not None
     assert measures.max_thoracic_bsr > 10.0
     text = capsys.readouterr().out
-    assert f"{measures.max_thoracic_bsr:+.1f}°" in text
+    assert f"{measures.max_thoracic_bsr:.0f} right" in text
     assert f"{tmp_path / 'm'}.json" in text
     with (tmp_path / "m.csv").open() as file:
         table = {(row["where"], row["measure"]): row["value"] for row in csv.DictReader(file)}
@@ -168,3 +173,49 @@ def test_place_that_cannot_be_written_is_refused_before_reading(place, tmp_path,
     assert run(place, tmp_path / "skin.ply", "--out", tmp_path / "file" / "m") == BAD_INPUT
     (line,) = capsys.readouterr().err.splitlines()
     assert "--out" in line
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return write_small_result(tmp_path_factory.mktemp("measured"))
+
+
+def test_a_result_needs_no_case(result, tmp_path, capsys):
+    assert main(["measure", str(result), "--out", str(tmp_path / "m")]) == 0
+    found = read_result(result)
+    expected = measure(found.skin, found.landmarks_after).bsr["T4"]
+    assert expected == pytest.approx(12.0, abs=0.1)
+    assert "12 right" in capsys.readouterr().out
+    assert main(["measure", str(result / "skin_before.ply"), "--out", str(tmp_path / "m")]) == 0
+    assert "landmarks before surgery" in capsys.readouterr().out
+
+
+def test_the_landmarks_of_another_patient_are_refused(result, tmp_path, capsys):
+    write_case(tmp_path / "other", dataclasses.replace(small_case(), actual_skin=None))
+    arguments = ["measure", str(result), "--case", str(tmp_path / "other"), "--out", str(tmp_path / "m")]
+    assert main(arguments) == 2
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert "is not the case of the result" in line
+    assert "leave --case out" in line
+
+
+def test_a_skin_of_nowhere_needs_a_case(result, tmp_path, capsys):
+    alone = tmp_path / "alone.ply"
+    alone.write_bytes((result / "predicted_skin.ply").read_bytes())
+    assert main(["measure", str(alone)]) == 2
+    assert "give --case CASE" in capsys.readouterr().err
+
+
+def test_what_is_not_there_is_said_to_be_so(tmp_path, capsys):
+    assert main(["measure", str(tmp_path / "nothing")]) == 2
+    assert "nothing: there is no such file; give a closed surface or a result folder" in capsys.readouterr().err
+    assert main(["measure", str(tmp_path)]) == 2
+    assert "summary.json: there is no such file; give a folder that `simulate` wrote" in capsys.readouterr().err
+
+
+def test_measures_do_not_overwrite_the_landmarks_of_a_case(result, tmp_path, capsys):
+    write_case(tmp_path / "case", small_case())
+    before = (tmp_path / "case" / "landmarks_after.csv").read_bytes()
+    assert main(["measure", str(result), "--out", str(tmp_path / "case" / "landmarks_after")]) == 2
+    assert "lies in the case folder" in capsys.readouterr().err
+    assert (tmp_path / "case" / "landmarks_after.csv").read_bytes() == before

@@ -9,18 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.phantoms import whole_phantom
 from support.small_trunk import boned_case
 from warp_trunk.case.uncertainty import CERTAIN, Uncertainty
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.errors import InputError
-from warp_trunk.measures import measure
+from warp_trunk.measures import cobb_angles, measure
+from warp_trunk.measures.cobb import curves_after
+from warp_trunk.measures.sagittal import kyphosis
+from warp_trunk.measures.spine import spine_of
 from warp_trunk.results import predicted_skin, read_result, result_of
 from warp_trunk.results.bands import FoundBands
-from warp_trunk.run.bands import find_bands
+from warp_trunk.run.bands import find_bands, spine_bands
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import Prepared, find_path, prepare
 from warp_trunk.run.sensitivities import sensitivities
+from warp_trunk.run.sources import Source
 
 CASE, TRUNK = boned_case()
 OPTIONS = RunOptions(bones="spline", precision="float64", device="cpu", simulation=SimulationOptions(increments=1))
@@ -121,3 +126,38 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
 def test_one_draw_shows_no_spread() -> None:
     with pytest.raises(InputError, match="'draws' must be at least 2, not 1"):
         bands_of(draws=1)
+
+
+WHOLE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))
+AFTER = WHOLE.planned_landmarks
+
+
+def test_against_draws() -> None:
+    bands, random = spine_bands(WHOLE, ()), np.random.default_rng(3)
+    curves = cobb_angles(WHOLE.landmarks_before)
+    assert {f"cobb_deg {curve.upper}-{curve.lower}" for curve in curves} <= bands.keys()
+    assert {f"apical_rotation_deg {curve.apex}" for curve in curves} <= bands.keys()
+    drawn = []
+    for _ in range(1000):
+        error = WHOLE.uncertainty.landmark_sd * random.standard_normal(AFTER.points.shape)
+        marks = replace(AFTER, points=AFTER.points + error)
+        drawn.append([*curves_after(curves, marks), kyphosis(spine_of(marks))["T5-T12"]])
+    names = [*(f"cobb_deg {curve.upper}-{curve.lower}" for curve in curves), "kyphosis_deg T5-T12"]
+    np.testing.assert_allclose(
+        [bands[name].sd for name in names], np.std(np.array(drawn, dtype=np.float64), axis=0), rtol=0.08
+    )
+    before = [*curves_after(curves, AFTER), kyphosis(spine_of(AFTER))["T5-T12"]]
+    assert [bands[name].value for name in names] == before
+
+
+def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:
+    """A tenth of the whole correction less leaves a Cobb angle that is nearly a tenth of the correction larger."""
+    certain = replace(WHOLE, uncertainty=Uncertainty(landmark_error=0.0, landmark_error_sd=0.0))
+    move = 0.1 * (AFTER.points - WHOLE.landmarks_before.points)
+    bands = spine_bands(certain, [Source("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)])
+    for curve, after in zip(
+        cobb_angles(WHOLE.landmarks_before), curves_after(cobb_angles(WHOLE.landmarks_before), AFTER), strict=True
+    ):
+        assert after is not None
+        sd = bands[f"cobb_deg {curve.upper}-{curve.lower}"].sd
+        assert sd == pytest.approx(0.1 * abs(curve.angle - after), rel=0.2, abs=0.1)
