@@ -120,7 +120,7 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
 
     >>> measures = wt.measure(case.skin, case.landmarks_before)
     >>> [f"{curve.angle:.0f} degrees from {curve.upper} to {curve.lower}" for curve in measures.cobb]
-    ['26 degrees from T1 to T5', '60 degrees from T5 to T12', '30 degrees from T12 to L5']
+    ['24 degrees from T1 to T5', '55 degrees from T5 to T12', '28 degrees from T12 to L5']
     >>> 10.0 < abs(measures.max_thoracic_bsr) < 15.0
     True
 
