@@ -36,7 +36,7 @@ class Uncertainty:
     """Factor of the stiffness of faces in itmsm."""
     theta: float = 3.0
     """Factor of the stiffness of tetrahedra in itmsm."""
-    poisson_ratio: float = 0.06
+    poisson_ratio: float = 0.1
     """Of Poisson's ratio of a continuum."""
     youngs_modulus: float = 1.6
     """Factor of the Young's modulus of each layer by itself."""
