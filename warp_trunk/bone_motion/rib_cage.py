@@ -81,7 +81,7 @@ def follow(
         known: motions of ribs, sternum and shoulder blades that are known; they are given back, and the others
             follow them.
         growing: whether a curve grows, and bone and cartilage with it, as where it is imposed on straight
-            anatomy: floating ribs then keep their attitude as others do.
+            anatomy: the highest and the floating ribs then keep their attitude as others do.
         steps: how steps are taken; just so when left out.
 
     Returns:
@@ -185,7 +185,7 @@ def _turned(vertebra: VertebraMotion, rib: _Rib, shares: RibShares, depth: float
         shares.recovery * shares.turn * (vertebra.turn - vertebra.direct) + shares.direct * vertebra.direct + lag
     )
     below = 0.0 if growing else max(0.0, (rib.number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS))
-    above = max(0.0, (_TRUE_RIBS - rib.number) / (_TRUE_RIBS - 1))
+    above = 0.0 if growing else max(0.0, (_TRUE_RIBS - rib.number) / (_TRUE_RIBS - 1))
     tilt = shares.recovery * shares.tilt + below * shares.floating + above * shares.upper
     rotation = vertebra.share(turn=turn, tilt=tilt)
     facet = vertebra.motion.apply(rib.head)

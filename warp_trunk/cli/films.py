@@ -115,6 +115,11 @@ class FitAtlas:
     """Landmarks of the patient, under the same names."""
     out: Path
     """Folder to write the patient's bones to, and atlas_fit.csv with the error at each landmark."""
+    skin: Path | None = None
+    """The patient's closed skin, in the frame of her landmarks: ribs and sternum are then fitted under it. Give
+    --atlas-skin, too."""
+    atlas_skin: Path | None = None
+    """The skin around the bones of the atlas."""
     drift: Literal["linear", "constant"] = "linear"
     """What a bone may do as a whole beside moving rigidly: grow and shear, or nothing."""
     nugget: float = 0.0
@@ -125,7 +130,12 @@ class FitAtlas:
         if self.out.exists() and not self.out.is_dir():
             raise InputError(f"{self.out}: is a file; give the name of a folder")
         atlas, patient = read_landmarks(self.atlas), read_landmarks(self.patient)
-        fit = fit_atlas(read_bones(self.bones), atlas, patient, self.drift, self.nugget)
+        if (self.skin is None) != (self.atlas_skin is None):
+            raise InputError("--skin and --atlas-skin: one is of no use without the other; give both or neither")
+        skins = None
+        if self.skin is not None and self.atlas_skin is not None:
+            skins = read_surface(self.atlas_skin), read_surface(self.skin)
+        fit = fit_atlas(read_bones(self.bones), atlas, patient, self.drift, self.nugget, skins=skins)
         self.out.mkdir(parents=True, exist_ok=True)
         for name, bone in fit.bones.items():
             write_surface(self.out / f"{name}.ply", bone)
@@ -143,4 +153,10 @@ class FitAtlas:
         print(f"Landmarks are missed by {mean_and_largest(fit.miss, fit.names)}")
         if np.isfinite(fit.left_out).any():
             print(f"Left out one at a time: {mean_and_largest(fit.left_out, fit.names)}")
+        if fit.depth:
+            least = min(fit.depth, key=fit.depth.__getitem__)
+            side = "under" if fit.depth[least] >= 0.0 else "outside"
+            print(f"Nearest to the skin comes {least}, {abs(fit.depth[least]):.1f} mm {side} it")
+        else:
+            print("Ribs and sternum are not fitted under a skin: give --skin and --atlas-skin for that")
         return OK

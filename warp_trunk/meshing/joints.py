@@ -21,7 +21,7 @@ def free_joints(trunk: TrunkMesh) -> TrunkMesh:
     """The mesh with the nodes of its joints free: they relax with the tissue, held by no bone.
 
     Three groups of nodes on bone become free, because tetrahedra there would be turned inside out by bones that
-    move each on its own, which relaxation cannot mend:
+    move each on its own, which relaxation cannot repair:
 
     - Nodes within 4 mm of the border between two bones that share one surface, because they are nearer to each
       other than the grid resolves, such as a rib and its vertebra. With 8 mm a quarter of the nodes on bone were

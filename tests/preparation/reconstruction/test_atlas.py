@@ -88,3 +88,21 @@ def test_a_landmark_the_patient_has_not_is_named() -> None:
     few = Landmarks(landmarks.names[:-1], patient().points[:-1])
     with pytest.raises(InputError, match=f"'{landmarks.names[-1]}' is missing"):
         fit_atlas(bones, landmarks, few)
+
+
+def test_with_skins_ribs_are_fitted_under_the_skin_of_a_wider_chest() -> None:
+    skin, bones, landmarks = straight_trunk()
+    kept = {name: bone for name, bone in bones.items() if name.startswith(("T", "L", "rib", "sternum"))}
+    wide = [1.25, 1.2, 1.0]
+    there = Landmarks(landmarks.names, landmarks.points.copy())  # the spine is as it was; only the cage grows
+    trunk = Surface(skin.vertices * wide, skin.faces)
+    ribs = [name for name in kept if name.startswith("rib")]
+    errors = {}
+    for what, skins in (("without", None), ("with", (skin, trunk))):
+        fit = fit_atlas(kept, landmarks, there, skins=skins)
+        errors[what] = np.mean(
+            [np.linalg.norm(fit.bones[name].vertices - kept[name].vertices * wide, axis=1).mean() for name in ribs]
+        )
+    assert errors["with"] < 0.5 * errors["without"]
+    assert set(fit.depth) == set(kept)
+    assert min(fit.depth.values()) > 0.0

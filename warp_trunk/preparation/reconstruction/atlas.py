@@ -10,11 +10,22 @@ import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks, bone_of
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.normals import area_vectors, unit, vertex_normals
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 
 from .plausible import check_near, check_size
+
+_PELVIS = ("hip_left", "hip_right", "sacrum", "coccyx", "femur_left", "femur_right")
+"""Bones that the skin does not guide: how thick the tissue over them is differs most between bodies."""
+_APART = 1 / 15
+"""Distance of points of the skin that guide bones, over the length of the landmarks of the atlas."""
+_NUGGETS = (1000.0, 300.0, 100.0, 30.0, 30.0, 30.0)
+"""How freely the skin of the atlas is fitted to that of the patient, step by step [mm]."""
+_FACING = 0.7
+"""Skin is fitted to skin that faces the same way: the least cosine between both normals."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +42,8 @@ class AtlasFit:
     """Distance of each landmark, as carried, from the patient's [mm], shape (n,); 0 without a nugget."""
     left_out: np.ndarray
     """The same when the landmark itself is left out of the fit [mm], shape (n,); NaN where too few are left."""
+    depth: dict[str, float]
+    """How deep each bone comes nearest to the skin [mm], negative outside; empty without skins."""
 
 
 def fit_atlas(
@@ -39,13 +52,17 @@ def fit_atlas(
     patient: Landmarks,
     drift: Literal["linear", "constant"] = "linear",
     nugget: float = 0.0,
+    *,
+    skins: tuple[Surface, Surface] | None = None,
 ) -> AtlasFit:
     """Carry each bone by the rigid motion nearest to its landmarks, then krige what that leaves (`fit_spline`).
 
     A bone with enough landmarks of its own (four, not in one plane) is carried by these alone, so that
-    its neighbours do not bend it; the others, such as ribs, by those of all bones. Without a nugget each
-    landmark is met; with one, errors of the landmarks are smoothed. With a linear drift a bone may grow and
-    shear as a whole, with a constant one it keeps its size away from the landmarks.
+    its neighbours do not bend it; the others, such as ribs, by those of all bones. Landmarks of the spine say
+    little about how wide and deep a chest is: with the skins of both, points of the atlas' skin on that of the
+    patient guide ribs and sternum, too (`_on_skin`). Without a nugget each landmark is met; with one, errors of the
+    landmarks are smoothed. With a linear drift a bone may grow and shear as a whole, with a constant one it keeps
+    its size away from the landmarks.
 
     >>> fitted = wt.fit_atlas(case.bones, case.landmarks_before, case.planned_landmarks)
     >>> sorted(fitted.bones) == sorted(case.bones)
@@ -57,6 +74,7 @@ def fit_atlas(
         patient: landmarks of the same names, in any order; those the atlas has not are not used.
         drift: see `fit_spline`.
         nugget: see `fit_spline` [mm].
+        skins: of the atlas and of the patient, both closed, in the frames of their landmarks.
 
     Raises:
         InputError: landmarks of the atlas that the patient has not, that are off their bones or of another size,
@@ -72,24 +90,75 @@ def fit_atlas(
             check_near("fit_atlas", names, sources[rows[bone]], bones[bone], f"'{bone}' of the atlas")
     own = tuple(bone for bone in bones if _enough(sources[rows[bone]]))
 
-    def carry(rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-        names = [atlas.names[i] for i in rows]
-        motion = fit_rigid(sources[rows], targets[rows])
-        return fit_spline(motion.apply(sources[rows]), targets[rows], nugget, names, drift)(motion.apply(points))
+    on_skin = np.empty((2, 0, 3)) if skins is None else _on_skin(*skins, sources, targets)
 
-    everything = np.arange(len(sources))
+    def carry(rows: np.ndarray, points: np.ndarray, guides: np.ndarray) -> np.ndarray:
+        names = [*(atlas.names[i] for i in rows), *(f"skin {i}" for i in range(guides.shape[1]))]
+        before, after = np.vstack([sources[rows], guides[0]]), np.vstack([targets[rows], guides[1]])
+        nuggets = np.append(np.full(len(rows), nugget), np.full(guides.shape[1], nugget + _NUGGETS[-1]))
+        motion = fit_rigid(sources[rows], targets[rows])
+        return fit_spline(motion.apply(before), after, nuggets, names, drift)(motion.apply(points))
+
+    everything, none = np.arange(len(sources)), np.empty((2, 0, 3))
     miss, left_out = np.zeros(len(sources)), np.full(len(sources), np.nan)
     for i in everything:
         fitted = rows[owners[i]] if owners[i] in own else everything
-        miss[i] = np.linalg.norm(carry(fitted, sources[i : i + 1])[0] - targets[i])
+        miss[i] = np.linalg.norm(carry(fitted, sources[i : i + 1], none)[0] - targets[i])
         others = fitted[fitted != i]
         if _enough(sources[others]):
-            left_out[i] = np.linalg.norm(carry(others, sources[i : i + 1])[0] - targets[i])
-    carried = {
-        name: Surface(carry(rows[name] if name in own else everything, bone.vertices), bone.faces)
-        for name, bone in bones.items()
-    }
-    return AtlasFit(carried, own, atlas.names, miss, left_out)
+            left_out[i] = np.linalg.norm(carry(others, sources[i : i + 1], none)[0] - targets[i])
+    carried, depth = {}, {}
+    for name, bone in bones.items():
+        guides = none if name in own or name in _PELVIS else on_skin
+        carried[name] = Surface(
+            carry(rows[name] if name in own else everything, bone.vertices, guides), bone.faces
+        )
+    if skins is not None:
+        outermost = SurfaceDistance(skins[1]).outermost([bone.vertices for bone in carried.values()])
+        depth = {name: -out for name, (_, out) in zip(carried, outermost, strict=True)}
+    return AtlasFit(carried, own, atlas.names, miss, left_out, depth)
+
+
+def _on_skin(
+    of_atlas: Surface, of_patient: Surface, sources: np.ndarray, targets: np.ndarray
+) -> np.ndarray:
+    """Points of the skin of the atlas and their places on that of the patient, shape (2, points, 3) [mm].
+
+    The nearest point with a like normal, again and again, under a spline through landmarks and skin that follows
+    the skin more closely with each step. It starts from the similarity of the landmarks and what that leaves.
+    """
+    centre, middle = sources.mean(axis=0), targets.mean(axis=0)
+    turn = fit_rigid(sources, targets).rotation
+    scale = float(np.linalg.norm(targets - middle) / np.linalg.norm(sources - centre))
+    start = Surface(middle + scale * turn.apply(of_atlas.vertices - centre), of_atlas.faces)
+    marks = middle + scale * turn.apply(sources - centre)
+    chosen = _spread(start.vertices, _APART * float(np.ptp(marks, axis=0).max()))
+    distance, facing = SurfaceDistance(of_patient), unit(area_vectors(of_patient.vertices, of_patient.faces))
+    spline = fit_spline(marks, targets, 1.0, drift="constant")
+    kept, goals = chosen, start.vertices[chosen]
+    for nugget in _NUGGETS:
+        moved = Surface(spline(start.vertices), start.faces)
+        nearest = distance.nearest(moved.vertices[chosen])
+        alike = np.einsum("ij,ij->i", vertex_normals(moved)[chosen], facing[nearest.face]) > _FACING
+        kept, goals = chosen[alike], nearest.point[alike]
+        spline = fit_spline(
+            np.vstack([marks, start.vertices[kept]]),
+            np.vstack([targets, goals]),
+            np.append(np.ones(len(marks)), np.full(len(kept), nugget)),
+        )
+    return np.stack([of_atlas.vertices[kept], goals])
+
+
+def _spread(points: np.ndarray, apart: float) -> np.ndarray:
+    """Rows of some of the points (n, 3), none nearer to another than `apart` [mm]."""
+    from scipy.spatial import KDTree  # heavy
+
+    tree, kept = KDTree(points), np.ones(len(points), dtype=bool)
+    for row, point in enumerate(points):
+        if kept[row]:
+            kept[tree.query_ball_point(point, apart)] = False
+            kept[row] = True
+    return np.flatnonzero(kept)
 
 
 def _same_landmarks(atlas: Landmarks, patient: Landmarks) -> np.ndarray:
