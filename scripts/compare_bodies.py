@@ -1,6 +1,8 @@
 """Predictions on several bodies with curves as published, and a drawn cohort beside published means.
 
     python scripts/compare_bodies.py ANATOMY BODIES > table.md
+    python scripts/compare_bodies.py ANATOMY BODIES --known
+    python scripts/compare_bodies.py ANATOMY BODIES --precision float64
     python scripts/compare_bodies.py ANATOMY BODIES --patients 60
 
 ANATOMY holds skin.ply and bones/ of a straight trunk, BODIES a folder of such folders. Without `--patients` each
@@ -16,6 +18,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import tyro
@@ -31,6 +34,7 @@ from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.cobb import curves_after, vertebral_tilt
+from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity.published_curves import Kind
@@ -61,6 +65,10 @@ class Options:
     """How many patients are drawn; 0 compares the mean curves on each body."""
     seed: int = 1
     """Of all draws."""
+    known: bool = False
+    """Give the bones after surgery: those of the trunk on which the corrected curve is imposed."""
+    precision: Literal["float32", "float64"] = "float32"
+    """Of the simulation."""
     tets: int = 150_000
     """Tetrahedra of each mesh."""
     increments: int = 4
@@ -83,6 +91,19 @@ class Outcome:
     """Rib-vertebra angle difference at the apex, concave less convex [degrees]."""
     apical: tuple[float, float]
     """Axial rotation of the apex [degrees]."""
+    warned: bool
+    """Whether the predicted skin is warned of."""
+
+    @property
+    def side(self) -> float:
+        """1 where the largest curve is convex to the right, else -1."""
+        return 1.0 if max(self.before.cobb, key=lambda curve: curve.angle).convex == "right" else -1.0
+
+    @property
+    def taller(self) -> float:
+        """Height of the spine that is gained [mm]."""
+        before, after = self.before.spine_height, self.after.spine_height
+        return math.nan if before is None or after is None else after.height - before.height
 
     @property
     def worst(self) -> str:
@@ -123,13 +144,17 @@ def _bodies(folders: list[Path], options: Options) -> None:
         "| body | curve | plan [%] | hump / Cobb | shoulders [mm] | turned away by more than 1 degree | inverted |"
     )
     print("|---|---|---|---|---|---|---|")
+    found: list[Outcome] = []
     for folder in folders:
         skin, bones = _read(folder)
         for kind, cobb in CURVES.items():
-            case = make_case(skin, bones, SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0), 0.65)
+            curve = SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0)
+            case = make_case(skin, bones, curve, 0.65)
             patient = patient_of(case, _run(options))
             for correction in (0.65, 0.4):
-                one = operated(patient, plan_for(kind, correction))
+                known = make_case(skin, bones, curve.corrected(correction), 0.0) if options.known else None
+                one = operated(patient, plan_for(kind, correction), known)
+                found.append(one)
                 shoulders = [side.difference for m in (one.before, one.after) if (side := m.shoulders)]
                 away = ", ".join(f"{level} {more:.1f}" for level, more in one.away.items()) or "none"
                 status = "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
@@ -138,6 +163,17 @@ def _bodies(folders: list[Path], options: Options) -> None:
                     f"| {shoulders[0]:.0f} to {shoulders[1]:.0f} | {away}{status} | {one.inverted} |",
                     flush=True,
                 )
+    after = np.array([one.after.shoulders.difference for one in found if one.after.shoulders])
+    humps = np.array([one.hump_over_cobb for one in found])
+    within = (np.abs(humps - 0.58) <= 0.1).sum()
+    away = [max(one.away.values(), default=0.0) for one in found]
+    print(f"""
+- rows: {len(found)}, converged: {sum(one.status is RelaxStatus.CONVERGED for one in found)}
+- rows with inverted tetrahedra: {sum(one.inverted > 0 for one in found)}
+- shoulders after: {after.mean():.1f} mm in the mean, {np.abs(after).max():.1f} at most
+- hump over Cobb: {humps.mean():.2f} ± {humps.std():.2f}, 0.48 to 0.68 in {within} rows
+- rows without a level that turns away by more than 1 degree: {away.count(0.0)}; the most is {max(away):.1f}
+- rows that are warned of: {sum(one.warned for one in found)}""")
 
 
 def _cohort(folders: list[Path], options: Options) -> None:
@@ -151,27 +187,36 @@ def _cohort(folders: list[Path], options: Options) -> None:
             found.append(_drawn(drawn, skin, bones, options))
         except InputError as error:
             print(f"drawn again: {error}", file=sys.stderr, flush=True)
-    rows = {
-        "Cobb angle [degrees]": [one.cobb for one in found],
-        "rotation of the back where it is largest [degrees]": [one.hump for one in found],
-        "axial rotation of the apex [degrees]": [one.apical for one in found],
-        "shoulder of the convex side higher by [mm]": list(_to_convex(found)),
-        "tilt of T1 [degrees]": [(abs(a), abs(b)) for a, b in (one.tilt for one in found)],
-        "rib-vertebra angle difference [degrees]": [one.ribs for one in found],
+    rows: dict[str, tuple[list[tuple[float, float]], str]] = {
+        "Cobb angle [degrees]": ([one.cobb for one in found], "54.6 ± 9.5 to 14.5 ± 7.5 (a)"),
+        "rotation of the back where it is largest [degrees]": (
+            [one.hump for one in found],
+            "hump 12.3 ± 3.6 to 7.2 ± 3.8, -41 % for Cobb -71 % (b)",
+        ),
+        "axial rotation of the apex [degrees]": ([one.apical for one in found], "12 to 5 for Cobb 51 to 15 (c)"),
+        "shoulder of the convex side higher by [mm]": (list(_to_convex(found)), "7.0 to -1.6 (d)"),
+        "tilt of T1 to the convex side [degrees]": (
+            [(-one.side * one.tilt[0], -one.side * one.tilt[1]) for one in found],
+            "-2.6 ± 6.3 to 3.4 ± 5.5 (a); -0.1 to 2.4 (d)",
+        ),
+        "rib-vertebra angle difference [degrees]": ([one.ribs for one in found], "-59 % for Cobb -64 % (e)"),
+        "height of the spine gained [mm]": ([(0.0, one.taller) for one in found], "about 22 (f)"),
     }
-    print("| measure | before | after | change [%] |")
-    print("|---|---|---|---|")
-    for name, pairs in rows.items():
+    for level in ("T4", "T6", "T8", "T10", "T12", "L2", "L4"):
+        turned = [tuple(one.side * (m.bsr[level] or math.nan) for m in (one.before, one.after)) for one in found]
+        rows[f"rotation of the back at {level}, convex side back [degrees]"] = (turned, "")  # pyright: ignore
+    print("| measure | before | after | change [%] | published |")
+    print("|---|---|---|---|---|")
+    for name, (pairs, published) in rows.items():
         values = np.array(pairs)
         mean, deviation = np.nanmean(values, axis=0), np.nanstd(values, axis=0)
-        change = 100.0 * (mean[1] / mean[0] - 1.0)
+        change = f"{100.0 * (mean[1] / mean[0] - 1.0):.0f}" if abs(mean[0]) > 1.0 else ""
         cells = [f"{m:.1f} ± {d:.1f}" for m, d in zip(mean, deviation, strict=True)]
-        print(f"| {name} | {cells[0]} | {cells[1]} | {change:.0f} |")
-    heights = [
-        b.height - a.height for one in found if (a := one.before.spine_height) and (b := one.after.spine_height)
-    ]
-    print(f"| height of the spine gained [mm] | | {np.mean(heights):.1f} ± {np.std(heights):.1f} | |")
-    print(f"\n{sum(one.status is RelaxStatus.CONVERGED for one in found)} of {len(found)} converged.")
+        print(f"| {name} | {cells[0]} | {cells[1]} | {change} | {published} |")
+    print(
+        f"\n{sum(one.status is RelaxStatus.CONVERGED for one in found)} of {len(found)} converged; "
+        f"{sum(one.warned for one in found)} are warned of."
+    )
 
 
 def _drawn(drawn: Drawn, skin: Surface, bones: dict[str, Surface], options: Options) -> Outcome:
@@ -179,14 +224,20 @@ def _drawn(drawn: Drawn, skin: Surface, bones: dict[str, Surface], options: Opti
     return operated(patient_of(case, _run(options)), plan_for(drawn.kind, drawn.correction))
 
 
-def operated(patient: Patient, plan: Plan) -> Outcome:
-    """One surgery simulated and measured."""
+def operated(patient: Patient, plan: Plan, known: Case | None = None) -> Outcome:
+    """One surgery simulated and measured; the bones after it are those of `known`, where that is given."""
     landmarks = patient.case.landmarks_before
-    case = dataclasses.replace(patient.case, landmarks_after=plan_surgery(patient.case, plan).landmarks_after)
+    if known is None:
+        after_surgery = plan_surgery(patient.case, plan).landmarks_after
+        case = dataclasses.replace(patient.case, landmarks_after=after_surgery)
+    else:
+        case = dataclasses.replace(
+            patient.case, landmarks_after=known.landmarks_before, bones_after=dict(known.bones)
+        )
     prepared = prepare_plan(patient, case)
     *_, last = simulate(prepared.model, prepared.bone_path, patient.options.simulation, relaxer=patient.relaxer)
-    before = measure(case.skin, landmarks)
-    after = measure(predicted_skin(case, prepared.trunk, last.displacement), case.planned_landmarks)
+    skin = predicted_skin(case, prepared.trunk, last.displacement)
+    before, after = measure(case.skin, landmarks), measure(skin, case.planned_landmarks)
     largest = max(range(len(before.cobb)), key=lambda i: before.cobb[i].angle)
     left = curves_after(before.cobb, case.planned_landmarks)[largest]
     curve = before.cobb[largest]
@@ -201,42 +252,46 @@ def operated(patient: Patient, plan: Plan) -> Outcome:
         (tilts[0], tilts[1]),
         _rib_vertebra_angles(case, curve.apex, curve.convex),
         (apical[0], apical[1]),
+        bool(skin_quality(case.skin, skin, landmarks).faults),
     )
 
 
 def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, float]:
     """Rib-vertebra angle of the concave side less that of the convex one, in the coronal plane [degrees].
 
-    The line of a rib is taken from its head to its outermost point; NaN for an apex without ribs.
+    The line of a rib is taken from its head to its outermost point. A vertebra that tilts changes the difference
+    by twice its tilt, and no vertebra is quite level: the difference is that where the tilt of the vertebrae
+    around the apex is zero. NaN for an apex without ribs.
     """
-    if not apex.startswith("T"):
+    around = [f"T{number}" for number in range(int(apex[1:]) - 1, int(apex[1:]) + 2)]
+    if not (apex.startswith("T") and set(around) <= {f"T{number}" for number in range(1, 13)}):
         return math.nan, math.nan
     motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, shares=case.rib_shares)
+    concave = "left" if convex == "right" else "right"
     found = []
     for after in (False, True):
-        angles = {}
-        marks = case.planned_landmarks if after else case.landmarks_before
-        spine = spine_of(marks)
-        axis = np.subtract(*spine.endplates[spine.levels.index(apex)])
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            rib = case.bones[name := f"rib_{side}_{int(apex[1:]):02d}"].vertices
-            line = np.array([ends(rib, case.bones[apex].vertices)[0], rib[(sign * rib[:, 0]).argmax()]])
-            if after:
-                line = motions[name].apply(line)
-            along = line[1] - line[0]
-            angles[side] = math.degrees(
-                math.acos(-(along[[0, 2]] @ axis[[0, 2]]) / math.hypot(*along[[0, 2]]) / math.hypot(*axis[[0, 2]]))
-            )
-        concave = "left" if convex == "right" else "right"
-        found.append(angles[concave] - angles[convex])
+        spine = spine_of(case.planned_landmarks if after else case.landmarks_before)
+        tilts, differences = [], []
+        for level in around:
+            axis = np.subtract(*spine.endplates[spine.levels.index(level)])
+            angles = {}
+            for side, sign in (("left", 1.0), ("right", -1.0)):
+                rib = case.bones[name := f"rib_{side}_{int(level[1:]):02d}"].vertices
+                line = np.array([ends(rib, case.bones[level].vertices)[0], rib[(sign * rib[:, 0]).argmax()]])
+                x, _, z = np.subtract(*(motions[name].apply(line) if after else line)[::-1])
+                angles[side] = math.degrees(math.atan2(sign * x, -z)) + sign * math.degrees(
+                    math.atan2(axis[0], axis[2])
+                )
+            tilts.append(math.degrees(math.atan2(axis[0], axis[2])))
+            differences.append(angles[concave] - angles[convex])
+        found.append(float(np.polyfit(tilts, differences, 1)[1]))
     return found[0], found[1]
 
 
 def _to_convex(found: list[Outcome]) -> Iterator[tuple[float, float]]:
     for one in found:
         if one.before.shoulders and one.after.shoulders:
-            sign = 1.0 if max(one.before.cobb, key=lambda curve: curve.angle).convex == "right" else -1.0
-            yield sign * one.before.shoulders.difference, sign * one.after.shoulders.difference
+            yield one.side * one.before.shoulders.difference, one.side * one.after.shoulders.difference
 
 
 def plan_for(kind: Kind, correction: float) -> Plan:
@@ -254,7 +309,9 @@ def plan_for(kind: Kind, correction: float) -> Plan:
 
 def _run(options: Options) -> RunOptions:
     return RunOptions(
-        mesh=MeshOptions(tets=options.tets), simulation=SimulationOptions(increments=options.increments)
+        mesh=MeshOptions(tets=options.tets),
+        simulation=SimulationOptions(increments=options.increments),
+        precision=options.precision,
     )
 
 
