@@ -187,6 +187,11 @@ def _cohort(folders: list[Path], options: Options) -> None:
             found.append(_drawn(drawn, skin, bones, options))
         except InputError as error:
             print(f"drawn again: {error}", file=sys.stderr, flush=True)
+    _print_cohort(found)
+
+
+def _print_cohort(found: list[Outcome]) -> None:
+    """The drawn patients beside published ones; docs/bodies.md has the sources (a) to (f)."""
     rows: dict[str, tuple[list[tuple[float, float]], str]] = {
         "Cobb angle [degrees]": ([one.cobb for one in found], "54.6 ± 9.5 to 14.5 ± 7.5 (a)"),
         "rotation of the back where it is largest [degrees]": (
