@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.bone_motion.articulation import bone_motions
+from warp_trunk.bone_motion.articulation import bone_motions, unknown_bones
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_shares import RibShares
@@ -160,3 +160,10 @@ def test_who_bends_sideways_turns_no_vertebra_by_screws() -> None:
 
     np.testing.assert_array_equal(rib("bending", 0.1), rib("bending", 0.5))
     assert np.abs(rib("surgery", 0.1) - rib("surgery", 0.5)).max() > 1.0
+
+
+def test_bones_of_unknown_names_are_warned_of() -> None:
+    known = ("T1", "L5", "C7", "rib_left_01", "costal_cartilage_right_07", "sternum", "scapula_left", "hip_right")
+    assert unknown_bones(known) == []
+    (text,) = unknown_bones((*known, "rib_left_8", "costa"))
+    assert "costa, rib_left_8 are" in text

@@ -6,7 +6,15 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from support.synthetic import shell_trunk
-from warp_trunk.bone_motion.bone_path import composed_path, rigid_path, spline_path
+from warp_trunk.bone_motion.bone_path import (
+    BonePath,
+    colliding_bones,
+    extended_displacement,
+    folded_tissue,
+    rigid_path,
+    spline_path,
+)
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
 RNG = np.random.default_rng(3)
@@ -34,18 +42,17 @@ def test_is_the_spline_to_the_landmarks_of_each_load_factor() -> None:
     np.testing.assert_allclose(path.at(0.35), part.at(1.0), atol=1e-9)
 
 
-def test_composition_of_one_increment_is_the_same_path() -> None:
-    one = composed_path(NODES, landmarks(BEFORE), landmarks(AFTER), 1)
-    np.testing.assert_allclose(
-        one.at(1.0), spline_path(NODES, landmarks(BEFORE), landmarks(AFTER)).at(1.0), atol=1e-9
-    )
+def test_a_spline_for_each_increment_would_end_elsewhere_but_at_the_landmarks() -> None:
+    def composed(points: np.ndarray) -> np.ndarray:
+        moved = points
+        for k in range(10):
+            here, there = (BEFORE + t / 10 * (AFTER - BEFORE) for t in (k, k + 1))
+            moved = moved + spline_path(moved, landmarks(here), landmarks(there)).at(1.0)
+        return moved - points
 
-
-def test_composition_ends_elsewhere_but_at_the_landmarks() -> None:
-    ends = [composed_path(NODES, landmarks(BEFORE), landmarks(AFTER), n).at(1.0) for n in (1, 10)]
-    assert np.abs(ends[1] - ends[0]).max() > 0.01  # why the engine takes `spline_path`
-    at_landmarks = composed_path(BEFORE, landmarks(BEFORE), landmarks(AFTER), 10).at(1.0)
-    np.testing.assert_allclose(at_landmarks, AFTER - BEFORE, atol=1e-8)
+    apart = composed(NODES) - spline_path(NODES, landmarks(BEFORE), landmarks(AFTER)).at(1.0)
+    assert np.abs(apart).max() > 0.01  # why the engine takes one spline
+    np.testing.assert_allclose(composed(BEFORE), AFTER - BEFORE, atol=1e-8)
 
 
 def test_names_must_agree() -> None:
@@ -53,12 +60,7 @@ def test_names_must_agree() -> None:
     with pytest.raises(InputError, match="T7_left"):
         spline_path(NODES, landmarks(BEFORE), landmarks(AFTER, other))
     with pytest.raises(InputError, match="order"):
-        composed_path(NODES, landmarks(BEFORE), landmarks(AFTER, NAMES[::-1]), 2)
-
-
-def test_composition_needs_an_increment() -> None:
-    with pytest.raises(InputError, match="at least 1"):
-        composed_path(NODES, landmarks(BEFORE), landmarks(AFTER), 0)
+        spline_path(NODES, landmarks(BEFORE), landmarks(AFTER, NAMES[::-1]))
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +106,72 @@ def test_a_bone_without_a_motion_is_named(jointed) -> None:
     trunk, motions = jointed
     with pytest.raises(InputError, match="'lower'"):
         rigid_path(trunk, {"upper": motions["upper"]})
+
+
+LATTICE = np.random.default_rng(8).uniform(-100.0, 100.0, size=(1500, 3))
+HELD = np.flatnonzero(np.linalg.norm(LATTICE, axis=1) < 60.0)
+
+
+def test_nodes_on_bone_go_where_they_are_told() -> None:
+    moved = RNG.normal(scale=5.0, size=(len(HELD), 3))
+    np.testing.assert_allclose(extended_displacement(LATTICE, HELD, moved)[HELD], moved, atol=1e-5)
+
+
+def test_what_all_bones_do_all_nodes_do() -> None:
+    way = np.array([3.0, -8.0, 1.0])
+    np.testing.assert_allclose(
+        extended_displacement(LATTICE, HELD, np.tile(way, (len(HELD), 1))), np.tile(way, (len(LATTICE), 1))
+    )
+
+
+def test_bones_that_stay_move_nothing() -> None:
+    assert not extended_displacement(LATTICE, HELD, np.zeros((len(HELD), 3))).any()
+
+
+def test_close_to_a_bone_a_node_moves_as_that_bone() -> None:
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.2])
+    moved = np.where(LATTICE[HELD, :1] > 0.0, turn.apply(LATTICE[HELD]) - LATTICE[HELD], 0.0)
+    beside = LATTICE[HELD] + RNG.normal(scale=0.02, size=(len(HELD), 3))
+    nodes = np.vstack([LATTICE, beside])
+    found = extended_displacement(nodes, HELD, moved)[len(LATTICE) :]
+    assert np.linalg.norm(found - moved, axis=1).max() < 0.2
+
+
+def test_one_node_on_bone_carries_all() -> None:
+    found = extended_displacement(LATTICE, HELD[:1], np.array([[1.0, 2.0, 3.0]]))
+    np.testing.assert_allclose(found, np.tile([1.0, 2.0, 3.0], (len(LATTICE), 1)), atol=1e-12)
+
+
+# one tetrahedron between two bones, one with a free corner
+FIVE = np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10], [0, 0, -10]])
+TWO_TETS = TrunkMesh(
+    nodes=FIVE,
+    tets=np.array([[0, 1, 2, 3], [0, 2, 1, 4]], dtype=np.int32),
+    skin_nodes=np.empty(0, dtype=np.int32),
+    skin_faces=np.empty((0, 3), dtype=np.int32),
+    bone=np.array([0, 0, 0, 1, -1], dtype=np.int32),
+    bone_names=("T8", "T9"),
+    bone_faces=np.empty((0, 3), dtype=np.int32),
+)
+
+
+def moved(node: int, by: float) -> BonePath:
+    path = np.zeros_like(FIVE)
+    path[node, 2] = by
+    return BonePath(path)
+
+
+def test_a_path_that_bones_can_take_has_no_fault():
+    assert colliding_bones(TWO_TETS, moved(3, -9.0)) == folded_tissue(TWO_TETS, moved(3, -9.0)) == []
+
+
+def test_bones_that_pass_through_each_other_are_named():
+    (text,) = colliding_bones(TWO_TETS, moved(3, -11.0))
+    assert "T8 and T9" in text
+    assert "(2, 2, 2) mm" in text
+
+
+def test_a_fold_that_tissue_can_undo_is_no_collision():
+    assert colliding_bones(TWO_TETS, moved(4, 11.0)) == []
+    (text,) = folded_tissue(TWO_TETS, moved(4, 11.0))
+    assert text.startswith("the path of the bones folds tissue at T8, around")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warp_trunk.bone_motion.coupled_turn import coupled_turns
+from warp_trunk.bone_motion.vertebra_motion import coupled_turns
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures.cobb import cobb_angles
 from warp_trunk.preparation.deformity import SpineCurve, correct

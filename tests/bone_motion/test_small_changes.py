@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.bone_motion.small_changes import ARM, carried_along, jacobian, shifted, way
+from warp_trunk.bone_motion.steps import ARM, adjoint_matrix, jacobian, shifted, way
 from warp_trunk.bone_motion.vertebra_motion import split
 
 RNG = np.random.default_rng(4)
@@ -46,4 +46,4 @@ def test_derivatives_by_each_value_and_through_points_that_are_not_read() -> Non
 def test_a_small_motion_before_another_one() -> None:
     small = 1e-4 * RNG.normal(size=6)
     after_all = way(MOTION, MOTION * shifted(RigidTransform.identity(), small))
-    np.testing.assert_allclose(carried_along(MOTION) @ small, after_all, atol=1e-10)
+    np.testing.assert_allclose(adjoint_matrix(MOTION) @ small, after_all, atol=1e-10)

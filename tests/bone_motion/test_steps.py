@@ -9,12 +9,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from support.marked_spine import with_errors
-from warp_trunk.bone_motion import steadying
+from warp_trunk.bone_motion import vertebra_smoothing as smoothing_module
 from warp_trunk.bone_motion.articulation import bone_motions
-from warp_trunk.bone_motion.path_derivative import rigid_derivative
 from warp_trunk.bone_motion.rib_cage import ends
-from warp_trunk.bone_motion.steadying import steadying_of
-from warp_trunk.bone_motion.steps import RememberedSteps, Steps
+from warp_trunk.bone_motion.steps import RememberedSteps, Steps, rigid_derivative
+from warp_trunk.bone_motion.vertebra_smoothing import vertebra_smoothing
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
@@ -76,12 +75,12 @@ def test_each_bone(bones: dict[str, Surface], rows: np.ndarray, pose: Literal["s
 
 
 def test_landmarks_with_errors(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Vertebrae are steadied, by a smoothness that a derivative takes as given."""
+    """Vertebrae are smooth_vertebrae, by a smoothness that a derivative takes as given."""
     random = np.random.default_rng(2)
     before, after = with_errors(BEFORE, random), with_errors(AFTER, random)
-    given = steadying_of(before, after)
+    given = vertebra_smoothing(before, after)
     assert given is not None
-    monkeypatch.setattr(steadying, "steadying_of", lambda *_: given)
+    monkeypatch.setattr(smoothing_module, "vertebra_smoothing", lambda *_: given)
     compare(all_kinds(), before, after, "surgery")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,11 +14,10 @@ from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import Spline, fit_spline
 
-from .coupled_turn import coupled_turns
 from .rib_cage import ends, follow
-from .steadying import steadied
 from .steps import Steps
-from .vertebra_motion import VertebraMotion, split
+from .vertebra_motion import VertebraMotion, coupled_turns, split
+from .vertebra_smoothing import smooth_vertebrae
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -51,7 +50,7 @@ def bone_motions(
 
     - A bone known after surgery, with the same vertices: the rigid motion nearest to theirs.
     - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs. Where those
-      of vertebrae do not move rigidly, by their errors, these are steadied along the spine (`steadying.steadied`).
+      of vertebrae do not move rigidly, by their errors, these are smoothed along the spine (`smooth_vertebrae`).
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
       two iliac spines alone leave the turn about the line between them open; it is taken as none.
     - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`) of what these do
@@ -69,7 +68,7 @@ def bone_motions(
         shares: what of a vertebra's motion reaches its ribs; the default ones when left out.
         pose: what lies between before and after.
         steps: how steps are taken; `RememberedSteps` of the same landmarks can then differentiate the motions.
-        expected_error: of landmarks that have none yet, see `steadying.steadying_of` [mm].
+        expected_error: of landmarks that have none yet, see `vertebra_smoothing` [mm].
 
     Returns:
         A motion for each of the bones [mm].
@@ -79,7 +78,7 @@ def bone_motions(
     """
     steps = steps or Steps()
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
-    landmarks_after = steadied(landmarks_before, landmarks_after, steps, expected=expected_error)
+    landmarks_after = smooth_vertebrae(landmarks_before, landmarks_after, steps, expected=expected_error)
     motions, pelvis = _by_landmarks(bones, landmarks_before, landmarks_after, steps)
     for bone, after in (bones_after or {}).items():
         motions[bone] = fit_rigid(bones[bone].vertices, after.vertices)
@@ -245,3 +244,24 @@ def _neighbours(bone: str) -> tuple[str, str]:
 def _hold(points: np.ndarray) -> bool:
     """Whether landmarks hold a bone in all six of its degrees of freedom."""
     return len(points) >= 3 and int(np.linalg.matrix_rank(points - points.mean(axis=0), tol=_THICK)) >= 2
+
+
+_KNOWN = re.compile(
+    r"[CTL]\d+|sternum|sacrum|coccyx|(rib|costal_cartilage)_(left|right)_\d\d"
+    r"|(hip|femur|scapula|clavicle|humerus)_(left|right)"
+)
+_NAMED = 3
+"""So many of the unknown bones are named."""
+
+
+def unknown_bones(bones: Iterable[str]) -> list[str]:
+    """A sentence where bones have names that are of no bone, so that ribs among them would not follow."""
+    unknown = sorted(name for name in bones if not _KNOWN.fullmatch(name))
+    if not unknown:
+        return []
+    more = len(unknown) - _NAMED
+    named = ", ".join(unknown[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+    return [
+        f"bones: {named} {'is' if len(unknown) == 1 else 'are'} moved as one body each, to where the landmarks of "
+        "the spine take them, as no bone is known by that name; ribs are named rib_left_01 to rib_right_12."
+    ]

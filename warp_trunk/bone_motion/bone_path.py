@@ -1,4 +1,4 @@
-"""Where the bones are at a load factor between 0 (before surgery) and 1 (after)."""
+"""Where the bones are at a load factor between 0 (before surgery) and 1 (after), and the tissue between them."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.spline import fit_spline
-
-from .carrying import carry
+from warp_trunk.geometry.spline import fit_spline, spread_centres
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -79,7 +78,7 @@ def spline_path(
     before surgery, from L0 to L(t), is therefore the identity plus t times the displacement of F, which is
     fitted from L0 to L1. So the bones arrive at the same place whatever the number of increments. Theorem 2
     of [2] assumes just that of its sequence of maps; a composition of splines, each fitted at the landmarks
-    of its own increment, does not give it (`composed_path`).
+    of its own increment, does not give it.
 
     Args:
         nodes: rest positions, shape (nodes, 3) [mm].
@@ -100,7 +99,7 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: 
 
     The papers' spline is fitted on landmarks and bends what lies between them; here a bone keeps its shape at
     every load factor. Where two bones are merged in the mesh, the surface between them stretches instead. All
-    other nodes are carried along smoothly (`carrying.carry`).
+    other nodes follow smoothly (`extended_displacement`).
 
     Args:
         trunk: the mesh, whose nodes on bone know which bone that is.
@@ -113,7 +112,8 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: 
     rigid_bones = _rigid_bones(trunk, motions)
     held = np.flatnonzero(trunk.prescribed)
     moved = rigid_displacement(trunk, motions)[held]
-    return BonePath(BonePath(carry(trunk.nodes, held, moved, device), rigid_bones).at(1.0), rigid_bones)
+    smooth = BonePath(extended_displacement(trunk.nodes, held, moved, device), rigid_bones)
+    return BonePath(smooth.at(1.0), rigid_bones)
 
 
 def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> np.ndarray:
@@ -133,36 +133,6 @@ def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> Rig
     return RigidBones(nodes, trunk.nodes[nodes], trunk.bone[nodes], screws)
 
 
-def composed_path(
-    nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks, increments: int
-) -> BonePath:
-    """The other reading of eq. 4.5 of [2]: increment k fits a spline from L(t_k) to L(t_k+1) and applies it
-    to the nodes where the last one left them.
-
-    Away from the landmarks its end depends on the number of increments. It is here to measure by how much:
-    the record it gives holds the end only, so that `at` is right at load factors 0 and 1 alone.
-
-    Args:
-        nodes: rest positions, shape (nodes, 3) [mm].
-        landmarks_before: landmarks at load factor 0.
-        landmarks_after: the same landmarks at load factor 1.
-        increments: number of splines composed, at least 1.
-
-    Raises:
-        InputError: as `spline_path`, or fewer than one increment.
-    """
-    _check_names(landmarks_before, landmarks_after)
-    if increments < 1:
-        raise InputError(f"composed_path: 'increments' must be at least 1, not {increments}")
-    before, after = landmarks_before.points, landmarks_after.points
-    positions = nodes
-    for k in range(increments):
-        here = before + (k / increments) * (after - before)
-        there = before + ((k + 1) / increments) * (after - before)
-        positions = fit_spline(here, there, names=landmarks_before.names)(positions)
-    return BonePath(positions - nodes)
-
-
 def _check_names(before: Landmarks, after: Landmarks) -> None:
     if before.names != after.names:
         differ = sorted(set(before.names) ^ set(after.names)) or ["their order"]
@@ -170,3 +140,77 @@ def _check_names(before: Landmarks, after: Landmarks) -> None:
             "bone path: landmarks before and after must have the same names in the same order; "
             f"{', '.join(differ[:6])} differ"
         )
+
+
+_APART = 15.0
+"""Nodes on bone that the spline meets are this far apart [mm]."""
+_CLOSE = 25.0
+"""How far from bone the nodes are that what the spline leaves over still moves [mm]."""
+_NEAREST = 4
+"""By the mean of so many nodes on bone."""
+
+
+def extended_displacement(
+    nodes: np.ndarray, held: np.ndarray, moved: np.ndarray, device: str = "cpu"
+) -> np.ndarray:
+    """A smooth displacement of all nodes that is that of the bones on them.
+
+    A spline through some of the nodes on bone, and on top of it what it misses at the others, fading out with
+    the distance from bone. It is where relaxation starts from, not its result: a start in which bones do not cut
+    through the tissue beside them turns few tetrahedra inside out.
+
+    Args:
+        nodes: where all nodes are, shape (nodes, 3) [mm].
+        held: which of them are on bone, shape (held,), int.
+        moved: how far these move, shape (held, 3) [mm].
+        device: where the spline is evaluated, the model's: 'cpu' or 'cuda:N'.
+
+    Returns:
+        The displacement, shape (nodes, 3) [mm]; on the nodes on bone to rounding that given.
+    """
+    from scipy.spatial import KDTree  # heavy
+
+    chosen = spread_centres(nodes[held], _APART)
+    points = nodes[held]
+    spline = fit_spline(points[chosen], points[chosen] + moved[chosen], drift="constant")
+    displacement = spline.displacement(nodes, device)
+    left = moved - displacement[held]
+    distance, near = KDTree(points).query(nodes, k=min(_NEAREST, len(points)))
+    distance, near = distance.reshape(len(nodes), -1), near.reshape(len(nodes), -1)
+    weight = 1.0 / np.maximum(distance, 1e-9)
+    weight *= (np.maximum(0.0, 1.0 - distance[:, 0] / _CLOSE) / weight.sum(axis=1))[:, None]
+    return displacement + np.einsum("nk,nki->ni", weight, left[near])
+
+
+def colliding_bones(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
+    """Where tetrahedra whose corners all lie on bone end inside out, in words; whatever the tissue does.
+
+    Between two bones they are inside out because the bones have passed through each other, on one bone because
+    the path folds it.
+    """
+    return _places(trunk, _inverted(trunk, bone_path) & trunk.prescribed[trunk.tets].all(axis=1), "bones collide")
+
+
+def folded_tissue(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
+    """Where the path, which carries all nodes, turns tetrahedra inside out, in words; relaxation may mend them."""
+    return _places(trunk, _inverted(trunk, bone_path), "the path of the bones folds tissue")
+
+
+def _inverted(trunk: TrunkMesh, bone_path: BonePath) -> np.ndarray:
+    """Tetrahedra that the path turns inside out at its end, shape (tets,)."""
+    return tet_volumes(trunk.nodes + bone_path.at(1.0), trunk.tets) <= 0.0
+
+
+def _places(trunk: TrunkMesh, inverted: np.ndarray, what: str) -> list[str]:
+    """Such tetrahedra by the bones they touch, most first, in words."""
+    found: dict[tuple[str, ...], list[int]] = {}
+    for tet in np.flatnonzero(inverted):
+        bones = sorted({trunk.bone_names[b] for b in trunk.bone[trunk.tets[tet]] if b >= 0})
+        found.setdefault(tuple(bones), []).append(int(tet))
+    sentences = []
+    for bones, tets in sorted(found.items(), key=lambda item: -len(item[1])):
+        middle = trunk.nodes[trunk.tets[tets]].mean(axis=(0, 1))
+        near = f"at {' and '.join(bones)}, " if bones else ""
+        place = "({:.0f}, {:.0f}, {:.0f}) mm".format(*middle)
+        sentences.append(f"{what} {near}around {place} ({len(tets)} of the tetrahedra)")
+    return sentences

@@ -8,6 +8,7 @@ where all bones go in all landmarks.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -15,10 +16,11 @@ import numpy as np
 from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_adjoint, on_line
 from warp_trunk.geometry.spline import Spline, SplineDerivative
 
-from .small_changes import ARM, carried_along, jacobian
-
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
+
+    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 T = TypeVar("T")
 _PullBack = Callable[[np.ndarray], Sequence[np.ndarray]]
@@ -87,7 +89,7 @@ class RememberedSteps(Steps):
         """Also remembers them; the derivative is known in closed form."""
 
         def pull_back(weight: np.ndarray) -> list[np.ndarray]:
-            return [weight, weight @ carried_along(second)]
+            return [weight, weight @ adjoint_matrix(second)]
 
         return self._taken(super().product(second, first), (second, first), pull_back)
 
@@ -159,3 +161,129 @@ class RememberedSteps(Steps):
             by_point = np.concatenate([weight.reshape(count, -1, 3) for _, weight in carried], axis=1)
             found += spline.adjoint(by_point)
         return found[0], found[1]
+
+
+ARM = 1000.0
+"""A motion's turn is told by the way it moves a point at this distance from the axis [mm]."""
+STEP = 1e-4
+"""How far a number is moved to either side for a derivative [mm, rad]."""
+_OBLIQUE = np.array([0.7, 0.5, 0.3])
+"""A way that nothing is blind to."""
+
+
+def way(start: Any, end: Any) -> np.ndarray:
+    """The numbers that lead from one value to another one near it, shape (numbers,).
+
+    Those of a motion are the turn and the shift that lead on from it, about the origin: turn * ARM, shift [mm].
+    """
+    if isinstance(start, float | np.ndarray):
+        return np.ravel(np.subtract(end, start))
+    if isinstance(start, dict):
+        return _joined([way(value, end[name]) for name, value in start.items()])
+    if is_dataclass(start):
+        return _joined([way(getattr(start, one.name), getattr(end, one.name)) for one in fields(start)])
+    if isinstance(start, tuple):
+        return _joined([way(*pair) for pair in zip(start, end, strict=True)])
+    there = (end * start.inv()).as_exp_coords()
+    return np.concatenate([ARM * there[:3], there[3:]])
+
+
+def shifted(value: Any, by: np.ndarray) -> Any:
+    """The value to which these numbers lead (`way`)."""
+    if isinstance(value, float):
+        return value + float(by[0])
+    if isinstance(value, np.ndarray):
+        return value + by.reshape(value.shape)
+    if isinstance(value, dict):
+        return dict(zip(value, _each(tuple(value.values()), by), strict=True))
+    if is_dataclass(value):
+        names = [one.name for one in fields(value)]
+        parts = _each(tuple(getattr(value, name) for name in names), by)
+        return type(value)(**dict(zip(names, parts, strict=True)))
+    if isinstance(value, tuple):
+        return tuple(_each(value, by))
+    return type(value).from_exp_coords(np.concatenate([by[:3] / ARM, by[3:]])) * value
+
+
+def adjoint_matrix(motion: RigidTransform) -> np.ndarray:
+    """The numbers of a small motion after this one, by those of the same one before it, shape (6, 6)."""
+    turn, shift = motion.rotation.as_matrix(), motion.translation
+    found = np.zeros((6, 6))
+    found[:3, :3] = found[3:, 3:] = turn
+    found[3:, :3] = np.cross(shift, turn, axisb=0, axisc=0) / ARM
+    return found
+
+
+def jacobian(function: Callable[..., Any], values: Sequence[Any], which: int) -> np.ndarray:
+    """How the numbers of a function's result change with those of one of its values, by central differences.
+
+    Returns:
+        Shape (numbers of the result, numbers of the value).
+    """
+    value, here = values[which], function(*values)
+    size = len(way(value, value))
+
+    def result(by: np.ndarray) -> Any:
+        return function(*values[:which], shifted(value, by), *values[which + 1 :])
+
+    found = np.zeros((len(way(here, here)), size))
+    # many points of an array are read by nothing
+    group = 3 if isinstance(value, np.ndarray) else size
+    for start in range(0, size, group):
+        rows = np.eye(size)[start : start + group]
+        if group < size and not way(here, result(STEP * _OBLIQUE @ rows)).any():
+            continue
+        for column, row in enumerate(rows, start):
+            found[:, column] = way(result(-STEP * row), result(STEP * row)) / (2.0 * STEP)
+    return found
+
+
+def _each(values: tuple[Any, ...], by: np.ndarray) -> list[Any]:
+    """Each value shifted by its part of the numbers."""
+    ends = np.cumsum([len(way(value, value)) for value in values])
+    return [shifted(value, part) for value, part in zip(values, np.split(by, ends[:-1]), strict=True)]
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+PathDerivative = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From dN/d(place of each bone node), (numbers, bone nodes, 3), to dN/d(landmarks before) and after, each of shape
+(numbers, landmarks, 3)."""
+
+
+def spline_derivative(nodes: np.ndarray, before: Landmarks, after: Landmarks) -> PathDerivative:
+    """For bones that the spline of the landmarks carries (`spline_path`); exact.
+
+    Args:
+        nodes: the bone nodes before surgery [mm], shape (bone nodes, 3).
+        before: landmarks before surgery.
+        after: the same after.
+    """
+    return SplineDerivative(before.points, after.points, nodes).adjoint
+
+
+def rigid_derivative(
+    trunk: TrunkMesh, motions: Mapping[str, RigidTransform], steps: RememberedSteps
+) -> PathDerivative:
+    """For bones that move rigidly (`rigid_path`); of each step by differences of that step alone.
+
+    Args:
+        trunk: the mesh, whose nodes on bone know which bone that is.
+        motions: of each of its bones.
+        steps: those by which the motions were found.
+    """
+    bone = trunk.bone[trunk.prescribed]
+    nodes = trunk.nodes[trunk.prescribed]
+    moved = {name: motions[name].apply(nodes[bone == number]) for number, name in enumerate(trunk.bone_names)}
+
+    def by_landmarks(by_node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        weights = []
+        for number, points in enumerate(moved.values()):
+            pull = by_node[:, bone == number]
+            turn = np.cross(points, pull).sum(axis=1) / ARM
+            weights.append(np.hstack([turn, pull.sum(axis=1)]))
+        return steps.adjoint([motions[name] for name in moved], weights)
+
+    return by_landmarks

@@ -13,9 +13,8 @@ from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import plan_surgery, read_plan
-from warp_trunk.bone_motion.plan.plan_file import curve_of_text
-from warp_trunk.bone_motion.plan.planned_folder import check_planned_folder, write_planned_case
-from warp_trunk.bone_motion.plan.surgery_text import back_text, surgery_text
+from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of_text, write_planned_case
+from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
 from warp_trunk.case import read_case
 from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.errors import InputError

@@ -12,7 +12,7 @@ from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import read_plan
-from warp_trunk.bone_motion.plan.planned_folder import plan_files
+from warp_trunk.bone_motion.plan.plan_file import plan_files
 from warp_trunk.case import Case, read_checked_case
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError

@@ -37,8 +37,8 @@ class Tissue:
     youngs_modulus: float = 10.0
     """Stiffness of the tissue as a continuum [kPa]; it matters beside other tissues, and with gravity."""
     poisson_ratio: float = 0.35
-    """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume. Soft tissue alone is
-    nearly incompressible, but what fills chest and belly moves out of the way when a flank closes."""
+    """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume. Soft tissue alone
+    is nearly incompressible, but what fills chest and belly moves out of the way when a flank closes."""
 
     def __post_init__(self) -> None:
         for name, least in (("epsilon", 0.0), ("theta", 0.0), ("density", 1e-9), ("youngs_modulus", 1e-9)):

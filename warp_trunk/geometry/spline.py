@@ -117,6 +117,19 @@ def fit_spline(
     )
 
 
+def spread_centres(points: np.ndarray, apart: float) -> np.ndarray:
+    """Rows of some of the points (n, 3), in their order, none nearer to another one than `apart` [mm]: enough
+    centres for a spline that many points share."""
+    from scipy.spatial import KDTree  # heavy
+
+    tree, kept = KDTree(points), np.ones(len(points), dtype=bool)
+    for row, point in enumerate(points):
+        if kept[row]:
+            kept[tree.query_ball_point(point, apart)] = False
+            kept[row] = True
+    return np.flatnonzero(kept)
+
+
 def spline_matrix(centres: np.ndarray, nugget: float | np.ndarray = 0.0, drift: str = "linear") -> np.ndarray:
     """The symmetric matrix of the weights and the affine part at centres (n, 3), shape (n + terms, n + terms)."""
     n, terms = len(centres), 4 if drift == "linear" else 1

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.bone_motion.plan import read_plan
-from warp_trunk.bone_motion.plan.planned_folder import PLAN, write_planned_case
+from warp_trunk.bone_motion.plan.plan_file import PLAN, write_planned_case
 from warp_trunk.case.case_writer import HEADER
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warp_trunk.bone_motion.bone_path import BonePath, rigid_displacement
-from warp_trunk.bone_motion.path_faults import colliding_bones
+from warp_trunk.bone_motion.bone_path import BonePath, colliding_bones, rigid_displacement
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State

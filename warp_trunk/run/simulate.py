@@ -11,11 +11,11 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from warp_trunk.bone_motion.bone_names import unknown_bones
-from warp_trunk.bone_motion.path_faults import colliding_bones, folded_tissue
+from warp_trunk.bone_motion.articulation import unknown_bones
+from warp_trunk.bone_motion.bone_path import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner, plan_text
-from warp_trunk.bone_motion.plan.planned_folder import planned_case
-from warp_trunk.bone_motion.steadying import steadying_warnings
+from warp_trunk.bone_motion.plan.plan_file import planned_case
+from warp_trunk.bone_motion.vertebra_smoothing import smoothing_warnings
 from warp_trunk.case import check_case
 from warp_trunk.case.motions import check_passing
 from warp_trunk.engine import simulation
@@ -258,7 +258,7 @@ def _checked(
     before, after = case.landmarks_before, case.planned_landmarks
     found = [*(check_case(case) if warnings is None else warnings), *curve_warnings(before, after)]
     if options.bones == "follow" and case.landmarks_after is not None:
-        found += [*unknown_bones(case.bones), *steadying_warnings(before, after)]
+        found += [*unknown_bones(case.bones), *smoothing_warnings(before, after)]
     layers = () if case.layers is None else case.layers.tissues(case.tissue)
     found += option_warnings((case.tissue, *layers), options.gravity)
     if case.motions:

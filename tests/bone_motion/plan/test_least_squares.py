@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from warp_trunk.bone_motion.plan.least_squares import least_squares
+from warp_trunk.bone_motion.plan.least_motion import least_squares
 
 
 def rows(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

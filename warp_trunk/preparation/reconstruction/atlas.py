@@ -60,9 +60,9 @@ def fit_atlas(
     A bone with enough landmarks of its own (four, not in one plane) is carried by these alone, so that
     its neighbours do not bend it; the others, such as ribs, by those of all bones. Landmarks of the spine say
     little about how wide and deep a chest is: with the skins of both, points of the atlas' skin on that of the
-    patient guide ribs and sternum, too (`_on_skin`). Without a nugget each landmark is met; with one, errors of the
-    landmarks are smoothed. With a linear drift a bone may grow and shear as a whole, with a constant one it keeps
-    its size away from the landmarks.
+    patient guide ribs and sternum, too (`_on_skin`). Without a nugget each landmark is met; with one, errors of
+    the landmarks are smoothed. With a linear drift a bone may grow and shear as a whole, with a constant one it
+    keeps its size away from the landmarks.
 
     >>> fitted = wt.fit_atlas(case.bones, case.landmarks_before, case.planned_landmarks)
     >>> sorted(fitted.bones) == sorted(case.bones)
@@ -119,9 +119,7 @@ def fit_atlas(
     return AtlasFit(carried, own, atlas.names, miss, left_out, depth)
 
 
-def _on_skin(
-    of_atlas: Surface, of_patient: Surface, sources: np.ndarray, targets: np.ndarray
-) -> np.ndarray:
+def _on_skin(of_atlas: Surface, of_patient: Surface, sources: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Points of the skin of the atlas and their places on that of the patient, shape (2, points, 3) [mm].
 
     The nearest point with a like normal, again and again, under a spline through landmarks and skin that follows

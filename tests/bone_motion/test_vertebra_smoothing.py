@@ -1,4 +1,4 @@
-"""Vertebrae steadied along the spine against motions that are known, with errors that are drawn."""
+"""Vertebrae smoothed along the spine against motions that are known, with errors that are drawn."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support.marked_spine import before_and_after, with_errors
-from warp_trunk.bone_motion.small_changes import ARM
-from warp_trunk.bone_motion.steadying import steadied, steadying_of, steadying_warnings
-from warp_trunk.bone_motion.steps import RememberedSteps
+from warp_trunk.bone_motion.steps import ARM, RememberedSteps
+from warp_trunk.bone_motion.vertebra_smoothing import smooth_vertebrae, smoothing_warnings, vertebra_smoothing
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.geometry.rigid import fit_rigid
 
@@ -30,13 +29,13 @@ def tumbling(before: Landmarks, after: Landmarks) -> np.ndarray:
 
 
 def test_landmarks_that_move_rigidly_stay_as_they_are() -> None:
-    assert steadied(BEFORE, AFTER) is AFTER
+    assert smooth_vertebrae(BEFORE, AFTER) is AFTER
     written = Landmarks(AFTER.names, AFTER.points.round(3))
-    assert steadied(BEFORE, written) is written
+    assert smooth_vertebrae(BEFORE, written) is written
     few = [row for row, name in enumerate(BEFORE.names) if name.startswith(("T1_", "T8_", "L2_"))]
     names = tuple(BEFORE.names[row] for row in few)
     rough = Landmarks(names, AFTER.points[few] * 1.1)
-    assert steadied(Landmarks(names, BEFORE.points[few]), rough) is rough
+    assert smooth_vertebrae(Landmarks(names, BEFORE.points[few]), rough) is rough
 
 
 def test_errors_are_told_and_nearly_halved() -> None:
@@ -44,28 +43,28 @@ def test_errors_are_told_and_nearly_halved() -> None:
     for seed in range(20):
         random = np.random.default_rng(seed)
         before, after = with_errors(BEFORE, random), with_errors(AFTER, random)
-        steadying = steadying_of(before, after)
-        assert steadying is not None
-        errors.append(steadying.error)
+        smoothing = vertebra_smoothing(before, after)
+        assert smoothing is not None
+        errors.append(smoothing.error)
         raw.append(tumbling(before, after))
-        found.append(tumbling(before, steadied(before, after)))
+        found.append(tumbling(before, smooth_vertebrae(before, after)))
     stated = np.sqrt(2.0 * (2.1**2 + 1.5**2) / 3.0)  # before and after, each axis
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(stated, rel=0.05)
     assert np.sqrt(np.mean(np.square(found))) < 0.65 * np.sqrt(np.mean(np.square(raw)))
 
 
 def test_errors_are_warned_of() -> None:
-    assert steadying_warnings(BEFORE, AFTER) == []
+    assert smoothing_warnings(BEFORE, AFTER) == []
     random = np.random.default_rng(3)
-    (text,) = steadying_warnings(with_errors(BEFORE, random), with_errors(AFTER, random))
-    assert "move as one body to within 2." in text
-    assert "turned by up to" in text
+    (text,) = smoothing_warnings(with_errors(BEFORE, random), with_errors(AFTER, random))
+    assert "move rigidly only to within 2." in text
+    assert "turns them by up to" in text
 
 
 def test_each_vertebra_keeps_its_shape_and_others_their_place() -> None:
     random = np.random.default_rng(3)
     before, after = with_errors(BEFORE, random), with_errors(AFTER, random)
-    moved = steadied(before, after)
+    moved = smooth_vertebrae(before, after)
     assert moved.names == after.names
     for level in LEVELS:
         here, there = before.of_bone(level).points, moved.of_bone(level).points
@@ -84,15 +83,15 @@ def test_a_kink_that_stands_out_of_the_errors_is_followed() -> None:
     points[rows] = turn.apply(points[rows] - middle) + middle
     kinked = Landmarks(AFTER.names, points + 0.3 * random.normal(size=points.shape))
     wanted = fit_rigid(BEFORE.points[rows], points[rows]).rotation
-    found = fit_rigid(BEFORE.points[rows], steadied(BEFORE, kinked).points[rows]).rotation
+    found = fit_rigid(BEFORE.points[rows], smooth_vertebrae(BEFORE, kinked).points[rows]).rotation
     assert np.degrees((found * wanted.inv()).magnitude()) < 3.0
 
 
 def test_what_errors_will_do_is_foretold_of_landmarks_that_have_none() -> None:
-    """The spread of steadied turns and shifts over draws, against the derivative with the errors expected."""
+    """The spread of smoothed turns and shifts over draws, against the derivative with the errors expected."""
     error = 1.5
     steps = RememberedSteps(BEFORE.points, AFTER.points)
-    calm = steadied(BEFORE, AFTER, steps, expected=np.sqrt(2.0) * error)
+    calm = smooth_vertebrae(BEFORE, AFTER, steps, expected=np.sqrt(2.0) * error)
     assert calm is not AFTER
     rows = [np.array([BEFORE.index(f"{level}_{name}") for name in VERTEBRA_POINTS]) for level in LEVELS]
     motions = [steps.fit(steps.rows(BEFORE.points, row), steps.rows(calm.points, row)) for row in rows]
@@ -111,7 +110,7 @@ def test_what_errors_will_do_is_foretold_of_landmarks_that_have_none() -> None:
             replace(marks, points=marks.points + error * random.normal(size=marks.points.shape))
             for marks in (BEFORE, AFTER)
         )
-        found = steadied(before, after)
+        found = smooth_vertebrae(before, after)
         numbers = []
         for motion, row in zip(motions, rows, strict=True):
             other = fit_rigid(before.points[row], found.points[row])
@@ -130,5 +129,5 @@ def test_smaller_errors_change_less() -> None:
     changes = []
     for size in (0.1, 1.0, 3.0):
         after = replace(AFTER, points=AFTER.points + size * error)
-        changes.append(np.abs(steadied(BEFORE, after).points - after.points).max() / size)
+        changes.append(np.abs(smooth_vertebrae(BEFORE, after).points - after.points).max() / size)
     assert changes[0] < changes[2]

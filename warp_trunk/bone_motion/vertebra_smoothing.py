@@ -1,4 +1,4 @@
-"""Vertebrae steadied along the spine, as far as the errors of their landmarks make them tumble."""
+"""Smoothing of the motions of vertebrae along the spine, as far as the errors of their landmarks require."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
 EXACT = 0.05
-"""Landmarks that move rigidly within this have no errors that matter, as those of a plan [mm, each axis]."""
+"""Landmarks that move rigidly within this have no errors that matter, such as those of a plan [mm, each axis]."""
 _LEAST = 5
-"""A line through fewer vertebrae tells nothing of their errors."""
+"""The errors of fewer vertebrae cannot be estimated."""
 
 
 @dataclass(frozen=True, eq=False)
-class Steadying:
-    """What errors of landmarks do to the vertebrae of one patient, and what is done against it."""
+class VertebraSmoothing:
+    """The landmark error of one patient and the linear smoother that follows from it."""
 
     error: float
-    """Error of a landmark, before and after together, each axis [mm]."""
-    by_row: np.ndarray
-    """What each vertebra takes of the numbers (turn, shift) of each, shape (6, vertebrae, vertebrae)."""
+    """Standard deviation of a landmark, before and after together, each axis [mm]."""
+    weights: np.ndarray
+    """Weights of the numbers (turn, shift) of all vertebrae in those of each, shape (6, vertebrae, vertebrae)."""
 
 
-def steadied(
+def smooth_vertebrae(
     before: Landmarks, after: Landmarks, steps: Steps | None = None, *, expected: float | None = None
 ) -> Landmarks:
-    """The landmarks after surgery, those of each vertebra moved rigidly from before, and steadied along the spine.
+    """The landmarks after surgery, with each vertebra moved rigidly and its motion smoothed along the spine.
 
     Six landmarks with errors of 2.1 +- 1.5 mm before and after, as the papers state them, turn a vertebra by 3 to
-    4 degrees (standard deviation, each axis), each in another way: vertebrae that move as rigid bodies would cut
-    into each other. That the landmarks of a vertebra do not move rigidly tells how large these errors are. Turns
-    and shifts of the vertebrae are then those of a smoothing spline along the spine, as smooth as is likeliest:
-    it follows a real kink as far as that stands out of the errors.
+    4 degrees (standard deviation, each axis), each independently: vertebrae that move as rigid bodies would cut
+    into each other. The misfit of a rigid motion to the landmarks of a vertebra estimates these errors. Turns and
+    shifts of the vertebrae are then those of a smoothing spline along the spine of the likeliest smoothness: it
+    follows a real kink as far as that exceeds the errors.
 
     Args:
         before: landmarks before.
         after: the same after.
         steps: how steps are taken. A derivative takes the smoothness as given.
-        expected: see `steadying_of`.
+        expected: see `vertebra_smoothing`.
 
     Returns:
         `after` itself where landmarks move rigidly within 0.05 mm, as those of a plan do, or have too few
@@ -55,47 +55,50 @@ def steadied(
     """
     steps = steps or Steps()
     rows = _rows(before)
-    steadying = steadying_of(before, after, expected)
-    if steadying is None:
+    smoothing = vertebra_smoothing(before, after, expected)
+    if smoothing is None:
         return after
     here = [steps.rows(before.points, one) for one in rows]
     there = [steps.rows(after.points, one) for one in rows]
     numbers = [steps(_numbers, steps.fit(*pair), pair[0]) for pair in zip(here, there, strict=True)]
     moved = [
-        steps(_moved, points, steps(_mixed, steadying.by_row[:, row], *numbers)) for row, points in enumerate(here)
+        steps(_moved, points, steps(_mixed, smoothing.weights[:, row], *numbers))
+        for row, points in enumerate(here)
     ]
     others = np.setdiff1d(np.arange(len(after.names)), np.concatenate(rows))
     places = np.argsort(np.concatenate([*rows, others]))
     return Landmarks(after.names, steps(_joined, places, *moved, steps.rows(after.points, others)))
 
 
-def steadying_warnings(before: Landmarks, after: Landmarks) -> list[str]:
-    """A sentence where vertebrae are steadied: how large the errors of landmarks are, and what is done most."""
-    steadying = steadying_of(before, after)
-    if steadying is None:
+def smoothing_warnings(before: Landmarks, after: Landmarks) -> list[str]:
+    """A sentence where vertebrae are smoothed: how large the landmark errors are, and the largest change."""
+    smoothing = vertebra_smoothing(before, after)
+    if smoothing is None:
         return []
-    still = steadied(before, after)
+    smooth = smooth_vertebrae(before, after)
     by_level = {}
     for level in before.vertebrae():
-        here, there, moved = (marks.of_bone(level).points for marks in (before, after, still))
+        here, there, moved = (marks.of_bone(level).points for marks in (before, after, smooth))
         off = fit_rigid(here, moved).rotation * fit_rigid(here, there).rotation.inv()
         by_level[level] = np.degrees(off.magnitude())
     most = max(by_level, key=by_level.__getitem__)
     return [
-        f"landmarks: those of a vertebra move as one body to within {steadying.error:.1f} mm only (each axis), by "
-        "their errors; vertebrae are steadied along the spine, turned by up to "
-        f"{by_level[most]:.1f} degrees ({most})."
+        f"landmarks: those of a vertebra move rigidly only to within {smoothing.error:.1f} mm (each axis), "
+        "because of their errors; the motions of the vertebrae are smoothed along the spine, which turns "
+        f"them by up to {by_level[most]:.1f} degrees ({most})."
     ]
 
 
-def steadying_of(before: Landmarks, after: Landmarks, expected: float | None = None) -> Steadying | None:
-    """How the vertebrae are steadied; None where nothing is to be done.
+def vertebra_smoothing(
+    before: Landmarks, after: Landmarks, expected: float | None = None
+) -> VertebraSmoothing | None:
+    """The smoothing that the landmarks of a patient require; None where they require none.
 
     Args:
         before: landmarks before.
         after: the same after.
-        expected: the error of a landmark, before and after together [mm, each axis], that these may have though
-            they move rigidly; as those of a plan, of which films after surgery are taken later.
+        expected: the error of a landmark, before and after together [mm, each axis], of landmarks that move
+            rigidly, such as those of a plan before films after surgery are taken.
     """
     rows = _rows(before)
     if len(rows) < _LEAST:
@@ -116,11 +119,11 @@ def steadying_of(before: Landmarks, after: Landmarks, expected: float | None = N
     variance = np.square(error) * np.array(
         [_leverage(motion, here) for motion, (here, _) in zip(motions, pairs, strict=True)]
     )
-    by_row = [
+    weights = [
         smoother(likeliest_smoothness(values, spread, roughness, clean=clean), spread, roughness)
         for values, spread in zip(numbers.T, variance.T, strict=True)
     ]
-    return Steadying(error, np.array(by_row))
+    return VertebraSmoothing(error, np.array(weights))
 
 
 def _rows(landmarks: Landmarks) -> list[np.ndarray]:
@@ -148,9 +151,9 @@ def _moved(points: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     return Rotation.from_rotvec(numbers[:3]).apply(points - middle) + middle + numbers[3:]
 
 
-def _mixed(shares: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
-    """Of each of the six numbers its shares of all vertebrae, (6, vertebrae)."""
-    return np.einsum("nv,vn->n", shares, np.array(numbers))
+def _mixed(weights: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
+    """Each of the six numbers as a weighted sum over all vertebrae; weights have shape (6, vertebrae)."""
+    return np.einsum("nv,vn->n", weights, np.array(numbers))
 
 
 def _joined(places: np.ndarray, *points: np.ndarray) -> np.ndarray:
