@@ -8,7 +8,7 @@ import pytest
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.preparation.deformity.imposed_case import check_straight
+from warp_trunk.preparation.deformity.deformity import check_straight
 from warp_trunk.preparation.phantom import phantom_case, straight_trunk
 
 

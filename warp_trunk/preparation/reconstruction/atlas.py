@@ -13,10 +13,10 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors, unit, vertex_normals
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.spline import fit_spline
+from warp_trunk.geometry.spline import fit_spline, spread_centres
 from warp_trunk.geometry.surface import Surface
 
-from .plausible import check_near, check_size
+from .registration import check_near, check_size
 
 _PELVIS = ("hip_left", "hip_right", "sacrum", "coccyx", "femur_left", "femur_right")
 """Bones that the skin does not guide: how thick the tissue over them is differs most between bodies."""
@@ -130,7 +130,7 @@ def _on_skin(of_atlas: Surface, of_patient: Surface, sources: np.ndarray, target
     scale = float(np.linalg.norm(targets - middle) / np.linalg.norm(sources - centre))
     start = Surface(middle + scale * turn.apply(of_atlas.vertices - centre), of_atlas.faces)
     marks = middle + scale * turn.apply(sources - centre)
-    chosen = _spread(start.vertices, _APART * float(np.ptp(marks, axis=0).max()))
+    chosen = spread_centres(start.vertices, _APART * float(np.ptp(marks, axis=0).max()))
     distance, facing = SurfaceDistance(of_patient), unit(area_vectors(of_patient.vertices, of_patient.faces))
     spline = fit_spline(marks, targets, 1.0, drift="constant")
     kept, goals = chosen, start.vertices[chosen]
@@ -145,18 +145,6 @@ def _on_skin(of_atlas: Surface, of_patient: Surface, sources: np.ndarray, target
             np.append(np.ones(len(marks)), np.full(len(kept), nugget)),
         )
     return np.stack([of_atlas.vertices[kept], goals])
-
-
-def _spread(points: np.ndarray, apart: float) -> np.ndarray:
-    """Rows of some of the points (n, 3), none nearer to another than `apart` [mm]."""
-    from scipy.spatial import KDTree  # heavy
-
-    tree, kept = KDTree(points), np.ones(len(points), dtype=bool)
-    for row, point in enumerate(points):
-        if kept[row]:
-            kept[tree.query_ball_point(point, apart)] = False
-            kept[row] = True
-    return np.flatnonzero(kept)
 
 
 def _same_landmarks(atlas: Landmarks, patient: Landmarks) -> np.ndarray:
