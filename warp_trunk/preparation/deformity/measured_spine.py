@@ -64,7 +64,7 @@ class MeasuredSpine:
         pitch = np.where(known, self.pitch - own, 0.0)
         first = int(known.argmax())
         pitch[:first] = pitch[first]
-        pitch -= pitch.mean()  # scans are taken lying: how the spine leans as a whole is not known
+        pitch -= pitch[-1]  # the sacrum stays, and how a spine leans as a whole is not known of a scan taken lying
         return SpineAngles(tilt=self.tilt, pitch=pitch, turn=self.turn)
 
 
