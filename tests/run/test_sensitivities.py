@@ -36,7 +36,7 @@ from warp_trunk.run.sensitivities import Sensitivity, sensitivities
 from warp_trunk.run.sources import sources_of
 
 ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")
-WITHIN = 0.02
+WITHIN = 0.03
 """Part of the largest change of a number of its kind by which a derivative may miss the difference."""
 STEP = 1e-3
 """Length of a direction of all landmarks [mm]: no point of contact jumps on the way."""
