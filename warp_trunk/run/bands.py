@@ -138,7 +138,7 @@ def _solved(
     solved = numbers, adjoints, linear.by_places(adjoints)
     found = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
     apart = found
-    if options.bones == "follow" and case.uncertainty.landmark_sd:  # vertebrae are smoothed against such errors
+    if options.bones == "follow" and case.uncertainty.landmark_sd:  # their motion is smoothed against such errors
         error = math.sqrt(2.0) * case.uncertainty.landmark_sd
         apart = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls, expected_error=error)
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)

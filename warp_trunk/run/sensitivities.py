@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.bone_motion.steps import PathDerivative, RememberedSteps, rigid_derivative, spline_derivative
+from warp_trunk.case.layers import NAMES, Layers
+from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals

@@ -162,7 +162,7 @@ def check_straight(bones: Mapping[str, Surface]) -> None:
     """
     levels = [level for level in VERTEBRAE if level in bones]
     if len(levels) < 3:
-        return  # what is missing is told where landmarks are found
+        return  # what is missing is reported by the search for landmarks
     middles = np.array(
         [0.5 * (bones[level].vertices.min(axis=0) + bones[level].vertices.max(axis=0)) for level in levels]
     )
