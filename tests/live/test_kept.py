@@ -13,16 +13,16 @@ from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_su
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.live.kept import KeptPlans
-from warp_trunk.live.session import View
+from warp_trunk.live.session import PlanView
 from warp_trunk.live.wish import first_wish, spine_before
 
 FILES = {"bones", "case.toml", "landmarks_after.csv", "landmarks_before.csv", "plan.json", "plan.toml", "skin.ply"}
 
 
-def view(number: int = 1) -> View:
+def view(number: int = 1) -> PlanView:
     case = curved_case()
     plan = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
-    return View(
+    return PlanView(
         number=number,
         wish=first_wish(spine_before(case.landmarks_before), plan),
         surgery=plan_surgery(case, plan),

@@ -20,7 +20,7 @@ from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.live.motion_wish import Components, MotionPlanner, MotionWish, first_motions, with_handles
 from warp_trunk.live.page import Page
-from warp_trunk.live.session import Refusal, Session, View
+from warp_trunk.live.session import PlanView, Refusal, Session
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.recording.viewer import free_port
 from warp_trunk.run.options import RunOptions
@@ -89,13 +89,13 @@ def test_the_end_is_that_of_a_simulation(patient: Patient, wish: MotionWish) -> 
                 lambda asked=asked: any(
                     one.wish == asked and (isinstance(one, Refusal) or (one.settled and one.measures))
                     for one in told
-                    if isinstance(one, Refusal | View)
+                    if isinstance(one, Refusal | PlanView)
                 ),
                 60.0,
             )
     assert faults == []
     assert any(isinstance(one, Refusal) and one.reason.startswith("'front' passes") for one in told)
-    view = next(one for one in reversed(told) if isinstance(one, View))
+    view = next(one for one in reversed(told) if isinstance(one, PlanView))
     assert (view.wish, view.settled) == (last, True)
     alone = patient_of(case_of(**MOTIONS), OPTIONS)
     planned = view.surgery.planned_case(alone.case)

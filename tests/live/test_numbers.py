@@ -11,7 +11,7 @@ from support.chromium import CHROMIUM, QUIET, needs_chromium
 from support.small_patient import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
 from warp_trunk.live.numbers import NOTE, line_html, numbers_html, status_html
-from warp_trunk.live.session import Refusal, View
+from warp_trunk.live.session import PlanView, Refusal
 from warp_trunk.live.wish import first_wish, spine_before
 from warp_trunk.measures import measure
 from warp_trunk.measures.rows import number
@@ -19,7 +19,7 @@ from warp_trunk.measures.rows import number
 CASE = curved_case()
 PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
 BEFORE = measure(CASE.skin, CASE.landmarks_before)
-VIEW = View(
+VIEW = PlanView(
     number=1,
     wish=first_wish(spine_before(CASE.landmarks_before), PLAN),
     surgery=plan_surgery(CASE, PLAN),
@@ -42,7 +42,7 @@ VIEW = View(
         (replace(VIEW, relaxed=True, settled=True, error=0.0061), "within 0.0061 mm of its equilibrium"),
     ],
 )
-def test_it_says_what_is_shown_and_how_sure_it_is(view: View | None, words: str) -> None:
+def test_it_says_what_is_shown_and_how_sure_it_is(view: PlanView | None, words: str) -> None:
     assert words in status_html(view, None)
     assert NOTE in status_html(view, None)
 

@@ -16,7 +16,7 @@ from support.chromium import CHROMIUM, QUIET, needs_chromium
 from support.small_patient import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
 from warp_trunk.live.page import Page
-from warp_trunk.live.session import View
+from warp_trunk.live.session import PlanView
 from warp_trunk.live.wish import Wish
 from warp_trunk.measures.rows import number as shown
 from warp_trunk.recording.viewer import free_port
@@ -224,7 +224,7 @@ def test_two_browsers_show_one_plan_and_one_may_be_killed(
 def views_alive() -> int:
     """How many views this process holds, those of other tests' pages included."""
     gc.collect()
-    return sum(isinstance(thing, View) for thing in gc.get_objects())
+    return sum(isinstance(thing, PlanView) for thing in gc.get_objects())
 
 
 def test_many_drags_leave_nothing_behind(visit: Visit, page: Page) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from support.small_patient import small_patient
 from warp_trunk.engine.simulation import simulate
-from warp_trunk.live.session import Measured, Refusal, Session, View
+from warp_trunk.live.session import LateMeasures, PlanView, Refusal, Session
 from warp_trunk.live.wish import Wish, first_wish, spine_before
 from warp_trunk.measures import measure
 from warp_trunk.results import predicted_skin
@@ -26,29 +26,31 @@ class Heard:
     """The views of a session, in order."""
 
     def __init__(self) -> None:
-        self.told: list[View | Refusal | Measured] = []
+        self.told: list[PlanView | Refusal | LateMeasures] = []
         self.faults: list[str] = []
         self._more = threading.Condition()
 
-    def __call__(self, told: View | Refusal | Measured) -> None:
+    def __call__(self, told: PlanView | Refusal | LateMeasures) -> None:
         with self._more:
             self.told.append(told)
             self._more.notify_all()
 
-    def until(self, wanted: Callable[[View | Refusal | Measured], bool]) -> View | Refusal | Measured:
+    def until(
+        self, wanted: Callable[[PlanView | Refusal | LateMeasures], bool]
+    ) -> PlanView | Refusal | LateMeasures:
         """The first matching view, waiting for it."""
         with self._more:
             assert self._more.wait_for(lambda: any(map(wanted, self.told)), WAIT), self.told[-1:]
             return next(filter(wanted, self.told))
 
-    def settled(self, wish: Wish) -> View:
+    def settled(self, wish: Wish) -> PlanView:
         """The view of a wish, relaxed to the end and measured."""
         view = self.until(
             lambda told: (
-                isinstance(told, View) and told.wish == wish and told.settled and told.measures is not None
+                isinstance(told, PlanView) and told.wish == wish and told.settled and told.measures is not None
             )
         )
-        assert isinstance(view, View)
+        assert isinstance(view, PlanView)
         return view
 
 
@@ -102,14 +104,14 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient
             session.ask(corrected(rest, share))
             time.sleep(0.0005)
         end = heard.settled(corrected(rest, 60))
-    numbers = [told.number for told in heard.told if isinstance(told, View)]
+    numbers = [told.number for told in heard.told if isinstance(told, PlanView)]
     assert numbers == sorted(numbers)  # never an older one after a newer one
     assert end.number < 60  # planning took longer than the way of the slider: some were skipped
-    first = next(told for told in heard.told if isinstance(told, View) and told.number == end.number)
+    first = next(told for told in heard.told if isinstance(told, PlanView) and told.number == end.number)
     assert not first.relaxed
     off = np.linalg.norm(first.skin - end.skin, axis=1).max()
     assert first.error is None or off <= 3.0 * first.error + 0.1  # it says about how far off it is
-    relaxed = [told for told in heard.told if isinstance(told, View) and told.relaxed and not told.settled]
+    relaxed = [told for told in heard.told if isinstance(told, PlanView) and told.relaxed and not told.settled]
     assert relaxed
     assert all(told.error is not None and told.error <= 1.0 for told in relaxed)
 
@@ -120,10 +122,10 @@ def test_numbers_follow_a_drag_that_does_not_rest(patient: Patient, rest: Wish) 
     with Session(patient, None, heard, heard.faults.append) as session:
         until = time.monotonic() + WAIT
         share = 0
-        while not any(isinstance(told, Measured) for told in list(heard.told)) and time.monotonic() < until:
+        while not any(isinstance(told, LateMeasures) for told in list(heard.told)) and time.monotonic() < until:
             session.ask(corrected(rest, share := share % 60 + 1))
             time.sleep(0.005)
-    measured = next(told for told in heard.told if isinstance(told, Measured))
+    measured = next(told for told in heard.told if isinstance(told, LateMeasures))
     assert measured.measures.skin_change_max is not None
     assert heard.faults == []
 

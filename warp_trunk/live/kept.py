@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan
     from warp_trunk.case import Case
 
-    from .session import View
+    from .session import PlanView
 
 MOST_NAME = 60
 """No plan has a longer name [characters]."""
@@ -35,7 +35,7 @@ class KeptPlans:
         """Finds those that were kept before; what of the folder is no plan of this patient is passed over."""
         self.folder = folder
         self._case = case
-        self._views: dict[str, View] = {}
+        self._views: dict[str, PlanView] = {}
         self._plans = _plans_in(folder, case)
         self._writing = threading.Lock()
 
@@ -49,7 +49,7 @@ class KeptPlans:
         """Those that were kept since the page was opened."""
         return tuple(name for name in self._views if name not in self._plans)
 
-    def get(self, name: str) -> View | None:
+    def get(self, name: str) -> PlanView | None:
         """A plan as it was shown, at its best; None where it was not shown yet, or there is none of that name."""
         return self._views.get(name)
 
@@ -57,7 +57,7 @@ class KeptPlans:
         """A plan that was kept before the page was opened."""
         return self._plans.get(name)
 
-    def found(self, name: str, view: View) -> None:
+    def found(self, name: str, view: PlanView) -> None:
         """Takes a view of a plan that was kept before."""
         self._views[name] = view
 
@@ -68,7 +68,7 @@ class KeptPlans:
             number += 1
         return f"plan_{number}"
 
-    def keep(self, name: str, view: View) -> Path:
+    def keep(self, name: str, view: PlanView) -> Path:
         """Writes the plan of a view as a case, one after another; its folder is whole or not there.
 
         Returns:
@@ -98,7 +98,7 @@ class KeptPlans:
             self._views[name] = view
         return folder
 
-    def improve(self, view: View) -> None:
+    def improve(self, view: PlanView) -> None:
         """Takes a better view of the same wish in place of the one that was kept."""
         for name, kept in self._views.items():
             if kept.number == view.number:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.measures import TrunkMeasures
 
-    from .session import Refusal, View
+    from .session import PlanView, Refusal
 
 NOTE = "A research simulation, not for clinical use."
 _BARS, _ROW = 210, 17
@@ -40,7 +40,7 @@ _BROKEN = "overflow-wrap:anywhere"
 """Of what may hold a path or the name of a plan: a panel is narrow, and what is wider is not seen."""
 
 
-def status_html(view: View | None, refusal: Refusal | None) -> str:
+def status_html(view: PlanView | None, refusal: Refusal | None) -> str:
     """The status of the view and its distance from the equilibrium, in words, or the reason why nothing is new.
 
     Its height does not change with what it says: the sliders below stay under the hand.
@@ -61,7 +61,7 @@ def line_html(text: str) -> str:
     return f"<div style='font-size:12px;padding:2px 10px;{_BROKEN}'>{escape(text)}</div>"
 
 
-def _kind(view: View) -> tuple[str, str]:
+def _kind(view: PlanView) -> tuple[str, str]:
     if not view.relaxed:
         off = "by an unknown way, often 5 to 20 mm" if view.error is None else f"by about {_size(view.error)}"
         return "#c28a00", f"<b>Spline's image</b>, not relaxed yet: off {off}"
@@ -86,9 +86,9 @@ def _box(colour: str, text: str) -> str:
 def numbers_html(
     case: Case,
     before: TrunkMeasures,
-    view: View,
+    view: PlanView,
     measures: TrunkMeasures | None,
-    kept: tuple[str, View] | None = None,
+    kept: tuple[str, PlanView] | None = None,
 ) -> str:
     """The table of a view, below its warnings.
 
@@ -118,7 +118,7 @@ def numbers_html(
     return f"<div style='padding:0 16px 12px 4px'>{_TABLE}{look}{table}{_rotation(back, titles, stale)}</div>"
 
 
-def _point_rows(case: Case, views: Sequence[View]) -> list[list[str]]:
+def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
     """How far the points of the case follow the motions of its bones, in each view."""
     followed = [
         follow_points(case, view.skin, view.surgery.bones.__getitem__)

@@ -19,7 +19,7 @@ from .loopback import LoopbackServer
 from .motion_wish import first_motions
 from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
-from .session import Measured, Refusal, Session, View
+from .session import LateMeasures, PlanView, Refusal, Session
 from .wish import first_wish, spine_before
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Page:
         self.kept = KeptPlans(folder, case)
         """The plans that were kept, now and before."""
         self._before = measure(case.skin, case.landmarks_before if case.has_spine else NO_LANDMARKS)
-        self._view: View | None = None
+        self._view: PlanView | None = None
         self._refusal: Refusal | None = None
         self._measures = self._before
         self._drawing = threading.Lock()
@@ -99,7 +99,7 @@ class Page:
         self.server.stop()
 
     @property
-    def view(self) -> View | None:
+    def view(self) -> PlanView | None:
         """The view that is shown."""
         return self._view
 
@@ -134,10 +134,10 @@ class Page:
         with self._drawing:
             shows(bool(value))
 
-    def _show(self, told: View | Refusal | Measured) -> None:
+    def _show(self, told: PlanView | Refusal | LateMeasures) -> None:
         """Draws a view of the session; the session reports one view after another."""
         with self._drawing, self.server.atomic():
-            if isinstance(told, Measured):
+            if isinstance(told, LateMeasures):
                 self._measures = told.measures
             elif isinstance(told, Refusal):
                 self._refusal = told
@@ -193,7 +193,7 @@ class Page:
                 self._said.content = line_html(f"{name}: {error}")
         self._draw_other()
 
-    def _found(self, name: str, view: View) -> None:
+    def _found(self, name: str, view: PlanView) -> None:
         """Takes a view of a plan that was kept before the page was opened."""
         self.kept.found(name, view)
         if self._other.value == name:

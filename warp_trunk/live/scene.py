@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import PlannedSurgery
     from warp_trunk.case import Case
 
-    from .session import View
+    from .session import PlanView
 
 SKIN, BONE, FUSED, INK = (226, 190, 168), (236, 228, 206), (0, 114, 178), (70, 58, 52)
 """Colours; blue is what is planned, as in the report."""
@@ -62,7 +62,7 @@ class Scene:
         camera.near, camera.far, camera.fov = 10.0, 20.0 * self._height, np.radians(_FIELD)
         camera.position, camera.look_at = self.eye("Behind" if case.has_spine else "Front"), self._middle
 
-    def show(self, view: View) -> None:
+    def show(self, view: PlanView) -> None:
         """Draws the skin and the bones of a view; browsers get all of it at once."""
         with self._server.atomic():
             self.skin.vertices = view.skin.astype(np.float32)
@@ -73,7 +73,7 @@ class Scene:
                 self._surgery = view.surgery
                 self._move_bones(view)
 
-    def _move_bones(self, view: View) -> None:
+    def _move_bones(self, view: PlanView) -> None:
         for name, (turn, shift) in self._poses.at(view.surgery.landmarks_after).items():
             self._bones[name].wxyz = turn
             self._bones[name].position = shift

@@ -42,7 +42,7 @@ PAUSE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class PlanView:
     """The view of a plan: its best result so far."""
 
     number: int
@@ -78,7 +78,7 @@ class Refusal:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class LateMeasures:
     """Measures of a skin that was relaxed on the way to something newer."""
 
     measures: TrunkMeasures
@@ -96,7 +96,7 @@ class _Job:
 @dataclass(frozen=True, eq=False)
 class _Aside:
     job: _Job
-    show: Callable[[View], None]
+    show: Callable[[PlanView], None]
 
 
 class Session:
@@ -106,7 +106,7 @@ class Session:
         self,
         patient: Patient,
         base: Plan | None,
-        show: Callable[[View | Refusal | Measured], None],
+        show: Callable[[PlanView | Refusal | LateMeasures], None],
         report_error: Callable[[str], None],
     ) -> None:
         """Nothing runs yet.
@@ -121,7 +121,7 @@ class Session:
         self._on_view = show
         self._wishes: Latest[Wish | MotionWish] = Latest()
         self._jobs: Latest[_Job] = Latest()
-        self._relaxed: Latest[View] = Latest(PAUSE)
+        self._relaxed: Latest[PlanView] = Latest(PAUSE)
         self._asides: deque[_Aside] = deque()
         self._images = Images(patient.case)
         self._planner: Any = (Planner if patient.case.has_spine else MotionPlanner)(patient.case)
@@ -129,7 +129,7 @@ class Session:
         self._lock = threading.Lock()
         self._newest = 0
         self._current: _Job | None = None
-        self._shown: View | None = None
+        self._shown: PlanView | None = None
         self._threads = [
             worker(name, work, report_error)
             for name, work in (
@@ -158,7 +158,7 @@ class Session:
         """Asks for a plan, in place of what was asked for before."""
         self._wishes.put(wish)
 
-    def look_at(self, plan: Plan, wish: Wish, show: Callable[[View], None]) -> None:
+    def look_at(self, plan: Plan, wish: Wish, show: Callable[[PlanView], None]) -> None:
         """Shows another plan beside that of the sliders: its image at once, its relaxed skin when they rest.
 
         Args:
@@ -201,7 +201,7 @@ class Session:
         image = self._images.of(job.surgery.landmarks_after)
         self._show(_view(job, image))
 
-    def _show(self, view: View) -> None:
+    def _show(self, view: PlanView) -> None:
         self._shown = view
         self._on_view(view)
 
@@ -256,19 +256,21 @@ class Session:
                 if self._shown is view:
                     self._show(replace(view, measures=measures))
                 else:
-                    self._on_view(Measured(measures))
+                    self._on_view(LateMeasures(measures))
 
     def _is_current(self, job: _Job) -> bool:
         return self._current is not None and self._current.number == job.number
 
 
-def _view(job: _Job, image: Image) -> View:
-    return View(job.number, job.wish, job.surgery, None, image.skin, False, image.error, None, job.warnings)
+def _view(job: _Job, image: Image) -> PlanView:
+    return PlanView(job.number, job.wish, job.surgery, None, image.skin, False, image.error, None, job.warnings)
 
 
-def _relaxed_view(job: _Job, end: Relaxed, *, settled: bool) -> View:
+def _relaxed_view(job: _Job, end: Relaxed, *, settled: bool) -> PlanView:
     warnings = (*job.warnings, *end.warnings)
-    return View(job.number, job.wish, job.surgery, end.motions, end.skin, True, end.error, None, warnings, settled)
+    return PlanView(
+        job.number, job.wish, job.surgery, end.motions, end.skin, True, end.error, None, warnings, settled
+    )
 
 
 def _landmarks(surgery: PlannedSurgery | MotionPlan) -> Landmarks:

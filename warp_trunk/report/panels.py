@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .relief import Relief, View, Window
+from .relief import Relief, Viewpoint, Window
 from .style import FAINT, INK, Pose, new_figure
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ SHADOW, CLAY = np.array([0.36, 0.33, 0.31]), np.array([0.96, 0.93, 0.90])
 
 
 def panels(
-    poses: Sequence[Pose], seen: Window, view: View, images: Sequence[np.ndarray], legend: float = 0.0
+    poses: Sequence[Pose], seen: Window, view: Viewpoint, images: Sequence[np.ndarray], legend: float = 0.0
 ) -> tuple[Figure, list[Axes]]:
     """Trunks in a row with their titles, and last a plot for a legend, with space in inches, if any.
 

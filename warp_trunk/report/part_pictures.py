@@ -16,7 +16,7 @@ from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
 
 from .panels import panels, shaded
-from .relief import BEHIND, FRONT, LEFT, RIGHT, View, relief, seen_values, window
+from .relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint, relief, seen_values, window
 from .skin_pictures import COARSE
 from .style import FAINT, PREDICTED, RC, Pose, file_of, new_figure
 
@@ -39,7 +39,7 @@ def frame_of(skin: Surface) -> Landmarks:
     return Landmarks(("asis_left", "asis_right"), np.array([[high[0], middle, low[2]], [low[0], middle, low[2]]]))
 
 
-def changed_views(skin: Surface, size: np.ndarray) -> list[View]:
+def changed_views(skin: Surface, size: np.ndarray) -> list[Viewpoint]:
     """The side from which most of a change of a skin is seen, and the neighbour from which more is seen.
 
     Counted is the size of the change at each vertex, shape (vertices,), times the area that faces the viewer.
@@ -50,7 +50,7 @@ def changed_views(skin: Surface, size: np.ndarray) -> list[View]:
     return [first, max((view for view in seen if (view.turn - first.turn) % 2), key=seen.__getitem__)]
 
 
-def values_picture(pose: Pose, values: np.ndarray, view: View, label: str, *, signed: bool = False) -> Figure:
+def values_picture(pose: Pose, values: np.ndarray, view: Viewpoint, label: str, *, signed: bool = False) -> Figure:
     """A skin from one side, coloured by a number of each vertex, shape (vertices,), NaN for none."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable

@@ -22,7 +22,7 @@ BELOW = 30.0
 
 
 @dataclass(frozen=True)
-class View:
+class Viewpoint:
     """From where a trunk is seen."""
 
     turn: int
@@ -31,10 +31,10 @@ class View:
     """The directions on the left and on the right of the picture."""
 
 
-BEHIND = View(0, ("left", "right"))
-RIGHT = View(1, ("back", "front"))
-FRONT = View(2, ("right", "left"))
-LEFT = View(3, ("front", "back"))
+BEHIND = Viewpoint(0, ("left", "right"))
+RIGHT = Viewpoint(1, ("back", "front"))
+FRONT = Viewpoint(2, ("right", "left"))
+LEFT = Viewpoint(3, ("front", "back"))
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def in_pelvis(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
     return np.column_stack([(points[:, :2] - middle) @ axes.T, points[:, 2]])
 
 
-def seen_from(points: np.ndarray, landmarks: Landmarks, view: View) -> np.ndarray:
+def seen_from(points: np.ndarray, landmarks: Landmarks, view: Viewpoint) -> np.ndarray:
     """Points (n, 3) [mm] for a viewer: x to the left of the picture, y towards the viewer, z up; from behind
     these are the axes of the pelvis.
 
@@ -94,7 +94,7 @@ def seen_from(points: np.ndarray, landmarks: Landmarks, view: View) -> np.ndarra
     return np.column_stack([x, y, z])
 
 
-def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.75, view: View = BEHIND) -> Window:
+def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.75, view: Viewpoint = BEHIND) -> Window:
     """The window that shows all trunks, with square pixels of a size in mm, as wide from every side; from behind
     and in front it is symmetric about the middle of the pelvis."""
     points = np.concatenate([in_pelvis(skin.vertices, landmarks) for skin, landmarks in poses])
@@ -109,7 +109,7 @@ def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.75, view
     return Window(x, top + MARGIN - pixel * np.arange(rows), pixel)
 
 
-def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: View = BEHIND) -> Relief:
+def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: Viewpoint = BEHIND) -> Relief:
     """Look straight at a skin.
 
     Args:
@@ -134,7 +134,7 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: View = BEHIN
 
 
 def seen_values(
-    skin: Surface, landmarks: Landmarks, seen: Window, values: np.ndarray, view: View = BEHIND
+    skin: Surface, landmarks: Landmarks, seen: Window, values: np.ndarray, view: Viewpoint = BEHIND
 ) -> np.ndarray:
     """The visible values of the vertices, shape (rows, columns); NaN beside the trunk.
 

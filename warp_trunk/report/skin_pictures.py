@@ -11,7 +11,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 
 from .panels import panels, shaded
-from .relief import BEHIND, FRONT, RIGHT, Relief, View, Window, relief, seen_from, seen_values, window
+from .relief import BEHIND, FRONT, RIGHT, Relief, Viewpoint, Window, relief, seen_from, seen_values, window
 from .style import INK, Pose
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _top(pose: Pose) -> np.ndarray | None:
     return seen_from(points, pose.landmarks, FRONT).mean(axis=0) if len(points) else None
 
 
-def plain_picture(poses: Sequence[Pose], view: View) -> Figure:
+def plain_picture(poses: Sequence[Pose], view: Viewpoint) -> Figure:
     """Every pose from one side."""
     seen = window([(pose.skin, pose.landmarks) for pose in poses], COARSE, view)
     looks = [shaded(relief(pose.skin, pose.landmarks, seen, view)) for pose in poses]
@@ -127,7 +127,7 @@ STRETCH_STEP = 0.05
 """Difference of stretch between two colours."""
 
 
-def stretch_picture(pose: Pose, change: SkinChange, view: View) -> Figure:
+def stretch_picture(pose: Pose, change: SkinChange, view: Viewpoint) -> Figure:
     """The predicted skin from one side, coloured where it is stretched by more than `LOOK`.
 
     What is stretched by more than `STRETCH` or sharply folded is hatched.

@@ -13,7 +13,7 @@ from warp_trunk.measures.spine import spine_of
 from warp_trunk.measures.trunk_shift import sacral_line
 
 from .panels import GAP, SIDES, TITLE, WIDTH, scale_bar
-from .relief import BEHIND, RIGHT, View, seen_from
+from .relief import BEHIND, RIGHT, Viewpoint, seen_from
 from .style import FAINT, INK, Pose, new_figure
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ Placed = Mapping[str, tuple[np.ndarray, np.ndarray]]
 """By level corners (8, 3) and pedicles (2, 3) of a vertebra as a viewer sees them, see `seen_from` [mm]."""
 
 
-def spine_picture(poses: Sequence[Pose], view: View) -> Figure:
+def spine_picture(poses: Sequence[Pose], view: Viewpoint) -> Figure:
     """The spine of every pose, all at one scale: the first is before surgery, the others are planned.
 
     From behind (`BEHIND`) every curve has its Cobb angle between the end vertebrae before surgery, as on a film;
@@ -70,7 +70,7 @@ def spine_picture(poses: Sequence[Pose], view: View) -> Figure:
     return figure
 
 
-def _placed(pose: Pose, boxes: Sequence[VertebraBox], view: View) -> Placed:
+def _placed(pose: Pose, boxes: Sequence[VertebraBox], view: Viewpoint) -> Placed:
     return {
         box.level: (
             seen_from(box.corners, pose.landmarks, view),
@@ -111,7 +111,7 @@ def _vertebrae(axes: Axes, spine: Placed, colour: str) -> None:
         axes.text(x, z, level, ha="center", va="center", fontsize=5.5, color=INK)
 
 
-def _plumb_lines(axes: Axes, pose: Pose, view: View, extent: tuple[float, float, float, float]) -> None:
+def _plumb_lines(axes: Axes, pose: Pose, view: Viewpoint, extent: tuple[float, float, float, float]) -> None:
     """The vertical through the sacrum, solid, and that of the top of the spine, dotted."""
     shift = pose.measures.trunk_shift
     line = sacral_line(pose.landmarks)
