@@ -71,7 +71,7 @@ def phantom_case(size: TrunkSize | None = None, curve: SpineCurve | None = None,
     """The phantom with a scoliosis, and the correction of a fraction of it.
 
     >>> wt.phantom_case().name
-    'phantom, thoracic 60 degrees, 70 % corrected'
+    'synthetic trunk, thoracic curve of 55 degrees, 70 % corrected'
 
     Args:
         size: of the trunk while it is straight; an adolescent's when left out.
