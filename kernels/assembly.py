@@ -114,7 +114,7 @@ def block_sums_type(scalar: type, cuda: bool) -> Any:
 
 
 def threads_over(blocks: int) -> int:
-    """Threads that gather so many blocks."""
+    """Threads that gather this many blocks."""
     return -(-blocks // SHARED) * WARP
 
 

@@ -16,7 +16,7 @@ from .vectors import lane_reducer, sum_reducer
 
 vec8i = wp.types.vector(8, wp.int32)
 KEPT = 0.999
-"""What a symmetric positive matrix with ones on its diagonal keeps beside them in 16 bits. Rounding there
+"""Factor of the off-diagonal numbers of a symmetric positive matrix with unit diagonal in 16 bits. Rounding there
 changes its eigenvalues, by 8e-4 where it has 1700 rows: so it stays positive also where a few nodes leave grid
 vertices idle."""
 
@@ -171,7 +171,7 @@ PROLONG = """
 STRIP = 16
 """Rows of the dense product that are added up together."""
 WHOLE = 32000
-"""What stands for 1 in 16 bits, with room for rounding."""
+"""The number that represents 1 in 16 bits, with room for rounding."""
 
 DENSE = """
     typedef wp::int16 shorts __attribute__((ext_vector_type(8), aligned(2)));
@@ -292,7 +292,7 @@ def cpu_grid_kernels(scalar: type) -> SimpleNamespace:
 
 
 VERTEX_LANES = 32
-"""Threads that share a grid vertex that reaches at least so many nodes."""
+"""Threads that share a grid vertex that reaches at least this many nodes."""
 FEW_LANES = 8
 """Threads that share one of the other vertices."""
 NODE_LANES = 4
@@ -333,7 +333,8 @@ return sum;
 def part_of_product(
     matrix: wp.array2d(dtype=wp.float16), vector: wp.array(dtype=wp.float32), row: wp.int32, lane: wp.int32
 ) -> wp.float32:
-    """What one of ROW_LANES threads adds to a row of a product; it reads OCTET numbers at once, past the cache."""
+    """Contribution of one of ROW_LANES threads to a row of a product; it reads OCTET numbers at once, past the
+    cache."""
     ...
 
 
@@ -381,7 +382,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         node: wp.int32,
         lane: wp.int32,
     ) -> vec3:
-        """What one of NODE_LANES threads adds to the correction of a node; it reads a whole cell at once."""
+        """Contribution of one of NODE_LANES threads to the correction of a node; it reads a whole cell at once."""
         ...
 
     @wp.func_native("""
@@ -416,7 +417,7 @@ def cuda_grid_kernels(scalar: type, number: type) -> SimpleNamespace:
         end: wp.int32,
         apart: wp.int32,
     ) -> vec3:
-        """What one of `apart` threads adds to a weighted sum of r - step q."""
+        """Contribution of one of `apart` threads to a weighted sum of r - step q."""
         ...
 
     @wp.func_native(f"return __shfl_sync(0xffffffffu, value, lane, {NODE_LANES});")

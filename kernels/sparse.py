@@ -201,7 +201,7 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
         first: wp.int32,
         end: wp.int32,
     ) -> vec3:
-        """What one of LANES threads adds to the product of a row, from its first block on."""
+        """Contribution of one of LANES threads to the product of a row, from its first block on."""
         ...
 
     @wp.kernel(module=module, enable_backward=False)

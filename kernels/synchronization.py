@@ -33,7 +33,7 @@ def wait_for_all(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way:
 
 @wp.kernel(module="unique", enable_backward=False)
 def barrier_kernel(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way: wp.uint64):
-    """Returns when so many threads have come; looks for a moment, then lets others run, by the function given."""
+    """Returns when this many threads have arrived; spins for a moment, then yields by the given function."""
     wait_for_all(meeting, threads, give_way)
 
 

@@ -48,7 +48,7 @@ STYLE = {
     r"preop|postop": "before, after",
     r"right-hand hump": "hump on the right",
 }
-"""What is not written, as a regular expression of whole words, and what to write instead."""
+"""Refused constructions, as regular expressions of whole words, and what to write instead."""
 LEFT_OUT = ("typography", "dates_times", "lexical_illusions", "misc.phrasal_adjectives", "misc.currency")
 """Checks of proselint that do not fit technical text in plain punctuation, tables and equations."""
 ALLOWED = {

@@ -47,7 +47,7 @@ MOST_STEPS = 200
 
 @dataclass(frozen=True)
 class Draw:
-    """What a seed drew."""
+    """The trunk of a seed."""
 
     seed: int
     energy: Any
@@ -220,7 +220,7 @@ def by_newton(reference: Reference, displacement: np.ndarray, tolerance: float) 
 
 
 def table(results: list[tuple[Draw, list[Claim]]]) -> str:
-    """What ended how, and how many claims were false, by energy and precision, in Markdown."""
+    """Table of endings and false claims by energy and precision, in Markdown."""
     lines = [
         "| energy | precision | cases | CONVERGED at the end | claims judged | false | true / reported, largest |",
         "|---|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""What MkDocs needs beyond the written pages: help of commands, tables of records, and equations as MathML.
+"""Pages for MkDocs beyond the written ones: help of commands, tables of records, and equations as MathML.
 
 `mkdocs.yml` names this file as a hook. Browsers render MathML themselves, so that a reader of the site fetches
 nothing from elsewhere.
@@ -57,7 +57,7 @@ def on_page_content(content: str, **_: object) -> str:
 
 
 def help_of(command: str) -> str:
-    """What `warp-trunk COMMAND --help-all` prints, in lines that fit the page."""
+    """The output of `warp-trunk COMMAND --help-all`, in lines that fit the page."""
     os.environ["COLUMNS"] = "78"
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):

@@ -57,7 +57,7 @@ COARSE = MeshOptions(tets=45_000, bone_voxel=8.0, bone_tolerance=2.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What is verified on what."""
+    """Data of the verification."""
 
     anatomy: tyro.conf.Positional[Path]
     """Folder with skin.ply and bones/."""

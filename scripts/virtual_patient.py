@@ -68,7 +68,7 @@ class Drawn:
     lean: float | None
     """How far T1 leans where she bends sideways [degrees]."""
     constants: dict[str, float]
-    """What her tissue and ribs truly are, by the names of tissue.toml."""
+    """True constants of her tissue and ribs, by the names of tissue.toml."""
 
 
 def draw(

@@ -95,7 +95,7 @@ def write_labels(
 
 
 def theirs(name: str) -> str:
-    """What TotalSegmentator calls a bone of a case."""
+    """The name of a bone of a case in TotalSegmentator."""
     parts = name.split("_")
     if parts[0] == "rib":
         return f"rib_{parts[1]}_{int(parts[2])}"

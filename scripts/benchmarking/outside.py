@@ -58,7 +58,7 @@ class _LimitReachedError(Exception):
 
 
 class _Minimisation:
-    """What SciPy minimises, and what is seen of it after 10, 20, 40, ... iterations."""
+    """The function that SciPy minimises, recorded after 10, 20, 40, ... iterations."""
 
     def __init__(self, problem: Problem, setting: Setting, limit: float) -> None:
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""What is benchmarked: one file that holds a mesh, the motion of its bones and where it ends.
+"""The benchmarked problem: one file that holds a mesh, the motion of its bones and where it ends.
 
 It is read with numpy alone, so that a machine without the meshing libraries can run the benchmark.
 """
@@ -42,7 +42,7 @@ class Problem:
     """A trunk and a planned correction, meshed."""
 
     name: str
-    """What it is, for tables."""
+    """Its name in tables."""
     trunk: TrunkMesh
     """The mesh before surgery."""
     tissue: Tissue

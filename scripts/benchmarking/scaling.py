@@ -21,7 +21,7 @@ from .tables import markdown, number
 from .timing import make_model, run, run_least, warm_up
 
 REFERENCE_TOLERANCE = 1e-3
-"""What answers are relaxed to that are compared over meshes or increments [mm]: they then differ by the cause."""
+"""Tolerance of solutions that are compared over meshes or increments [mm]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""What each part of a scene costs: the model holds only what the scene needs."""
+"""Cost of each part of a scene: the model holds only what the scene needs."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Scene:
     """A row of the table."""
 
     name: str
-    """What is different from the default."""
+    """The difference from the default."""
     model: Model
     """Its model."""
     observer: Callable[[], AbstractContextManager[Observer]] | None = None

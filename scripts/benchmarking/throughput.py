@@ -22,7 +22,7 @@ from .tables import markdown, number
 from .timing import make_model
 
 TRUTH_TOLERANCE = 1e-3
-"""What every plan is relaxed to, one after the other, for the errors [mm]."""
+"""Tolerance of each plan, one after the other, for the errors [mm]."""
 LEAST, MOST = 0.5, 1.0
 """Parts of the correction that plans have."""
 SCATTER = 1.0

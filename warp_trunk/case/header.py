@@ -46,7 +46,7 @@ class CaseHeader:
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
     """Uncertainty of the case, from the table [uncertainty]."""
     study: Study = dataclasses.field(default_factory=Study)
-    """What a study of several cases needs, from the table [study]."""
+    """Data for a study of several cases, from the table [study]."""
 
 
 _RECORDS = {"tissue": Tissue, "ribs": RibShares, "uncertainty": Uncertainty}

@@ -1,4 +1,4 @@
-"""What commands print, and their exit statuses."""
+"""Output of commands, and their exit statuses."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class Done:
 
 
 def do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
-    """Simulates and judges a case unless that is done; what goes wrong is a row with its reason.
+    """Simulates and judges a case unless that is done; an error becomes a row with its reason.
 
     Args:
         folder: the case folder.

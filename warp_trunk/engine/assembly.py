@@ -24,7 +24,7 @@ from .parallel import Launch, in_sequence, view
 from .topology import Pattern
 
 BLOCK = 64
-"""Threads of a CUDA block of a Hessian; of larger ones, which need so many registers, fewer run at once."""
+"""Threads of a CUDA block of a Hessian; of larger ones, which need many registers, fewer run at once."""
 
 
 class Assembly(Protocol):

@@ -26,11 +26,11 @@ from .state import State
 ACCURACY = 0.1
 """The part of the tolerance that a solve may leave."""
 OPEN = 2.0
-"""So many tolerances are left at the least where a solve for every direction came to no end."""
+"""Least distance in tolerances if a solve for every direction did not end."""
 LEAST_NOISE = 1e-12
 """Noise on a gradient of zero: it finds a saddle all the same, and is no distance."""
 ROUNDED = 4.0
-"""A gradient of at most so many samples of its rounding holds nothing else."""
+"""A gradient of at most this many samples of its rounding is only rounding."""
 FALLEN = 0.01
 """A solve for a gradient with other roundings ends when its residual has fallen to this part."""
 UNSEEN = 0.9
@@ -40,9 +40,9 @@ SLOWEST = 0.95
 MOST_ITERATIONS = 2000
 """Of a solve for the noise. Crushed tissue of a double major curve took 592."""
 GROWS = 2.0
-"""By so much a solution is assumed to be longer at its end than where its solve was given up for its length."""
+"""Assumed ratio of the final length of a solution to its length where the solve was given up."""
 ROUNDINGS = 2.0
-"""A sample of rounding changes numbers by up to so many roundings."""
+"""Largest change of a number by a sample of rounding, in roundings."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class Certificate:
         return left / (1.0 - min(shrink, SLOWEST))
 
     def _part_left(self, scale: float) -> float:
-        """The part of itself that a step of so many solutions would leave."""
+        """The fraction of itself that a step of this many solutions would leave."""
         if self._change is None:
             self._change = HessianChange(self._state, self._preconditioner, self._solver, self._noisy)
         return self._change.part_left(scale)
@@ -250,7 +250,7 @@ class HessianChange:
         )
 
     def part_left(self, scale: float) -> float:
-        """The part of itself that a step of so many solutions would leave."""
+        """The fraction of itself that a step of this many solutions would leave."""
         wp.copy(self._there.displacement, self._state.displacement)
         self._scale.fill_(scale)
         self._go()

@@ -29,7 +29,7 @@ class Coupling:
         self._transposed = self._blocks[self._by_column].transpose(0, 2, 1)
 
     def times(self, moved: np.ndarray) -> np.ndarray:
-        """What moving prescribed nodes (fields, prescribed, 3) adds to gradients (fields, free, 3)."""
+        """Change of gradients (fields, free, 3) by moving prescribed nodes (fields, prescribed, 3)."""
         sums = [_sum_by(self._row, _each(self._blocks, by[self._column]), self._free) for by in moved]
         return np.reshape(sums, (len(moved), self._free, 3))
 

@@ -43,7 +43,7 @@ class History:
         return self.relative_rounding * max(map(abs, self._energies))
 
     def largest_energy(self, steps: int) -> float:
-        """The largest energy after the last so many steps."""
+        """The largest energy after the last steps."""
         return max(self._energies[-steps:])
 
     def add(self, trial: Trial, estimated_error: float, linear_iterations: int) -> RelaxStep:
@@ -56,7 +56,8 @@ class History:
         return step
 
     def stagnated(self, estimated_error: float, steps: int) -> bool:
-        """Adds an estimate after so many steps; whether neither the estimates nor the energy fall any more."""
+        """Adds an estimate after a number of steps; returns whether neither the estimates nor the energy fall
+        any more."""
         self._waited = 0 if estimated_error < 0.9 * self._least else self._waited + 1
         self._least = min(self._least, estimated_error)
         recent = PATIENCE * steps

@@ -46,7 +46,7 @@ class Model:
     tets: wp.array
     """The same on the device, shape (tets,), vec4i."""
     elements: TetEnergy
-    """What the energy reads of every tetrahedron, on the device, and its kernels."""
+    """Data of every tetrahedron for the energy, on the device, and its kernels."""
     pattern: Pattern
     """Which blocks the Hessian has."""
     label: np.ndarray | None = None

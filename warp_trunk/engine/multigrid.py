@@ -45,10 +45,10 @@ from .parallel import Launch, in_sequence, view
 MOST_DENSE = 4
 """Threads that add up the matrix on the coarsest grid at most: each needs one of its own, 30 MB on the anatomy."""
 FLAT = 10.0
-"""In float32 the trace of an inverse is at most so many times that of the matrix, which has a unit diagonal. The
+"""In float32 the trace of an inverse is at most this many times that of the matrix, which has a unit diagonal. The
 smallest eigenvalue is then at least a part of 10 n, so that rounding spoils a hundredth of its direction."""
 SHIFT, IDLE_SHIFT = 1e-6, 1e-3
-"""What is added to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
+"""Addition to a unit diagonal; and where a grid has vertices with next to no nodes, whose directions, 1e6
 times as soft as others, would leave 16 bits with no digits for the others."""
 
 

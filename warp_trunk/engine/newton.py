@@ -191,7 +191,7 @@ class Relaxer:
         return newton.distance <= tolerance
 
     def _floor(self) -> float:
-        """What rounding leaves of every distance [mm], by the largest displacement when it was last measured."""
+        """Rounding error of every distance [mm], by the largest displacement when it was last measured."""
         largest = float(self._longest.read().max()) ** 0.5
         return ROUNDING_STEPS * float(np.finfo(self.model.precision).eps) * largest
 
@@ -259,14 +259,14 @@ FIRST = 2.0 / 3.0
 """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is too
 stiff where edges are compressed, and no step has been seen yet."""
 NEAR = 20.0
-"""So many tolerances from the equilibrium the true Hessian takes over, where the end is to be confirmed."""
+"""Distance from the equilibrium in tolerances at which the true Hessian takes over to confirm the end."""
 WELL_SHAPED, WITHIN = 0.3, 3.0
-"""It takes over no farther than so many mm, or tolerances: beyond, crushed tissue has negative curvature."""
+"""It takes over within this many mm, or tolerances: beyond, crushed tissue has negative curvature."""
 NEARER = 0.25
 """The part of the distance to which the projected Hessian leads before the true one, found indefinite, is tried
 again."""
 CLOSE = 10.0
-"""A step of so many tolerances along the true Hessian may have led to within one of them."""
+"""A step of at most this many tolerances along the true Hessian may have ended within one of them."""
 REACH = 10.0
 """A descent from a saddle is first tried as far as this many tolerances."""
 
@@ -293,7 +293,7 @@ class Newton:
     exhausted: bool
     """Whether the last judgement had to be given up, so that another one would be in vain."""
     floor: float
-    """What rounding leaves of every distance [mm]; set before the first direction is read."""
+    """Rounding error of every distance [mm]; set before the first direction is read."""
 
     def __init__(self, state: State) -> None:
         """For a state at rest: the preconditioner is made of the Hessian there."""

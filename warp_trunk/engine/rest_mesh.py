@@ -27,7 +27,7 @@ class RestMesh:
     corners: np.ndarray
     """Nodes of the tetrahedra, shape (tets, 4), int32."""
     tissues: tuple[Tissue, ...]
-    """What the tetrahedra are made of."""
+    """Materials of the tetrahedra."""
     label: np.ndarray | None
     """The tissue of each tetrahedron, shape (tets,), or the part of each tissue in it, shape (tets, tissues); None
     where there is one tissue."""

@@ -1,4 +1,4 @@
-"""What tetrahedra share: edges, faces, the blocks of a sparse matrix, and connected pieces."""
+"""Topology of tetrahedra: edges, faces, the blocks of a sparse matrix, and connected pieces."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ _THIN = 5.0
 _SLIVER = 0.03
 """Shape of a triangle whose normal means nothing; 0.03 is that of a needle of one degree."""
 _ROUNDS_BETWEEN_CHECKS = 4
-"""Self-crossings are looked for after so many rounds of collapses; those that caused one are taken back."""
+"""Number of rounds of collapses between searches for self-crossings; collapses that caused one are taken back."""
 
 
 class _Corners(NamedTuple):

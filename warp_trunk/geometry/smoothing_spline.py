@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 _EXTREME = 1e4
-"""Roughness counts at most so much more, or less, than errors."""
+"""Bound of the weight of roughness relative to errors, in either direction."""
 
 
 def roughness_of(along: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PAUSE = 0.7
 """Sliders that rest for so long [s] have been let go: undo goes back to where they were then."""
 MOST_UNDO = 100
-"""So many wishes can be undone."""
+"""Number of wishes that can be undone."""
 KYPHOSIS = (0, 90)
 """Range of the targets of a plan [degrees]."""
 REACH = 20

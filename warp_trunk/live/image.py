@@ -66,7 +66,7 @@ class Images:
 
 
 MOST = 12
-"""So many plans are remembered."""
+"""Number of plans that are remembered."""
 _APART = 0.5
 """A plan that is nearer than this to a remembered one takes its place [mm]."""
 _DOUBT = 0.5

@@ -132,7 +132,7 @@ STEP = 5.0
 _FACING = 0.5
 """Where the skin faces back by less than this (a cosine: 60 degrees), it is flank and lines would run together."""
 _LIFT = 0.6
-"""Lines lie so far in front of the skin that they are seen [mm]."""
+"""Distance of lines in front of the skin, so that they are visible [mm]."""
 
 
 def relief_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -85,7 +85,7 @@ def build_trunk(
         skin: the closed skin; its vertices keep their identity and order in the mesh.
         bones: closed bone surfaces by name; they may overlap and cross.
         options: how; MeshOptions() if not given.
-        progress: told what begins, in a few words.
+        progress: gets the name of each stage as it begins.
 
     Raises InputError, see make_trunk.
     """

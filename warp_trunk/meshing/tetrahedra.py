@@ -98,7 +98,7 @@ def tetrahedralize(
 
 
 def check_number(tets: int, skin: int, bones: int = 0) -> None:
-    """InputError where so many triangles of the skin and the bone surface surely need more tetrahedra."""
+    """InputError if the triangles of the skin and the bone surface certainly need more tetrahedra."""
     surely, usually = (math.ceil(each * (skin + bones)) for each in _PER_TRIANGLE)
     _check_enough(tets, surely, usually, skin, bones)
 

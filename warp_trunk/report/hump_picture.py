@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 COLOUR_STEP = 5.0
 """Difference between two colours of the hump [mm]."""
 LEAST_LIMIT = 20.0
-"""The scale reaches at least so far [mm]."""
+"""Least end of the scale [mm]."""
 
 
 def hump_picture(poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window) -> Figure:

@@ -1,4 +1,4 @@
-"""What a simulation took into account and with which options, in words, from its summary."""
+"""Modelled effects and options of a simulation, in words, from its summary."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def find_bands(
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """What draws of all errors show."""
+    """Results of draws of all errors."""
 
     ratio: np.ndarray
     """Deviation of each number over the prediction of its derivatives for the same draws, shape (numbers,)."""
@@ -121,8 +121,8 @@ def _solved(
     sources: Sequence[Source],
     sizes: tuple[int, np.random.Generator],
 ) -> tuple[tuple[Sensitivity, ...], tuple[Sensitivity, ...], _Drawn, np.ndarray]:
-    """What the numbers depend on, also where landmarks before and after have errors of their own, what draws show,
-    and what each source that moves no landmarks does to each.
+    """Sensitivities of the numbers, also for separate errors of landmarks before and after, results of the
+    draws, and the effect of each source that moves no landmarks on each number.
 
     All of one block of linear solves.
     """
@@ -149,19 +149,19 @@ def _solved(
 
 
 def _changes(derivatives: np.ndarray, fields: np.ndarray) -> np.ndarray:
-    """What fields (fields, nodes, 3) change by derivatives (numbers, nodes, 3), shape (numbers, fields)."""
+    """Changes by fields (fields, nodes, 3) from derivatives (numbers, nodes, 3), shape (numbers, fields)."""
     size = derivatives[0].size
     return derivatives.reshape(-1, size) @ fields.reshape(-1, size).T
 
 
 @dataclass(frozen=True, eq=False)
 class _Effects:
-    """What each source does to each number, one standard deviation of it, shape (numbers,) each."""
+    """Effect of one standard deviation of each source on each number, shape (numbers,) each."""
 
     by_name: dict[str, np.ndarray]
     """As surgery and films vary."""
     same: np.ndarray
-    """What landmarks do that have the same error before and after."""
+    """Effect of landmarks with the same error before and after."""
     of_surgery: frozenset[str]
     """Names of what a plan carried out exactly leaves out."""
 

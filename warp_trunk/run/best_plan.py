@@ -45,7 +45,7 @@ class Trial:
     """A plan that was simulated."""
 
     shares: tuple[float, ...]
-    """What it has for each bound."""
+    """Its value for each bound."""
     values: dict[str, float]
     """The numbers that the aim is the largest of, by level [mm or degrees]."""
 
@@ -70,7 +70,7 @@ class Trial:
 
     @property
     def value(self) -> float:
-        """What is to be made small: the size of that number [mm or degrees]."""
+        """The objective: the size of that number [mm or degrees]."""
         return abs(self.values[self.level])
 
     @cached_property
@@ -94,7 +94,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What is searched for."""
+    """The search."""
 
     case: Case
     """The patient; what is planned in it is not read."""
@@ -143,7 +143,7 @@ class BestPlan:
     """The best plan that was found, beside the one that was given."""
 
     search: Search
-    """What was searched for."""
+    """The search."""
     plan: Plan
     """The best plan."""
     given: Trial

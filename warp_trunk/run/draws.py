@@ -198,7 +198,7 @@ def _compared(said: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarra
 LEAST_PATTERNS = 6
 """Patterns of landmarks that are solved for, at least; ten hold nine tenths of what landmarks do to the skin."""
 SAMPLE = 8
-"""One in so many vertices of the skin is looked at to find them."""
+"""One in this many vertices of the skin is used to find them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,7 +86,7 @@ class Progress:
             self._bars.console.print(self._named + text, markup=False, highlight=False, soft_wrap=True)
 
     def increment(self, increment: Increment, count: int) -> None:
-        """Shows that an increment of so many is done; the time left follows from those before it."""
+        """Shows that one of several increments is done; the remaining time follows from those before it."""
         relaxation = increment.relaxation
         if self._bars is not None:
             self._bar("relaxing the tissue", increment.number, count)
@@ -99,7 +99,7 @@ class Progress:
         )
 
     def part(self, doing: str, done: int, count: int, line: str = "", note: str = "") -> None:
-        """Shows that one of so many parts of a long work is done, how it ended, and the time left.
+        """Shows that one part of a long work is done, how it ended, and the remaining time.
 
         Args:
             doing: what the parts are.

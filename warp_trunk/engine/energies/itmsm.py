@@ -54,19 +54,19 @@ class Itmsm:
     gravity_at_rest: float
     """The gravity term of the trunk at rest, which the displacement's part adds to."""
     shares: Shares
-    """What an edge, a face and a tetrahedron weigh before any constant."""
+    """Weights of an edge, a face and a tetrahedron before any constant."""
 
     @property
     def arrays(self) -> Any:
-        """What its kernels read of the tetrahedra, after their corners."""
+        """Arrays of the tetrahedra for its kernels, after their corners."""
         return self.kernels.bundle(self)
 
     def measures(self, rest: RestMesh) -> dict[str, wp.array]:
-        """What the arrays of these names hold for a rest state; the weights are those of the first."""
+        """Values of the arrays of these names for a rest state; the weights are those of the first."""
         return measures(rest, "area" in self.terms)
 
     def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
-        """What the arrays of these names hold for the tissues of a mesh; see `TetEnergy`."""
+        """Values of the arrays of these names for the tissues of a mesh; see `TetEnergy`."""
         return weights(rest, gravity, self.shares)[0]
 
     def per_millijoule(self, rest: RestMesh) -> float:
@@ -120,7 +120,7 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """What the features of each tetrahedron weigh before any constant, on the host, float64."""
+    """Weights of the features of each tetrahedron before any constant, on the host, float64."""
 
     edge: np.ndarray
     """1 / |K_ij| of eq. 4.8, or by volume, shape (tets, 6)."""

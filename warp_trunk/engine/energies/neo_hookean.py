@@ -54,15 +54,15 @@ class NeoHookean:
 
     @property
     def arrays(self) -> Any:
-        """What its kernels read of the tetrahedra, after their corners."""
+        """Arrays of the tetrahedra for its kernels, after their corners."""
         return self.kernels.bundle(self)
 
     def measures(self, rest: RestMesh) -> dict[str, wp.array]:
-        """What the arrays of these names hold for a rest state."""
+        """Values of the arrays of these names for a rest state."""
         return measures(rest)
 
     def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
-        """What the arrays of these names hold for the tissues of a mesh; see `TetEnergy`."""
+        """Values of the arrays of these names for the tissues of a mesh; see `TetEnergy`."""
         return weights(rest, gravity)
 
     def per_millijoule(self, rest: RestMesh) -> float:

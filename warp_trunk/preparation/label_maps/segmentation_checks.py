@@ -21,7 +21,7 @@ _WIDER = 1.6
 _FROM_VERTEBRA = 8.0
 """The head of a rib is nearer to its vertebra than this [mm]: 3 mm at most in the anatomy of BodyParts3D."""
 _ALIKE = 3
-"""So many ribs of a side that are at another vertebra than their number says are numbered wrong together."""
+"""If this many ribs of a side lie at another vertebra than their number states, the numbering is wrong."""
 _CURE = "Correct the labels, in 3D Slicer for example"
 
 
