@@ -83,7 +83,7 @@ def check(path: Path) -> Iterator[str]:
     text = path.read_text(encoding="utf-8")
     prose = {".py": of_code, ".html": of_template, ".md": of_page}[path.suffix](text)
     allowed = ALLOWED.get(str(path.relative_to(ROOT)))
-    for line, message in offences(prose):
+    for line, message in [*offences(prose), *(noun_clauses(text) if path.suffix == ".py" else [])]:
         if allowed is None or allowed not in message:
             yield f"{line}: {message}"
 
@@ -93,6 +93,16 @@ def offences(prose: str) -> list[tuple[int, str]]:
     prose = re.sub(r"`[^`\n]*`", "", prose).encode(errors="replace").decode()
     found = LintFile("text", prose).lint(_config()) if prose.strip() else []
     return [(one.pos[0], one.check_result.message) for one in found]
+
+
+def noun_clauses(text: str) -> list[tuple[int, str]]:
+    """Docstrings of a source that begin with a noun clause, with their lines."""
+    return [
+        (node.lineno, "a docstring begins with 'What'; write a noun or a full sentence")
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if str(node.value.value).lstrip().startswith("What ")
+    ]
 
 
 def of_page(text: str) -> str:

@@ -1,4 +1,4 @@
-"""What is imported where: importing the package is cheap."""
+"""Imports of the package: importing it is cheap."""
 
 import ast
 import importlib

@@ -146,7 +146,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], object]
 
 
 def gigabytes() -> float:
-    """What the process holds [GB]."""
+    """Memory of the process [GB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e9
 
 

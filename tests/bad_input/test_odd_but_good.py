@@ -1,4 +1,4 @@
-"""What looks odd and is right must be read; and nothing that is read is ever run."""
+"""Unusual but valid files are read, and nothing that is read is ever executed."""
 
 import ast
 import builtins
@@ -81,7 +81,7 @@ def test_only_files_that_say_so_are_underscored_numbers(tmp_path):
 
 
 class _Trap:
-    """What runs when it is unpickled."""
+    """Code that runs if it is unpickled."""
 
     def __reduce__(self):
         return exec, ("import builtins; builtins.sprung = True",)

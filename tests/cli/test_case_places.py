@@ -1,4 +1,4 @@
-"""What a command makes of a result or a case does not land among the files of a case."""
+"""Output of a command about a result or a case does not land among the files of a case."""
 
 from pathlib import Path
 

@@ -28,7 +28,7 @@ def modules() -> list[tuple[str, Path]]:
 
 
 def foreign(name: str, source: str) -> list[str]:
-    """What a module imports that it may not, at its top, inside a function or for type checkers."""
+    """Forbidden imports of a module, at its top, inside a function or for type checkers."""
     package = name.rpartition(".")[0]
     imported: list[str] = []
     for node in ast.walk(ast.parse(source)):

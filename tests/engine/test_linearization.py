@@ -1,4 +1,4 @@
-"""What an equilibrium depends on: adjoints and tangents against differences of whole relaxations."""
+"""Sensitivities of an equilibrium: adjoints and tangents against differences of whole relaxations."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
 
 
 def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) -> Itmsm:
-    """What the kernels of itmsm read of a trunk."""
+    """Data of a trunk for the kernels of itmsm."""
     model = build_model(
         trunk,
         tissue,

@@ -1,4 +1,4 @@
-"""What tetrahedra share, against Python sets."""
+"""Topology of tetrahedra, against Python sets."""
 
 from __future__ import annotations
 

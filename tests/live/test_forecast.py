@@ -30,7 +30,7 @@ def test_a_known_plan_is_met_and_the_next_is_straight_on() -> None:
 
 
 def test_beside_the_slider_it_is_the_nearest() -> None:
-    """What no known plan says anything of changes nothing."""
+    """A direction without information from known plans changes nothing."""
     side = BESIDE - WAY * np.vdot(BESIDE, WAY) / np.vdot(WAY, WAY)
     found = known(4.0, 8.0).at(REST + 8.0 * WAY + 0.1 * side)
     np.testing.assert_allclose(found, field(8.0), atol=1e-9)

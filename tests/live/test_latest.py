@@ -1,4 +1,4 @@
-"""What the threads of the page hand to each other, and how a fault ends them."""
+"""Hand-over between the threads of the page, and their end by a fault."""
 
 import threading
 

@@ -28,7 +28,7 @@ def server() -> Iterator[LoopbackServer]:
 
 
 def status(server: LoopbackServer, path: str = "/", **headers: str) -> int:
-    """What a request of these headers gets."""
+    """The answer to a request with these headers."""
     request = urllib.request.Request(server.address + path, headers=headers)
     try:
         with urllib.request.urlopen(request, timeout=10.0) as answer:

@@ -26,7 +26,7 @@ SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-webgl", "--ig
 WAIT = 90_000.0
 """Longest wait for the page [ms]."""
 RELAXED = "of its equilibrium"
-"""What stands there when the skin is relaxed to the end."""
+"""Status after the skin is relaxed to the end."""
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ class Visit:
         self.tab.mouse.up()
 
     def seen(self) -> bytes:
-        """What is drawn."""
+        """The drawn objects."""
         return self.tab.screenshot(timeout=WAIT)
 
 

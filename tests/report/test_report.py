@@ -1,4 +1,4 @@
-"""What the report says, and that it says it whatever the result holds."""
+"""Content of the report for every kind of result."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What a result folder holds, and that it is read back."""
+"""Content of a result folder, and reading it back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is measured of drawn skins."""
+"""Measures of drawn skins."""
 
 from __future__ import annotations
 

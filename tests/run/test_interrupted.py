@@ -18,7 +18,7 @@ MOMENTS = int(os.environ.get("WARP_TRUNK_KILLS", "4"))
 
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
-    """What was found of every run that was killed, see killed_runs.py."""
+    """Findings on every killed run, see killed_runs.py."""
     folder = tmp_path_factory.mktemp("killed")
     done = subprocess.run(
         [sys.executable, "-m", "support.killed_runs", str(folder), "7", str(MOMENTS)],

@@ -1,4 +1,4 @@
-"""What options that are left out mean."""
+"""Defaults of options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a script may give in place of what is asked: one sentence, as on the command line."""
+"""Wrong arguments of a script are refused in one sentence, as on the command line."""
 
 # The wrong types are what is tested:
 # pyright: reportArgumentType=false

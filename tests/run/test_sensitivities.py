@@ -1,4 +1,4 @@
-"""What a prediction depends on, against central differences of whole simulations."""
+"""Sensitivities of a prediction, against central differences of whole simulations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands on the console, in the summary and on the report's first page beside a result."""
+"""Warnings on the console, in the summary and in the report."""
 
 from dataclasses import replace
 

@@ -31,3 +31,8 @@ def test_code_and_addresses_of_a_page_are_left_out() -> None:
 
 def test_tags_and_expressions_of_a_template_are_left_out() -> None:
     assert check_prose.of_template("<p title='tell'>\n{{ told }} fine</p>").split() == ["fine"]
+
+
+def test_docstring_that_begins_with_a_noun_clause_is_found() -> None:
+    code = 'x = 1\n"""What it is."""\ny = "What is this?"\n'
+    assert [line for line, _ in check_prose.noun_clauses(code)] == [2]

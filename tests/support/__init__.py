@@ -1,1 +1,1 @@
-"""What tests of several rooms use: meshes and cases, references written apart, programs to look with."""
+"""Shared by tests of several packages: meshes and cases, independent references, viewers."""

@@ -1,4 +1,4 @@
-"""What the interpreter is seen to do: files it opens, programs it starts, connections, pickles."""
+"""Observed actions of the interpreter: files it opens, programs it starts, connections, pickles."""
 
 from __future__ import annotations
 

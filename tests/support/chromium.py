@@ -20,7 +20,7 @@ QUIET = (
 
 @dataclass(frozen=True)
 class Opened:
-    """What a page did while it was open."""
+    """Record of an open page."""
 
     complaints: list[str]
     """Console messages of warning or error, and errors of scripts."""

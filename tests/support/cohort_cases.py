@@ -64,5 +64,5 @@ SAME = ("predicted_skin.ply", "trunk.vtu", "landmarks_after.csv", "actual_skin.p
 
 
 def contents(out: Path, names: str) -> dict[str, bytes]:
-    """What the results of some cases, of one letter each, hold to the last bit."""
+    """Bytes of the results of some cases, which are named by one letter each."""
     return {f"{name}/{file}": (out / name / file).read_bytes() for name in names for file in SAME}

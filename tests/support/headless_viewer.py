@@ -51,7 +51,7 @@ def until(reached, seconds: float = 30.0) -> None:
 
 
 def picture(client, increment: int) -> np.ndarray:
-    """What the viewer shows at an increment, (height, width, 3), uint8, once it no longer changes."""
+    """Image of the viewer at an increment, (height, width, 3), uint8, once it no longer changes."""
     from PIL import Image
 
     client.set_time("increment", sequence=increment, play_state="paused")

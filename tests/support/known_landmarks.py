@@ -58,7 +58,7 @@ def imposed(
 
 
 def compare(bones: Mapping[str, Surface], truth: Landmarks) -> Errors:
-    """What is found on bones against what is known."""
+    """Landmarks found on bones, against known ones."""
     found = find_landmarks(bones)
     names = found.landmarks.names
     known = Landmarks(names, np.array([truth.point(name) for name in names]))

@@ -21,7 +21,7 @@ class PartialScans:
     removed: np.ndarray
     """Faces of the true surface that no scan has seen, in patches, shape (faces,), bool."""
     transforms: dict[str, np.ndarray]
-    """What brings each scan back to where it was, shape (4, 4)."""
+    """Transform of each scan back to its place, shape (4, 4)."""
 
 
 def patches(skin: Surface, fraction: float, count: int, seed: int, allowed: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from .small_trunk import made_up_increments, small_case
 
 @cache
 def result_model() -> Model:
-    """What these results were simulated with."""
+    """Options of these results."""
     _, trunk = small_case()
     return build_model(
         trunk, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0

@@ -106,7 +106,7 @@ def turned(trunk, degrees_at_top):
 
 @dataclass(frozen=True)
 class MadeUpIncrement:
-    """What the recording and the result read of an Increment, without a device."""
+    """The part of an Increment that recording and result read, without a device."""
 
     number: int
     load_factor: float

@@ -49,7 +49,7 @@ class Relaxed:
     status: RelaxStatus
     """Why the relaxation ended."""
     warnings: tuple[str, ...]
-    """What to make of an end that is not whole, in sentences."""
+    """Sentences on a relaxation that did not converge."""
 
 
 class LiveRelaxation:

@@ -1,4 +1,4 @@
-"""What the measures of a prediction depend on: landmarks, bones and constants."""
+"""Sensitivities of the measures of a prediction: landmarks, bones and constants."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def sensitivities(
     all_humps: bool = False,
     linear: Linearization | None = None,
 ) -> tuple[Sensitivity, ...]:
-    """What the back surface rotation of each level, the largest hump and the shoulders depend on.
+    """Sensitivities of the back surface rotation of each level, the largest hump and the shoulders.
 
     One linear solve with the true curvature of the energy gives the derivative of one number in everything (its
     adjoint, see `Linearization`); no simulation is repeated. Derivatives hold for small changes; beyond some mm a
@@ -124,7 +124,7 @@ def from_adjoints(
     pulls: Mapping[str, np.ndarray],
     expected_error: float | None = None,
 ) -> tuple[Sensitivity, ...]:
-    """What numbers depend on.
+    """Sensitivities of numbers.
 
     What the adjoints left is multiplied with the motion of tissue that the spline of the landmarks carries; there
     an error before surgery is taken to be the opposite of one after it.

@@ -1,4 +1,4 @@
-"""What can be calibrated, and how it is counted."""
+"""Constants that can be calibrated, and their scale."""
 
 from __future__ import annotations
 

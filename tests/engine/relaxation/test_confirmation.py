@@ -1,4 +1,4 @@
-"""What a relaxation claims at its end: no saddle, and the distance to the minimum of an energy written apart."""
+"""Claims of a relaxation at its end: no saddle, and the distance to the minimum of an energy written apart."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a step along a solution would leave of itself, against a gradient and a curvature written apart."""
+"""The remaining fraction of a step along a solution, against a gradient and a curvature written apart."""
 
 import numpy as np
 import pytest

@@ -19,7 +19,7 @@ PYRAMID = Surface(
     np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10.1], [10, 10, 0]]),
     np.array([[0, 2, 4], [0, 4, 1], [0, 1, 3], [1, 4, 3], [4, 2, 3], [0, 3, 2]], dtype=np.int32),
 )
-"""What VTK was given for `vtk_files`; its base is a quadrilateral, 0 2 4 1."""
+"""The surface that VTK wrote to `vtk_files`; its base is a quadrilateral, 0 2 4 1."""
 
 
 def assert_same(surface: Surface, other: Surface, atol: float = 0.0) -> None:

@@ -1,4 +1,4 @@
-"""What segmentation gets wrong is named with the cure, and what is right is not."""
+"""Faults of a segmentation are named with the cure, and a good one gives no message."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""What others call bones."""
+"""Names of bones in other programs."""
 
 import pytest
 

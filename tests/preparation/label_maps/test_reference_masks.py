@@ -1,4 +1,4 @@
-"""What TotalSegmentator itself wrote: the reference masks of its tests, fetched by who develops, not stored here.
+"""Masks that TotalSegmentator wrote: the reference masks of its tests, which are not stored here.
 
 WARP_TRUNK_TOTALSEGMENTATOR names the folder tests/reference_files of a clone of its repository (Apache-2.0).
 """

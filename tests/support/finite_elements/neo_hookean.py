@@ -26,7 +26,7 @@ class NeoHookean(Law):
     """
 
     crush: ClassVar[float] = 1600.0
-    """What that is multiplied by, times 4."""
+    """Factor of that, times 4."""
     parabola: ClassVar[float] = 0.3
     """By how much J is below a half where the parabola begins."""
 
@@ -51,7 +51,7 @@ class NeoHookean(Law):
         return shape + self.lam * (0.5 * bulk + self.resistance(volume, 0))
 
     def resistance(self, volume: np.ndarray, derivative: int) -> np.ndarray:
-        """What resists being crushed over lambda, or a derivative of it in how much J is below a half."""
+        """Energy of crushing over lambda, or a derivative of it in how much J is below a half."""
         missing = np.maximum(0.5 - volume, 0.0)
         quartic = np.poly1d([self.crush / 4.0, 0.0, 0.0, 0.0, 0.0])
         touching = [quartic.deriv(order)(self.parabola) / factorial(order) for order in (2, 1, 0)]
