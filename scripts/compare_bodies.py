@@ -55,7 +55,7 @@ DEROTATION = 0.4 / 0.65
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What is compared."""
+    """Options of the comparison."""
 
     anatomy: tyro.conf.Positional[Path]
     """Folder with skin.ply and bones/."""
@@ -77,7 +77,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one surgery changes."""
+    """The changes by one surgery."""
 
     before: TrunkMeasures
     after: TrunkMeasures

@@ -23,7 +23,7 @@ def spine(curve: SpineCurve) -> Landmarks:
 
 
 def rotations(curve: SpineCurve) -> dict[str, float]:
-    """What the curve itself turns each vertebra by [degrees]."""
+    """The turn of each vertebra by the curve itself [degrees]."""
     return {name: float(np.degrees(pose.rotation)) for name, pose in vertebra_poses(STRAIGHT, curve).items()}
 
 

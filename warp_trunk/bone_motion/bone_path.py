@@ -192,7 +192,8 @@ def colliding_bones(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
 
 
 def folded_tissue(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
-    """Where the path, which carries all nodes, turns tetrahedra inside out, in words; relaxation may mend them."""
+    """Where the path, which carries all nodes, turns tetrahedra inside out, in words; relaxation may repair
+    them."""
     return _places(trunk, _inverted(trunk, bone_path), "the path of the bones folds tissue")
 
 

@@ -30,9 +30,9 @@ _LOWEST = 12
 _UNDER_SCAPULA = range(2, 8)
 """The ribs that a shoulder blade lies on."""
 _REACH = 20.0
-"""What of them lies within this of the blade carries it, the muscles between being thinner [mm]."""
+"""Parts of them within this distance of the blade carry it; the muscles between are thinner [mm]."""
 _FEW = 16
-"""One in so many vertices tells about how far away a bone is."""
+"""One in this many vertices is used to estimate the distance of a bone."""
 _END = 5.0
 """How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _CARTILAGE = 0.1
@@ -177,7 +177,7 @@ def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, VertebraMotion])
 
 
 def _turned(vertebra: VertebraMotion, rib: _Rib, shares: RibShares, depth: float, growing: bool) -> RigidTransform:
-    """The rib's motion by its shares, before the sternum has a say."""
+    """The rib's motion by its shares, before the sternum is taken into account."""
     from scipy.spatial.transform import RigidTransform  # heavy
 
     lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))

@@ -150,7 +150,7 @@ class RememberedSteps(Steps):
         return self._in_landmarks(len(weights[0]), sums)
 
     def _in_landmarks(self, count: int, sums: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """What the weights of rows and of carried points are in the landmarks."""
+        """Weights of rows and of carried points in the landmarks."""
         found = np.zeros((2, count, *self._landmarks[0].shape))
         for value, which, rows in self._rows:
             if (weight := sums.get(id(value))) is not None:
@@ -164,7 +164,7 @@ class RememberedSteps(Steps):
 
 
 ARM = 1000.0
-"""A motion's turn is told by the way it moves a point at this distance from the axis [mm]."""
+"""A turn is measured by the displacement of a point at this distance from the axis [mm]."""
 STEP = 1e-4
 """How far a number is moved to either side for a derivative [mm, rad]."""
 _OBLIQUE = np.array([0.7, 0.5, 0.3])

@@ -55,7 +55,7 @@ class VertebraMotion:
         return after * Rotation.from_rotvec([0.0, 0.0, turn]) * before.inv()
 
     def without(self, turn: float, point: np.ndarray) -> np.ndarray:
-        """Where a point (3,) goes by the motion less a turn about the vertebra's own axis [rad, mm]."""
+        """Place of a point (3,) after the motion without a turn about the vertebra's own axis [rad, mm]."""
         from scipy.spatial.transform import Rotation  # heavy
 
         axis = _attitude(*self.leaning).apply([0.0, 0.0, 1.0])
@@ -135,7 +135,7 @@ def coupled_turns(before: Landmarks, after: Landmarks, *, steps: Steps | None = 
         steps: how steps are taken; just so when left out.
 
     Returns:
-        Turn against the pelvis, counterclockwise seen from above [rad], by level. Empty where it cannot be told:
+        Turn against the pelvis, counterclockwise seen from above [rad], by level. Empty if it cannot be determined:
         no curve of 10 degrees, or no iliac spines; a level without pedicles or endplates is left out.
     """
     steps = steps or Steps()

@@ -67,7 +67,7 @@ LIMITS = {
     "direct": (0.0, 1.0),
     "scapula": (0.0, 1.0),
 }
-"""What a share can be."""
+"""Limits of the shares."""
 RANGES = {
     "turn": (0.5, 0.8),
     "tilt": (-0.1, 0.2),
@@ -78,5 +78,4 @@ RANGES = {
     "direct": (0.1, 0.5),
     "scapula": (0.8, 1.0),
 }
-"""What a share may well be, one standard deviation of the studies to either side: the ribs' part of how sure a
-prediction is (`run.sources`)."""
+"""Ranges of the shares, one standard deviation of the studies to either side, for the bands (`run.sources`)."""

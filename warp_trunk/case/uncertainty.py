@@ -47,9 +47,9 @@ class Uncertainty:
     fat_thickness: float = 2.0
     """Of the thickness of the fat under it, likewise [mm]."""
     mesh_rotation: float = 0.2
-    """What the mesh adds to a back surface rotation [degrees]."""
+    """Error of a back surface rotation by the mesh [degrees]."""
     mesh_length: float = 0.5
-    """What the mesh adds to a hump, a shoulder or a place of the skin [mm]."""
+    """Error of a hump, a shoulder or a place of the skin by the mesh [mm]."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -121,9 +121,9 @@ class FitAtlas:
     atlas_skin: Path | None = None
     """The skin around the bones of the atlas."""
     drift: Literal["linear", "constant"] = "linear"
-    """What a bone may do as a whole beside moving rigidly: grow and shear, or nothing."""
+    """Drift of the kriging: linear, by which a bone may grow and shear, or constant."""
     nugget: float = 0.0
-    """How much to smooth: variance of the landmarks over the slope of the variogram [mm]; 0 meets them all."""
+    """Smoothing: variance of the landmarks over the slope of the variogram [mm]; 0 interpolates."""
 
     def run(self, arguments: Sequence[str]) -> int:
         """Writes the bones and prints the cross-validation error of the landmarks."""

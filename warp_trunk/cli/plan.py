@@ -30,7 +30,7 @@ from .simulation import COMMON, crossings_written, report_ending
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Plan a surgery: from the landmarks before it and an intention to the place of every vertebra after."""
+    """Plan a surgery: place every vertebra for an intended correction."""
 
     common: ClassVar[frozenset[str]] = COMMON
     case: Positional[Path]
@@ -63,7 +63,7 @@ class Plan:
     """Change the plan within --within so that the largest hump, or the largest back surface rotation, is smallest,
     write that plan, and report the improvement; takes up to nine relaxations."""
     within: UseAppendAction[tuple[str, ...]] = ()
-    """What --aim may change of a curve of the plan, and between which shares:
+    """Bounds within which --aim may change a curve of the plan:
     T8,correction=0.5..0.8,derotation=0.2..0.6; once for each curve."""
     predict: bool = False
     """Simulate the planned case too, into results/ and the name of the planned folder, and print what becomes of

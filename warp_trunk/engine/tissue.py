@@ -1,4 +1,4 @@
-"""What the soft tissue is made of."""
+"""Material of the soft tissue."""
 
 from __future__ import annotations
 

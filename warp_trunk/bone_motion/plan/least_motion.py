@@ -24,7 +24,7 @@ MOST_SEGMENT = 25.0
 _FLOOR = 1.0
 """A straight segment moves as one that is bent by this [degrees]."""
 _SAGITTAL = 3.0
-"""What a segment's bend counts in the sagittal plane, where bends are healthy [degrees]."""
+"""Reference bend of a segment in the sagittal plane, where bends are healthy [degrees]."""
 _FACING = 0.01
 """T1 turns by as little as if it was held by a segment bent by the square of this: the head looks forward."""
 _TARGET, _LIMIT = 1e3, 1e4
@@ -37,7 +37,7 @@ _MET = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What no spine could do, by segment from the top; the lowest is that to the pelvis."""
+    """Impossible bends, by segment from the top; the lowest is that to the pelvis."""
 
     still: Placed
     """The vertebrae as they stand before surgery."""
@@ -50,7 +50,7 @@ class Limits:
 
     @property
     def posture(self) -> Posture:
-        """What they are of."""
+        """The posture that they belong to."""
         return self.still.posture
 
     def excess(self, placed: Placed) -> np.ndarray:

@@ -128,9 +128,9 @@ def write_plan(path: str | Path, plan: Plan) -> None:
 
 
 PLAN, RECORD = "plan.toml", "plan.json"
-"""What a planned case holds beside the files of a case."""
+"""Files of a planned case beside those of a case."""
 _CORRECTION = re.compile(r"(, [\d.]+ % corrected)?(, plan .*)?$")
-"""What the name of a case says of the correction that a plan replaces: one of `make-case`, or a plan's."""
+"""The correction in the name of a case that a plan replaces: one of `make-case`, or a plan's."""
 
 
 def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: str | None = None) -> Case:
@@ -163,7 +163,7 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
 
 
 def planned_case(case: Case, surgery: PlannedSurgery, name: str) -> Case:
-    """The case after a surgery, called by the patient and the plan: plans for one patient are told apart."""
+    """The case after a surgery, named after the patient and the plan, so that plans for one patient differ."""
     patient = _CORRECTION.sub("", case.name)
     return replace(surgery.planned_case(case), name=f"{patient}, plan {name}")
 

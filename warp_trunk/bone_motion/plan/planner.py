@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 _PELVIS = ("asis", "hip", "sacrum", "S1", "coccyx", "femur")
 """Bones that stay, by how their landmarks begin."""
 _GROWS = 5.0
-"""A curve that grows by more than this is told of [degrees]."""
+"""A curve that grows by more than this is reported [degrees]."""
 
 
 def plan_surgery(case: Case, plan: Plan) -> PlannedSurgery:
-    """Move the vertebrae as a plan asks, with the least motion, and tell what that asks of each.
+    """Move the vertebrae as a plan requests, with the least motion, and report the motion of each.
 
     Reads the landmarks before surgery and the films of side bending, nothing else of the case, and takes some
-    milliseconds. The model is told in docs/planning.md. For many plans for one patient: `Planner`.
+    milliseconds. The model is described in docs/planning.md. For many plans for one patient: `Planner`.
 
     >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65)])
     >>> planned = wt.plan_surgery(case, plan).planned_case(case)
@@ -60,7 +60,7 @@ class Planner:
     """One patient's spine before surgery, ready for plan after plan; each is as `plan_surgery` makes it."""
 
     def __init__(self, case: Case) -> None:
-        """Reads the spine; InputError as `plan_surgery`, for what is wrong with the case."""
+        """Reads the spine; InputError as `plan_surgery`, for a faulty case."""
         self._before = before = case.landmarks_before
         posture = posture_of(before)
         self._measured, self._films = measured(posture, before), bending_films(case)
@@ -74,7 +74,7 @@ class Planner:
         """The surgery that a plan asks for.
 
         Raises:
-            InputError: as `plan_surgery`, for what is wrong with the plan.
+            InputError: as `plan_surgery`, for a faulty plan.
         """
         before, spine = self._before, self._measured
         upper, lower = spine.row(plan.uiv), spine.row(plan.liv)
@@ -133,7 +133,7 @@ class Planner:
     def _vertebrae(
         self, there: Spine, rotation: dict[str, float | None], change: np.ndarray, fused: range
     ) -> tuple[VertebraMotion, ...]:
-        seen = change * [1.0, 1.0, -1.0]  # a turn is told as axial rotation is measured
+        seen = change * [1.0, 1.0, -1.0]  # a turn has the sign of axial rotation
         moved = np.stack([there.centroids - self._spine.centroids, seen, segments(seen)], axis=1).tolist()
         return tuple(
             VertebraMotion(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class VertebraMotion:
-    """What a plan asks of one vertebra."""
+    """The planned motion of one vertebra."""
 
     level: str
     """Its name."""
@@ -43,7 +43,7 @@ class VertebraMotion:
 
 @dataclass(frozen=True)
 class CurveMotion:
-    """What becomes of one curve."""
+    """The planned change of one curve."""
 
     before: CobbAngle
     """The curve before surgery."""
@@ -72,7 +72,7 @@ class PlannedSurgery:
     curves: tuple[CurveMotion, ...]
     """Every curve of the spine before surgery, top to bottom."""
     warnings: tuple[str, ...]
-    """What the surgeon should look at, in sentences."""
+    """Warnings for the surgeon, in sentences."""
 
     @cached_property
     def measures(self) -> dict[str, tuple[float, float]]:
@@ -109,7 +109,7 @@ right side going back; the same against the vertebra below. Rotation as `measure
 
 
 def surgery_text(surgery: PlannedSurgery) -> str:
-    """What a plan asks of the curves, of the whole spine and of each vertebra, and what to look at."""
+    """The planned change of the curves, the whole spine and each vertebra, and the warnings."""
     plan = surgery.plan
     lines = [
         f"Fused {plan.uiv} to {plan.liv}, unfused segments {plan.unfused}",
@@ -177,7 +177,7 @@ def _change(value: float) -> str:
 
 
 def back_text(before: TrunkMeasures, after: TrunkMeasures) -> str:
-    """What becomes of the back: rotation, hump and shoulders before surgery and predicted."""
+    """The predicted change of the back: rotation, hump and shoulders before surgery and predicted."""
     shoulders = [None if one.shoulders is None else one.shoulders.difference for one in (before, after)]
     rows: list[tuple[str, float | None, float | None]] = [
         ("largest thoracic rotation [°]", before.max_thoracic_bsr, after.max_thoracic_bsr),

@@ -22,7 +22,7 @@ class Film:
     """Landmarks on one radiograph, whose source and place are calibrated."""
 
     view: str
-    """What to call it in an error, such as its file."""
+    """Its name in an error, such as its file."""
     names: tuple[str, ...]
     """One name for each landmark, none twice."""
     points: np.ndarray

@@ -27,7 +27,7 @@ class Registration:
     rigid: RigidTransform
     """From the frame of the scan to that of the bones."""
     spline: Spline
-    """What is left: the change of posture between scan and films."""
+    """The remaining change of posture between scan and films."""
     names: tuple[str, ...]
     """The markers."""
     rigid_miss: np.ndarray
