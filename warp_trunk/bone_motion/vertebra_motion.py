@@ -135,7 +135,7 @@ def coupled_turns(before: Landmarks, after: Landmarks, *, steps: Steps | None = 
         steps: how steps are taken; just so when left out.
 
     Returns:
-        Turn against the pelvis, counterclockwise seen from above [rad], by level. Empty if it cannot be determined:
+        Turn against the pelvis, counterclockwise seen from above [rad], by level. Empty if it is not determined:
         no curve of 10 degrees, or no iliac spines; a level without pedicles or endplates is left out.
     """
     steps = steps or Steps()
