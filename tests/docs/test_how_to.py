@@ -23,7 +23,6 @@ from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.case.study import Study
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
-from warp_trunk.preparation.reconstruction import Film
 
 ROOT = Path(__file__).parents[2]
 SMALL = "--tets 26000 --bone-voxel 8 --bone-tolerance 2"
@@ -83,11 +82,16 @@ def write_patient(folder: Path) -> None:
         write_plan(folder / f"t4_{liv.lower()}.toml", plan)
 
 
-def write_films(folder: Path, films: tuple[Film, Film], prefix: str = "") -> None:
-    for name, film in zip(("pa", "lateral"), films, strict=True):
-        rows = [f"{mark},{u!r},{v!r}" for mark, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
-        (folder / f"{prefix}{name}.csv").write_text("\n".join(["name,u,v", *rows]))
-        np.savetxt(folder / f"{name}.txt", film.projection, fmt="%.17g")
+def write_films(folder: Path, marks: dict[str, Landmarks]) -> None:
+    """Both films of several sets of landmarks, each set with a prefix of its files; all share the projections."""
+    names = tuple(name for one in marks.values() for name in one.names)
+    films = biplanar(Landmarks(names, np.vstack([one.points for one in marks.values()])))
+    for view, film in zip(("pa", "lateral"), films, strict=True):
+        places = dict(zip(film.names, film.points.tolist(), strict=True))
+        for prefix, one in marks.items():
+            rows = [f"{mark},{places[mark][0]!r},{places[mark][1]!r}" for mark in one.names]
+            (folder / f"{prefix}{view}.csv").write_text("\n".join(["name,u,v", *rows]))
+        np.savetxt(folder / f"{view}.txt", film.projection, fmt="%.17g")
 
 
 @pytest.mark.parametrize("page", ["planning.md", "compare.md", "live.md"])
@@ -143,12 +147,11 @@ def test_a_case_is_made_of_a_ct(anatomy: Path, tmp_path: Path) -> None:
 
 def test_a_case_is_made_of_films(anatomy: Path, tmp_path: Path) -> None:
     case = curved(anatomy)
-    write_films(tmp_path, biplanar(case.landmarks_before))
     (tmp_path / "atlas").symlink_to(anatomy)
     vertices = case.skin.vertices
     markers = vertices[:: len(vertices) // 20]
     marks = Landmarks(tuple(f"marker_{number}" for number in range(len(markers))), markers)
-    write_films(tmp_path, biplanar(marks), "markers_")
+    write_films(tmp_path, {"": case.landmarks_before, "markers_": marks})
     write_landmarks(tmp_path / "markers_scan.csv", marks)
     parts = scan(case.skin, noise=0.0).parts.values()
     for name, part in zip(("front", "left", "back", "right"), parts, strict=True):
