@@ -25,7 +25,7 @@ class Tissue:
 
     >>> soft = dataclasses.replace(case, tissue=wt.Tissue(youngs_modulus=5.0))
     >>> soft.tissue.poisson_ratio
-    0.45
+    0.35
     """
 
     epsilon: float = 1.0
