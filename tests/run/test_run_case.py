@@ -23,7 +23,7 @@ from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.io.trunk_file import read_trunk
+from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures.rows import sided
 from warp_trunk.results import Result, read_result
 from warp_trunk.results.summary_text import plain
@@ -227,3 +227,20 @@ def test_a_run_that_is_refused_or_interrupted_leaves_no_empty_folder(
         with pytest.raises(KeyboardInterrupt):
             simulated(case, folder, mesh, InterruptedWhile("compile"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there", "tissue.vtu"]
+
+
+def test_what_float32_cannot_confirm_is_continued_in_float64(tmp_path, capsys):
+    """A tolerance below the rounding of float32: the end is that of a simulation in float64 from the start."""
+    case, trunk = boned_case()
+    write_trunk(tmp_path / "mesh.vtu", trunk)
+    options = RunOptions(
+        device="cpu",
+        from_mesh=tmp_path / "mesh.vtu",
+        simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-7)),
+    )
+    result = simulate(case, options=options, warnings=())
+    assert "the relaxation continues in float64" in capsys.readouterr().err
+    assert result.converged
+    assert result.summary.precision == "float64"
+    exact = simulate(case, options=replace(options, precision="float64"), warnings=())
+    np.testing.assert_allclose(result.skin.vertices, exact.skin.vertices, rtol=0.0, atol=2e-7)

@@ -83,6 +83,17 @@ class Patient:
         response = spline_response(self.case.landmarks_before.points, self.trunk.nodes)
         return response.astype(self.model.precision)  # memory is what a product with it waits for
 
+    def in_float64(self) -> Patient:
+        """The same patient with her model in float64."""
+        options = dataclasses.replace(self.options, precision="float64")
+        layers = None if self.trunk.tissue is None else self.case.layers or Layers()
+        model = _model(
+            self.trunk, self.case.tissue if layers is None else layers.tissues(self.case.tissue), options
+        )
+        if options.gravity != 0.0 and options.rest == "sag-free":
+            model = sag_free(model).model
+        return dataclasses.replace(self, options=options, model=model)
+
     def check(self, case: Case) -> None:
         """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""
         if differs := self._differs(case):
@@ -136,21 +147,24 @@ def patient_of(
     with stage_of(progress, "compile", "preparing the model"):
         if kernels is not None:
             kernels.wait()
-        parallel = Parallel(options.device, options.threads)
-        model = build_model(
-            trunk,
-            tissues,
-            energy=options.energy_of_tissue,
-            weights=options.weights,
-            skin_rigidity=options.rigidity_of_skin,
-            gravity=options.gravity,
-            device=parallel,
-            precision=options.precision,
-        )
+        model = _model(trunk, tissues, options)
     if options.gravity != 0.0 and options.rest == "sag-free":
         with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
             model = sag_free(model).model
     return Patient(case, options, trunk, model, given)
+
+
+def _model(trunk: TrunkMesh, tissues: Tissue | tuple[Tissue, ...], options: RunOptions) -> Model:
+    return build_model(
+        trunk,
+        tissues,
+        energy=options.energy_of_tissue,
+        weights=options.weights,
+        skin_rigidity=options.rigidity_of_skin,
+        gravity=options.gravity,
+        device=Parallel(options.device, options.threads),
+        precision=options.precision,
+    )
 
 
 def with_mesh_given(

@@ -11,6 +11,8 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+import warp as wp
+
 from warp_trunk.bone_motion.articulation import unknown_bones
 from warp_trunk.bone_motion.bone_path import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner, plan_text
@@ -21,6 +23,7 @@ from warp_trunk.case.motions import check_passing
 from warp_trunk.engine import simulation
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.simulation import Increment
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import removed_if_empty
 from warp_trunk.measures import measure
@@ -45,7 +48,6 @@ from .warnings import curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.results import Result
@@ -302,6 +304,17 @@ def _run(
     before = measure(case.skin, case.landmarks_before)
     with _opened(path, case, prepared, before, options=options, live=live, progress=progress) as recording:
         increments, after = _increments(case, prepared, patient, recording, progress)
+        if _unconfirmed(increments[-1], options):
+            patient = patient.in_float64()
+            prepared = Prepared(patient.trunk, patient.model, prepared.bone_path)
+            increments[-1] = _continued(increments[-1], prepared, patient, progress)
+            after = measure(
+                predicted_skin(case, prepared.trunk, increments[-1].displacement),
+                case.planned_landmarks,
+                case.skin,
+            )
+            if recording is not None:
+                recording.increment(increments[-1], after)
         last = increments[-1]
         skin = predicted_skin(case, prepared.trunk, last.displacement)
         quality = skin_quality(case.skin, skin, case.landmarks_before, case.bones)
@@ -383,6 +396,30 @@ def _increments(
         progress.add("record", time.perf_counter() - start)
     assert after is not None  # there is at least one increment
     return increments, after
+
+
+def _unconfirmed(last: Increment, options: RunOptions) -> bool:
+    """Whether the precision may be why the last relaxation stalled."""
+    newton = options.simulation.relax.method == "newton"
+    return newton and options.precision == "float32" and last.relaxation.status is RelaxStatus.STALLED
+
+
+def _continued(last: Increment, prepared: Prepared, patient: Patient, progress: Progress) -> Increment:
+    """The last increment relaxed further in float64, for a patient whose model has that precision."""
+    progress.message("float32 cannot confirm the equilibrium; the relaxation continues in float64")
+    began, model, relaxer = time.perf_counter(), prepared.model, patient.relaxer
+    displacement, bones = last.displacement.copy(), model.order[model.prescribed]
+    displacement[bones] = prepared.bone_path.at(last.load_factor)[bones]  # they were rounded to float32
+    relaxer.state.set_displacement(displacement)
+    relaxation = relaxer.relax()
+    taken = time.perf_counter() - began
+    progress.add("relax", taken)
+    from_rest = wp.clone(relaxer.state.displacement)
+    increment = Increment(
+        model, last.number, last.load_factor, from_rest, relaxation, seconds=last.seconds + taken
+    )
+    progress.increment(increment, patient.options.simulation.increments)
+    return increment
 
 
 def _bands(

@@ -60,16 +60,14 @@ def ending_warnings(last: Relaxation, held: list[str], folded: list[str]) -> lis
     stalled = last.status is RelaxStatus.STALLED
     if not (last.inverted_tets or stalled):
         return []
+    count = last.inverted_tets
     what = (
-        f"{last.inverted_tets} tetrahedra are inside out at the end"
-        if last.inverted_tets
+        f"{count} {'tetrahedron is' if count == 1 else 'tetrahedra are'} inside out at the end"
+        if count
         else "The tissue found no equilibrium"
     )
     if held or folded:
-        return [
-            f"{what}, and the path of the bones is the cause, not the precision: "
-            f"{(held or folded)[0]}; look at the landmarks there."
-        ]
+        return [f"{what}; {(held or folded)[0]}. Look at the landmarks there."]
     if stalled:
-        return [f"{what}; use float64, a larger tolerance or more increments."]
+        return [f"{what}, in float64 neither; use a larger tolerance or more increments."]
     return [f"{what}; do not trust the skin near them, and use more increments or another mesh."]
