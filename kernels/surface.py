@@ -32,22 +32,6 @@ def signed_distance(
 
 
 @wp.kernel(enable_backward=False)
-def plain_distance(
-    first: wp.int32,
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    reach: wp.float32,
-    distance: wp.array(dtype=wp.float32),
-):
-    """Distance [mm] without a sign, which takes most of the time; NaN farther away than `reach`."""
-    i = first + wp.tid()
-    query = wp.mesh_query_point_no_sign(mesh, points[i], reach)
-    distance[i] = wp.nan
-    if query.result:
-        distance[i] = wp.length(points[i] - wp.mesh_eval_position(mesh, query.face, query.u, query.v))
-
-
-@wp.kernel(enable_backward=False)
 def nearest_on_mesh(
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),
@@ -190,28 +174,6 @@ def crossing_faces(
     while wp.mesh_query_aabb_next(query, g):
         if meets(vertices, faces, f, g, slack):
             crossed[f] = g
-
-
-@wp.kernel(enable_backward=False)
-def crossed_by_any(
-    first: wp.int32,
-    mesh: wp.uint64,
-    vertices: wp.array(dtype=wp.vec3d),
-    faces: wp.array(dtype=wp.int32),
-    asked: wp.array(dtype=wp.int32),
-    slack: wp.float64,
-    crossed: wp.array(dtype=wp.bool),
-):
-    """For each face asked for, whether it and another pass through each other."""
-    n = first + wp.tid()
-    f = asked[n]
-    hit = wp.bool(False)
-    lower, upper = box_of(vertices, faces, f)
-    query = wp.mesh_query_aabb(mesh, lower, upper)
-    g = wp.int32(0)
-    while wp.mesh_query_aabb_next(query, g):
-        hit = hit or meets(vertices, faces, f, g, slack) or meets(vertices, faces, g, f, slack)
-    crossed[n] = hit
 
 
 LEAST_TURN = wp.constant(wp.float64(0.4))

@@ -23,7 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from benchmarking import curves, outside, scaling, scenes, tables, throughput
+from benchmarking import curves, outside, scaling, scenes, tables
 from benchmarking.marked import write_into
 from benchmarking.plot import plot
 from benchmarking.prepare import as_simulated, load_case, mesh_case
@@ -34,8 +34,6 @@ from benchmarking.record import Record, Setting, read_records, write_records
 from warp_trunk import InputError, RunOptions
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.parallel import choose_device
-from warp_trunk.engine.relaxation import RelaxOptions
-from warp_trunk.engine.simulation import SimulationOptions
 
 Add = Callable[[str, object, str], argparse.ArgumentParser]
 """Adds a command: its name, what it calls with what is given, and what it does in words."""
@@ -157,14 +155,6 @@ def increments(given: argparse.Namespace) -> None:
     print(scaling.increments_table(read_problem(given.problem), _setting(given), given.counts))
 
 
-def plans(given: argparse.Namespace) -> None:
-    """Prints the table of batches of plans."""
-    options = SimulationOptions(increments=given.increments, relax=RelaxOptions(tolerance=given.tolerance))
-    problem, setting = read_problem(given.problem), _setting(given)
-    measured = throughput.measure_batches(problem, setting, given.batches, options)
-    print(throughput.batch_table(measured))
-
-
 def _setting(given: argparse.Namespace) -> Setting:
     choose_device(given.device)
     threads = given.threads if given.device == "cpu" else 1
@@ -249,13 +239,6 @@ def _add_scenes(add: Add) -> None:
     one = add("increments", increments, "the error of the number of increments")
     one.add_argument("problem", help="a file made by prepare")
     one.add_argument("--counts", nargs="+", type=int, default=[1, 2, 5, 10, 20])
-    add_place(one)
-
-    one = add("plans", plans, "how many plans of one patient are simulated in a second")
-    one.add_argument("problem", help="a file made by prepare")
-    one.add_argument("--batches", nargs="+", type=int, default=[1, 4, 16, 64], help="plans given at once")
-    one.add_argument("--increments", type=int, default=1, help="of each (default %(default)s)")
-    one.add_argument("--tolerance", type=float, default=0.1, help="of each [mm] (default %(default)g)")
     add_place(one)
 
 

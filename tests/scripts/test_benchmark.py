@@ -21,13 +21,10 @@ from benchmarking.record import Record, Setting, read_records, write_records
 from benchmarking.scaling import exponent, increments_table, measure_size, size_table, slopes
 from benchmarking.scenes import scenes_table
 from benchmarking.tables import comparison, curves, long_table, seconds_to, short_table
-from benchmarking.throughput import batch_table, drawn_paths, measure_batches
 
 from support.small_trunk import small_case
 from support.there import there
 from warp_trunk import InputError
-from warp_trunk.engine.relaxation import RelaxOptions
-from warp_trunk.engine.simulation import SimulationOptions
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 ASKED_FOR = {
@@ -266,16 +263,3 @@ def test_run_needs_numpy_and_warp_alone(tmp_path: Path) -> None:
     assert "| newton | 1 thread | float32 |" in done.stdout
     refused = [sys.executable, "-c", "import scipy"]
     assert subprocess.run(refused, capture_output=True, env=environment).returncode != 0
-
-
-def test_batches_of_plans_are_as_near_as_they_claim() -> None:
-    setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
-    options = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=0.1))
-    one, three = measure_batches(problem(), setting, [1, 3], options)
-    for batch, plans in ((one, 1), (three, 3)):
-        assert (batch.plans, batch.converged, batch.device_mb) == (plans, plans, None)
-        assert 0.0 < batch.error_mm <= batch.claimed_mm <= 0.1
-    assert one.error_mm <= three.error_mm
-    first, second = (path.displacement for path in drawn_paths(problem(), 2, "cpu"))
-    assert np.abs(first - second).max() > 1.0
-    assert batch_table([one, three]).count("\n") == 4

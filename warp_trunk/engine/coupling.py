@@ -25,30 +25,17 @@ class Coupling:
             record = assembly_of_blocks(model, pattern.block_of, size).into(blocks, state.displacement)
             record("hessian")()
         self._blocks = blocks.numpy()[0, :size].astype(np.float64)
-        self._by_column = np.argsort(self._column, kind="stable")
-        self._transposed = self._blocks[self._by_column].transpose(0, 2, 1)
 
     def times(self, moved: np.ndarray) -> np.ndarray:
         """Change of gradients (fields, free, 3) by moving prescribed nodes (fields, prescribed, 3)."""
-        sums = [_sum_by(self._row, _each(self._blocks, by[self._column]), self._free) for by in moved]
-        return np.reshape(sums, (len(moved), self._free, 3))
+        sums = np.zeros((len(moved), self._free, 3))
+        for total, by in zip(sums, moved, strict=True):
+            np.add.at(total, self._row, np.einsum("bij,bj->bi", self._blocks, by[self._column]))
+        return sums
 
     def transposed_times(self, weights: np.ndarray) -> np.ndarray:
         """The transpose, from free nodes (fields, free, 3) to prescribed ones (fields, prescribed, 3)."""
-        row, column = self._row[self._by_column], self._column[self._by_column]
-        sums = [_sum_by(column, _each(self._transposed, by[row]), self._prescribed) for by in weights]
-        return np.reshape(sums, (len(weights), self._prescribed, 3))
-
-
-def _each(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Products of blocks (n, 3, 3) with vectors (n, 3)."""
-    return np.einsum("bij,bj->bi", blocks, vectors)
-
-
-def _sum_by(row: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
-    """Sums of values (n, 3) by their rows, which ascend, shape (size, 3)."""
-    total = np.zeros((size, 3))
-    if len(row):
-        starts = np.flatnonzero(np.diff(row, prepend=-1))
-        total[row[starts]] = np.add.reduceat(values, starts)
-    return total
+        sums = np.zeros((len(weights), self._prescribed, 3))
+        for total, by in zip(sums, weights, strict=True):
+            np.add.at(total, self._column, np.einsum("bji,bj->bi", self._blocks, by[self._row]))
+        return sums

@@ -25,7 +25,7 @@ from .model import Model
 from .multigrid import Multigrid
 from .parallel import Launch, Readback
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
-from .state import ProductReader, Products, State
+from .state import ProductReader, Products, State, longest
 
 ESTIMATE_EVERY = 50
 """Steps of a gradient method between two Newton solves that estimate how far the equilibrium is."""
@@ -456,8 +456,3 @@ class Newton:
         if verdict.down is not None:
             self._down = verdict.down.numpy()
         return verdict.distance <= self._tolerance, verdict.iterations
-
-
-def longest(vectors: np.ndarray) -> float:
-    """Length of the longest vector."""
-    return float(np.linalg.norm(vectors.astype(float), axis=1).max(initial=0.0))

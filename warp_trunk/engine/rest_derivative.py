@@ -17,7 +17,7 @@ from warp_trunk.errors import InputError
 
 from .model import Model
 from .sag_free import mesh_at, resting
-from .state import State
+from .state import State, longest
 
 MOVE = {"float32": 0.1, "float64": 1e-3}
 """How far the rest state is moved to either side for a derivative [mm]: below, the precision hides it."""
@@ -77,14 +77,10 @@ def rest_motions(
     for _ in range(MOST_ROUNDS):
         step = solve(left, ROUGHLY)
         moved += step
-        if (_longest(step) <= accuracy * _longest(moved)).all():
+        if (longest(step) <= accuracy * longest(moved)).all():
             return moved
         left = pulls + [pull_of_rest(model, model.scan, each) for each in moved]
     raise InputError(
         "sensitivities: it was not found how the rest state under gravity moves with the constants; the tissue is "
         "too near to buckling under its weight: raise youngs_modulus, or take the scan as the rest state"
     )
-
-
-def _longest(vectors: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vectors, axis=2).max(axis=1, initial=0.0)

@@ -123,6 +123,11 @@ def to_mesh_order(model: Model, values: np.ndarray) -> np.ndarray:
     return result
 
 
+def longest(vectors: np.ndarray) -> np.ndarray:
+    """Length of the longest of the vectors (..., n, 3), shape (...)."""
+    return np.linalg.norm(vectors.astype(np.float64), axis=-1).max(axis=-1, initial=0.0)
+
+
 @dataclass(frozen=True)
 class Products:
     """Scalar products over the free nodes, in double precision; in the order of the kernel's columns."""
