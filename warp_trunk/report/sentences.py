@@ -45,8 +45,10 @@ def glance(poses: Sequence[Pose]) -> list[tuple[str, str]]:
         (f"curve of the spine, {curve.ends}", _minus(f"{curve.before.angle:.0f}° → {curve.angle_after:.0f}°"))
         for curve in main_curves(_known_curves(before, predicted))
     ]
+    level = before.worst_level  # the same one after surgery, where another may be the largest
+    rotations = (None, None) if level is None else (before.bsr[level], predicted.bsr.get(level))
     for name, was, will, unit in (
-        ("rotation of the back, largest", _largest_rotation(before), _largest_rotation(predicted), "°"),
+        (f"rotation of the back at {level}", *rotations, "°"),
         ("hump, largest", before.max_hump, predicted.max_hump, " mm"),
         ("difference of the shoulders", *map(_shoulders, (before, predicted)), " mm"),
     ):
@@ -84,10 +86,6 @@ def _height_gained(before: TrunkMeasures, after: TrunkMeasures) -> float | None:
     if before.spine_height is None or after.spine_height is None:
         return None
     return after.spine_height.height - before.spine_height.height
-
-
-def _largest_rotation(measures: TrunkMeasures) -> float | None:
-    return None if measures.worst_level is None else measures.bsr[measures.worst_level]
 
 
 def _shoulders(measures: TrunkMeasures) -> float | None:
@@ -166,7 +164,7 @@ def _higher(difference: float) -> str:
 
 def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
     level = predicted.worst_level
-    angle = _largest_rotation(predicted)
+    angle = None if level is None else predicted.bsr[level]
     if level is None or angle is None:
         return "The rotation of the predicted back could not be measured."
     if abs(angle) < DETECTABLE:
