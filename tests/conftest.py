@@ -12,7 +12,7 @@ from filelock import FileLock
 from warp._src.context import Module  # Warp has no public hook for compilation
 
 from support.report_results import write_small_result
-from warp_trunk.report import write_report
+from warp_trunk.results import read_result
 
 
 def pytest_configure() -> None:
@@ -37,12 +37,12 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 @pytest.fixture(scope="session")
 def plain_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a result without an actual skin, and with a name that is markup."""
-    return write_report(
-        write_small_result(tmp_path_factory.mktemp("plain"), name='<script>alert("x")</script> & Co')
-    )
+    folder = write_small_result(tmp_path_factory.mktemp("plain"), name='<script>alert("x")</script> & Co')
+    return read_result(folder).report()
 
 
 @pytest.fixture(scope="session")
 def compared_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a result with an actual skin, turned 3 degrees further, and without the level T8."""
-    return write_report(write_small_result(tmp_path_factory.mktemp("compared"), turn_more=3.0, without="T8"))
+    folder = write_small_result(tmp_path_factory.mktemp("compared"), turn_more=3.0, without="T8")
+    return read_result(folder).report()

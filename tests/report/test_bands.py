@@ -14,7 +14,6 @@ from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli.measure import Measure
 from warp_trunk.recording.drawing import BarPlot
-from warp_trunk.report import write_report
 from warp_trunk.report.sentences import band_sentence
 from warp_trunk.report.tables import BAND_HEAD, band_table, source_table
 from warp_trunk.report.writing import poses_of
@@ -26,7 +25,7 @@ BANDS = FOUND.bands
 
 
 def test_the_page_tells_it(tmp_path: Path) -> None:
-    page = write_report(write_small_result(tmp_path, found=FOUND)).read_text()
+    page = read_result(write_small_result(tmp_path, found=FOUND)).report().read_text()
     assert "How sure each number is" in page
     assert "section &lt;5.2&gt; of [2]" in page
     assert (tmp_path / "report" / "sure.png").stat().st_size > 5000

@@ -17,6 +17,7 @@ from warp_trunk.measures.rows import measure_rows
 from warp_trunk.report import write_comparison
 from warp_trunk.report.plans import differences
 from warp_trunk.report.style import BEFORE, PLANS, Pose
+from warp_trunk.results import read_result
 
 CURVE = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}
 
@@ -81,7 +82,7 @@ def test_plan_that_did_not_converge_is_named(tmp_path):
         write_small_result(tmp_path / "good"),
         write_small_result(tmp_path / "bad", status=RelaxStatus.STALLED, warnings=("The spine folds at T8.",)),
     ]
-    text = write_comparison(folders, tmp_path / "page").read_text()
+    text = write_comparison([read_result(folder) for folder in folders], tmp_path / "page").read_text()
     assert "Plan B: the calculation did not reach its end (STALLED)" in text
     assert "Plan A: the calculation" not in text
     assert "Plan B: The spine folds at T8." in text
@@ -90,11 +91,11 @@ def test_plan_that_did_not_converge_is_named(tmp_path):
 def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):
     one, other = write_small_result(tmp_path / "one"), write_small_result(tmp_path / "other", without="T8")
     with pytest.raises(InputError, match=r"other: its landmarks before surgery must be those of .*one"):
-        write_comparison([one, other])
+        write_comparison([read_result(one), read_result(other)])
     with pytest.raises(InputError, match="is given twice"):
-        write_comparison([one, one])
+        write_comparison([read_result(one)] * 2)
     with pytest.raises(InputError, match="from 2 to 4 results"):
-        write_comparison([one] * 5)
+        write_comparison([read_result(one)] * 5)
 
 
 def test_command_without_a_result_says_what_is_missing(capsys):

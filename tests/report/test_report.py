@@ -14,7 +14,6 @@ from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.report import write_report
 from warp_trunk.report.modelled import modelled, not_modelled
 from warp_trunk.report.sentences import sentences
 from warp_trunk.report.tables import rotation_table
@@ -141,7 +140,7 @@ def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_pat
         row["estimated_error_mm"] = None
     del summary["parameters"]["tolerance"]
     (folder / "summary.json").write_text(json.dumps(summary))
-    text = write_report(folder).read_text()
+    text = read_result(folder).report().read_text()
     assert text.index("did not reach its end (STALLED)") < text.index("<img")
     assert "What changes" not in text
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
@@ -151,7 +150,7 @@ def test_warnings_are_text_on_the_page_of_the_surgeon(tmp_path):
     folder = write_small_result(
         tmp_path, warnings=("The <b>pelvis</b> moves by 7 mm.", "The largest curve grows.")
     )
-    text = write_report(folder).read_text()
+    text = read_result(folder).report().read_text()
     surgeon = text.index("For the surgeon:")
     assert text.index("<img") < text.index('role="alert"') < surgeon
     assert text.index("The &lt;b&gt;pelvis&lt;/b&gt; moves by 7 mm.") > surgeon
@@ -191,7 +190,7 @@ def test_folder_that_cannot_be_written_is_refused_before_any_drawing(plain, tmp_
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: pytest.fail("drawn"))
     with pytest.raises(InputError, match="--out"):
-        write_report(plain[0], tmp_path / "file" / "out")
+        read_result(plain[0]).report(tmp_path / "file" / "out")
 
 
 def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path, capsys):

@@ -14,9 +14,9 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.exchange import ENDINGS, write_volume
 from warp_trunk.io.file_access import check_place
+from warp_trunk.io.result_files import TRUNK
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.results import read_summary
-from warp_trunk.results.result import TRUNK
 
 from .output import OK
 

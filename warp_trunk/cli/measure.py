@@ -16,12 +16,11 @@ from warp_trunk.case.header import read_header
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
+from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.report.part_pictures import write_distances
-from warp_trunk.results import read_result
+from warp_trunk.results import read_result, read_summary
 from warp_trunk.results.judging import check_writable, judged, write_record
-from warp_trunk.results.result import PREDICTED_SKIN, read_summary
-from warp_trunk.results.summary import SUMMARY
 from warp_trunk.run.progress import Progress
 
 from .output import OK

@@ -10,7 +10,8 @@ from tyro.conf import Positional
 
 from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.errors import InputError
-from warp_trunk.report import write_comparison, write_report
+from warp_trunk.report import write_comparison
+from warp_trunk.results import read_result
 from warp_trunk.run.progress import Progress
 
 from .output import OK
@@ -34,9 +35,7 @@ class Report:
         if self.out is not None:
             refuse_case(self.out)
         with Progress() as progress, progress.stage("report", "measuring and drawing"):
-            if len(self.results) == 1:
-                page = write_report(self.results[0], self.out)
-            else:
-                page = write_comparison(self.results, self.out)
+            results = [read_result(folder) for folder in self.results]
+            page = write_comparison(results, self.out) if len(results) > 1 else results[0].report(self.out)
         print(f"Open {page} in a browser; its pictures are in {page.with_suffix('')}")
         return OK

@@ -13,12 +13,12 @@ from warp_trunk.case import read_checked_case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
 from warp_trunk.measures import measure
 from warp_trunk.results import fingerprint_of, read_result
 from warp_trunk.results.fingerprint import Fingerprint, surface_digest
 from warp_trunk.results.fingerprint import difference as first_difference
 from warp_trunk.results.judging import judged, write_record
-from warp_trunk.results.result import MEASURES, PREDICTED_SKIN
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate

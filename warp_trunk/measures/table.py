@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .comparison import SkinComparison
     from .measures import TrunkMeasures
 
+RESEARCH = "A research simulation, not for clinical use."
 SIDES = "The side is that which stands further back, higher or wider, or to which the spine is shifted."
 Row = Sequence[str]
 """The cells of a row; a row of one cell is a heading."""

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.measures.rows import measure_rows
-from warp_trunk.measures.table import as_markdown
-from warp_trunk.results.summary_text import RESEARCH
+from warp_trunk.measures.table import RESEARCH, as_markdown
 
 from . import drawing
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,6 @@ from warp_trunk.measures import measure
 from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.rows import LENGTH, SPINE_ANGLE, MeasureRow, measure_rows
 from warp_trunk.measures.table import cells_of
-from warp_trunk.results import read_result
 
 from .page import rendered
 from .style import BEFORE, PLANS, Pose
@@ -26,20 +24,21 @@ SAME = 1e-3
 """Points of one patient before surgery differ by no more than files round [mm]."""
 
 
-def read_plans(folders: Sequence[Path]) -> dict[Path, Result]:
-    """The results of several plans for one patient.
+def check_plans(results: Sequence[Result]) -> None:
+    """Check that results are of several plans for one patient.
 
     Raises:
-        InputError: too many of them, one given twice or that is no result, or one of another trunk before surgery.
+        InputError: too many of them, one given twice, or one of another trunk before surgery.
     """
+    folders = [result.folder for result in results]
     if not 2 <= len(folders) <= len(PLANS):
         raise InputError(f"report: from 2 to {len(PLANS)} results can be compared on one page, not {len(folders)}")
-    twice = [folder for number, folder in enumerate(folders) if folder.resolve() in _resolved(folders[:number])]
+    places = [folder.resolve() for folder in folders]
+    twice = [folder for number, folder in enumerate(folders) if places[number] in places[:number]]
     if twice:
         raise InputError(f"{twice[0]}: is given twice; give every plan once")
-    results = {folder: read_result(folder) for folder in folders}
-    first = results[folders[0]]
-    for folder, result in results.items():
+    first = results[0]
+    for folder, result in zip(folders, results, strict=True):
         if not result.landmarks_before.names:
             raise InputError(
                 f"{folder}: has no landmarks of a spine to compare; write a report of each result alone"
@@ -55,35 +54,34 @@ def read_plans(folders: Sequence[Path]) -> dict[Path, Result]:
                     f"{folder}: its {name} before surgery must be those of {folders[0]}, but they differ; compare "
                     "plans for one patient, from cases that share the trunk before surgery"
                 )
-    return results
 
 
-def plan_poses(results: Mapping[Path, Result]) -> list[Pose]:
+def plan_poses(results: Sequence[Result]) -> list[Pose]:
     """The trunk before surgery, then that of every plan, measured."""
-    first = next(iter(results.values()))
+    first = results[0]
     before, landmarks = first.skin_before, first.landmarks_before
     poses = [Pose(BEFORE, before, landmarks, measure(before, landmarks))]
-    for look, result in zip(PLANS, results.values(), strict=False):
+    for look, result in zip(PLANS, results, strict=False):
         skin, reached = result.skin, result.landmarks_after
         poses.append(Pose(look, skin, reached, measure(skin, reached, before)))
     return poses
 
 
-def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: Mapping[str, bytes]) -> str:
+def plans_page(poses: Sequence[Pose], results: Sequence[Result], drawings: Mapping[str, bytes]) -> str:
     """The text of the page; all that comes from files is escaped."""
     before, *plans = poses
-    ends = [result.summary.ending for result in results.values()]
+    ends = [result.summary.ending for result in results]
     titles = [plan.look.heading for plan in plans]
     groups = measure_rows([pose.measures for pose in poses])
     return rendered(
         "plans.html",
         drawings,
         panels=len(poses),
-        virtual=any(result.summary.virtual for result in results.values()),
+        virtual=any(result.summary.virtual for result in results),
         titles=", ".join(pose.look.title for pose in poses),
         plans=[
-            (title, result.summary.case, folder.name or folder.resolve().name, result.plan)
-            for title, (folder, result) in zip(titles, results.items(), strict=True)
+            (title, result.summary.case, result.folder.resolve().name, result.plan)
+            for title, result in zip(titles, results, strict=True)
         ],
         unfinished=[
             (title, end.name, end.value[:1].upper() + end.value[1:])
@@ -92,7 +90,7 @@ def plans_page(poses: Sequence[Pose], results: Mapping[Path, Result], drawings: 
         ],
         warnings=[
             f"{title}: {warning}"
-            for title, result in zip(titles, results.values(), strict=True)
+            for title, result in zip(titles, results, strict=True)
             for warning in result.summary.warnings
         ],
         differs=differences(before, plans),
@@ -128,7 +126,3 @@ def _listed(row: MeasureRow, plans: Sequence[Pose]) -> str:
         size, *side = row.text(value).split(" ")
         cells.append(f"{' '.join([f'{size}{unit}', *side])} with {plan.look.title}")
     return f"{', '.join(cells[:-1])} and {cells[-1]}"
-
-
-def _resolved(folders: Sequence[Path]) -> set[Path]:
-    return {folder.resolve() for folder in folders}

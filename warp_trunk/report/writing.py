@@ -1,4 +1,4 @@
-"""From result folders to their report."""
+"""From results to their report."""
 
 from __future__ import annotations
 
@@ -12,17 +12,15 @@ import numpy as np
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.folders import make_writable
-from warp_trunk.io.trunk_file import read_trunk
+from warp_trunk.io.result_files import PAGE, PICTURES
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.skin_quality import skin_change
-from warp_trunk.results import read_result
-from warp_trunk.results.result import PAGE, PICTURES, TRUNK
 
 from .hump_picture import hump_picture
 from .page import page, part_page
 from .part_pictures import change_sections, changed_views, frame_of, values_picture
-from .plans import plan_poses, plans_page, read_plans
+from .plans import check_plans, plan_poses, plans_page
 from .plots import convergence_plot, rotation_plot
 from .relief import BEHIND, FRONT, RIGHT, relief, window
 from .section_pictures import section_pictures
@@ -47,36 +45,35 @@ if TYPE_CHECKING:
 PLANS_PAGE, PLANS_PICTURES = "plans.html", "plans"
 
 
-def write_report(result: str | Path, out: str | Path | None = None) -> Path:
+def write_report(result: Result, out: str | Path | None = None) -> Path:
     """Write the report of a result: one page that needs no network, and its pictures as PNG.
 
     The page is `report.html`; the pictures lie in the folder `report` beside it. An earlier report is replaced,
     the page last.
 
     Args:
-        result: a result folder.
+        result: a saved result.
         out: the folder to write to; the result folder when left out.
 
     Returns:
         The page.
 
     Raises:
-        InputError: the result is missing, incomplete or damaged, or `out` cannot be written to.
+        InputError: the result is not saved, or `out` cannot be written to.
     """
-    out = Path(result) if out is None else Path(out)
-    read = read_result(result)
+    out = result.folder if out is None else Path(out)
     folder = _prepare(out, PICTURES)
-    poses = poses_of(read)
-    if not read.landmarks_before.names:
-        return _write_part(Path(result), out, read, poses)
+    poses = poses_of(result)
+    if not result.landmarks_before.names:
+        return _write_part(out, result, poses)
     comparison = None
-    if read.actual_skin is not None:
-        comparison = compare_skins(read.skin, read.actual_skin, read.landmarks_after)
+    if result.actual_skin is not None:
+        comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after)
 
-    change, quality = skin_change(read.skin_before, read.skin), read.summary.skin_quality
+    change, quality = skin_change(result.skin_before, result.skin), result.summary.skin_quality
     doubtful = None
     if quality is not None and quality.faults:
-        doubtful = at_vertices(read.skin, change.doubtful.astype(np.float64))
+        doubtful = at_vertices(result.skin, change.doubtful.astype(np.float64))
 
     from matplotlib import rc_context  # heavy
 
@@ -87,63 +84,64 @@ def write_report(result: str | Path, out: str | Path | None = None) -> Path:
             "shoulders": shoulders_picture(poses),
             "spine_behind": spine_picture(poses[:2], BEHIND),
             "spine_side": spine_picture(poses[:2], RIGHT),
-            "rotation": rotation_plot(poses, None if read.summary.bands is None else read.summary.bands.bsr_deg),
-            "sure": _sure(poses[1], read.skin_sd),
+            "rotation": rotation_plot(
+                poses, None if result.summary.bands is None else result.summary.bands.bsr_deg
+            ),
+            "sure": _sure(poses[1], result.skin_sd),
             "stretch_behind": stretch_picture(poses[1], change, BEHIND),
             "stretch_front": stretch_picture(poses[1], change, FRONT),
             "sections": section_pictures(poses),
-            "convergence": convergence_plot(read.summary),
+            "convergence": convergence_plot(result.summary),
         }
         drawings = _drawn(figures, folder)
-    _write(out / PAGE, page(poses, comparison, read.summary, drawings, read.plan).encode())
+    _write(out / PAGE, page(poses, comparison, result.summary, drawings, result.plan).encode())
     return out / PAGE
 
 
-def _write_part(folder: Path, out: Path, read: Result, poses: list[Pose]) -> Path:
+def _write_part(out: Path, result: Result, poses: list[Pose]) -> Path:
     """Write the report of a part of the body without a spine."""
     from matplotlib import rc_context  # heavy
 
-    frame = frame_of(read.skin_before)
+    frame = frame_of(result.skin_before)
     poses = [replace(pose, landmarks=frame) for pose in poses]
-    moved = np.linalg.norm(read.skin.vertices - read.skin_before.vertices, axis=1)
-    views = changed_views(read.skin_before, moved)
-    trunk, displacement = read_trunk(folder / TRUNK)
+    moved = np.linalg.norm(result.skin.vertices - result.skin_before.vertices, axis=1)
+    views = changed_views(result.skin_before, moved)
+    trunk, displacement = result.tissue
     bones = [Surface(nodes, trunk.bone_faces) for nodes in (trunk.nodes, trunk.nodes + displacement)]
-    agreed, distance = (None, None) if read.actual_skin is None else agreement(read.skin, read.actual_skin)
+    agreed, distance = (None, None) if result.actual_skin is None else agreement(result.skin, result.actual_skin)
     with rc_context(RC):
         figures: dict[str, Figure | None] = {}
         for name, view in zip(("first", "second"), views, strict=True):
             figures[name] = plain_picture(poses, view)
             figures[f"{name}_moved"] = values_picture(poses[1], moved, view, "displacement [mm]")
         figures["sections"] = change_sections(poses, bones)
-        figures["convergence"] = convergence_plot(read.summary)
+        figures["convergence"] = convergence_plot(result.summary)
         if distance is not None:
             figures["error"] = values_picture(poses[1], distance, views[0], "distance [mm]", signed=True)
         drawings = _drawn(figures, _prepare(out, PICTURES))
-    _write(out / PAGE, part_page(poses, read.summary, drawings, agreed, read.plan).encode())
+    _write(out / PAGE, part_page(poses, result.summary, drawings, agreed, result.plan).encode())
     return out / PAGE
 
 
-def write_comparison(results: Sequence[str | Path], out: str | Path | None = None) -> Path:
+def write_comparison(results: Sequence[Result], out: str | Path | None = None) -> Path:
     """Write plans for one patient side by side: one page that needs no network, and its pictures as PNG.
 
     The page is `plans.html`; the pictures lie in the folder `plans` beside it. An earlier one is replaced.
 
     Args:
-        results: result folders, plan A first.
+        results: saved results, plan A first.
         out: the folder to write to; that which holds the first result when left out.
 
     Returns:
         The page.
 
     Raises:
-        InputError: as `read_plans`, or `out` cannot be written to.
+        InputError: as `check_plans`, or `out` cannot be written to.
     """
-    folders = [Path(result) for result in results]
-    read = read_plans(folders)
-    out = folders[0].resolve().parent if out is None else Path(out)
+    check_plans(results)
+    out = results[0].folder.resolve().parent if out is None else Path(out)
     folder = _prepare(out, PLANS_PICTURES)
-    poses = plan_poses(read)
+    poses = plan_poses(results)
 
     from matplotlib import rc_context  # heavy
 
@@ -154,7 +152,7 @@ def write_comparison(results: Sequence[str | Path], out: str | Path | None = Non
             "rotation": rotation_plot(poses),
         }
         drawings = _drawn(figures, folder)
-    _write(out / PLANS_PAGE, plans_page(poses, read, drawings).encode())
+    _write(out / PLANS_PAGE, plans_page(poses, results, drawings).encode())
     return out / PLANS_PAGE
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 
-SKIN_SD = "skin_sd.csv"
 WIDTH = 1.959964
 """Standard deviations to either side that hold 95 % of a normal distribution."""
 

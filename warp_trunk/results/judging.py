@@ -14,6 +14,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY, TRUNK
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement, agreement_rows, tissue_volume_change
@@ -21,8 +22,7 @@ from warp_trunk.measures.record import COLUMNS, comparison_record, measures_reco
 from warp_trunk.measures.table import comparison_text, measures_text
 
 from .bands import levels_in_band
-from .result import PREDICTED_SKIN, TRUNK, read_summary
-from .summary import SUMMARY
+from .result import read_summary
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

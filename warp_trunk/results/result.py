@@ -22,30 +22,35 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable
+from warp_trunk.io.result_files import (
+    ACTUAL_SKIN,
+    LANDMARKS_AFTER,
+    LANDMARKS_BEFORE,
+    MEASURES,
+    PAGE,
+    PICTURES,
+    PLAN,
+    PREDICTED_SKIN,
+    RECORDING,
+    SKIN_BEFORE,
+    SKIN_SD,
+    SUMMARY,
+    TRUNK,
+)
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 
-from .bands import SKIN_SD, Bands, FoundBands, read_skin_sd, write_skin_sd
+from .bands import Bands, FoundBands, read_skin_sd, write_skin_sd
 from .summarize import summarize
-from .summary import SUMMARY, Summary, as_read, parse_summary, write_summary
+from .summary import Summary, as_read, parse_summary, write_summary
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.engine.model import Model
     from warp_trunk.engine.simulation import Increment
 
-RECORDING = "recording.rrd"
-SKIN_BEFORE, PREDICTED_SKIN, ACTUAL_SKIN = "skin_before.ply", "predicted_skin.ply", "actual_skin.ply"
-LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
-TRUNK = "trunk.vtu"
-PLAN = "plan.toml"
-"""The plan that made a result, where there is one; `--plan` reads it from the folder."""
-PAGE, PICTURES = "report.html", "report"
-"""Files that `report` writes into a result folder: a page, and a folder of pictures."""
-MEASURES = f"{Path(PREDICTED_SKIN).stem}_measures"
-"""Files that `measure` writes into a result folder, without the endings .json and .csv."""
 LEAST_SPACE = 200e6
 """Free space that a result folder needs [bytes]; the largest results seen take a third of it."""
 AGAIN = "simulate the case again"
@@ -165,7 +170,7 @@ class Result:
         """
         from warp_trunk.report import write_report  # draws pictures
 
-        return write_report(self.folder, out)
+        return write_report(self, out)
 
     def view(self, *, web: bool = False) -> int:
         """Open the recording in the viewer, or in the browser, and wait for its end; returns its exit status.

@@ -23,7 +23,6 @@ from warp_trunk.measures.skin_quality import SkinQuality
 
 from .bands import Bands
 
-SUMMARY = "summary.json"
 Rotations = dict[str, float | None]
 """Back surface rotation [degrees] by vertebral level; None where it is missing."""
 Terms = dict[str, float | None]

@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.rows import level_rows, measure_rows, sided
-from warp_trunk.measures.table import as_markdown, as_text, cells_of
+from warp_trunk.measures.table import RESEARCH, as_markdown, as_text, cells_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from .result import Result
     from .summary import Summary
-
-RESEARCH = "A research simulation, not for clinical use."
 
 
 def plain(result: Result, name: str = "") -> str:

@@ -1,0 +1,15 @@
+"""The names of the files of a result folder."""
+
+from pathlib import Path
+
+SUMMARY = "summary.json"
+"""Written last: a folder that has it is complete."""
+SKIN_BEFORE, PREDICTED_SKIN, ACTUAL_SKIN = "skin_before.ply", "predicted_skin.ply", "actual_skin.ply"
+LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
+TRUNK, SKIN_SD, RECORDING = "trunk.vtu", "skin_sd.csv", "recording.rrd"
+PLAN = "plan.toml"
+"""The plan that made a result; `--plan` reads it from the folder."""
+PAGE, PICTURES = "report.html", "report"
+"""Files that `report` writes: a page, and a folder of pictures."""
+MEASURES = f"{Path(PREDICTED_SKIN).stem}_measures"
+"""Files that `measure` writes, without the endings .json and .csv."""
