@@ -22,6 +22,6 @@ def test_a_disk_that_is_full_from_the_start_leaves_the_simulation_alone(tmp_path
     (tmp_path / "recording.rrd").symlink_to("/dev/full")
     (stream,) = open_streams("Anna", tmp_path / "recording.rrd", None, rrb.Blueprint())
     assert "No space left" in stream.failed
-    assert "the simulation goes on without it" in caplog.text
+    assert "the simulation continues without it" in caplog.text
     stream.log("/a", rr.Clear(recursive=True), static=True)
     stream.close()

@@ -19,10 +19,10 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A whole recording with every choice of colour that a case without an actual skin has."""
+    """A whole recording."""
     case, trunk = small_case()
     path = tmp_path_factory.mktemp("viewer") / "recording.rrd"
-    with start_recording(path, case, trunk, colours=("asymmetry",)) as recording:
+    with start_recording(path, case, trunk) as recording:
         for increment in made_up_increments(trunk):
             recording.increment(increment, measured(case, trunk, increment))
         recording.finish("# The end")

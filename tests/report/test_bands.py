@@ -7,13 +7,11 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli.measure import Measure
-from warp_trunk.recording.drawing import BarPlot
 from warp_trunk.report.sentences import band_sentence
 from warp_trunk.report.tables import BAND_HEAD, band_table, source_table
 from warp_trunk.report.writing import poses_of
@@ -77,20 +75,3 @@ def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pyt
     found = re.search(r"in its 95 % band at (\d) of 4 levels", said)
     assert found is not None
     assert int(found[1]) == sum(inside.values())
-
-
-def test_whiskers_end_at_the_names_and_the_angles() -> None:
-    plot = BarPlot.of({"T4": 10.0}, spare=2.0)
-    whole, cut = (plot.whiskers({"T4": ends}) for ends in ((-2.0, 12.0), (-90.0, 12.0)))
-    assert [len(whole), len(cut)] == [3, 2]
-    assert cut[0][0, 0] == pytest.approx(0.1 * plot.width)
-    assert cut[0][1, 0] == pytest.approx(whole[0][1, 0])
-
-
-def test_whiskers_stand_on_their_rows() -> None:
-    plot = BarPlot.of({"T4": 10.0, "T8": -5.0}, spare=2.0)
-    line, left, right = plot.whiskers({"T8": (-7.0, -3.0), "L9": (0.0, 1.0)})
-    np.testing.assert_allclose(line[:, 1], 1.0)
-    np.testing.assert_allclose((line[:, 0] - plot.zero) / plot.scale, [-7.0, -3.0], atol=1e-5)
-    assert left[0, 0] == left[1, 0] == line[0, 0]
-    assert right[0, 0] == line[1, 0]

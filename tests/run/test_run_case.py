@@ -15,7 +15,6 @@ import pytest
 import rerun as rr
 
 from support.no_meshing import forbid_meshing
-from support.rrd import column
 from support.small_trunk import boned_case, box_mesh
 from warp_trunk.case import Case
 from warp_trunk.cli.view import find_recording
@@ -162,23 +161,10 @@ def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"recording.partial.rrd", *FILES}
 
 
-def test_steps_are_recorded_only_where_that_is_asked(case: Case, mesh: Path, tmp_path: Path) -> None:
-    for steps in (False, True):
-        simulated(case, tmp_path, mesh, record_steps=steps)
-        found = column(tmp_path / "recording.rrd", "/now/skin/displacement", "vertex_positions", "step")
-        assert (len(found) > 3) == steps
-
-
-@pytest.mark.parametrize(
-    ("options", "names"),
-    [({"record_colours": ("distance",)}, "actual skin"), ({"live": True, "record": False}, "--live")],
-)
-def test_what_cannot_be_recorded_is_refused_before_any_work(
-    case: Case, mesh: Path, tmp_path: Path, options: dict[str, Any], names: str
-) -> None:
+def test_live_without_a_recording_is_refused_before_any_work(case: Case, mesh: Path, tmp_path: Path) -> None:
     progress = Progress()
-    with pytest.raises(InputError, match=names):
-        simulated(case, tmp_path / "out", mesh, progress, **options)
+    with pytest.raises(InputError, match="--live"):
+        simulated(case, tmp_path / "out", mesh, progress, live=True, record=False)
     assert progress.seconds == {}
 
 

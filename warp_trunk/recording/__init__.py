@@ -1,8 +1,7 @@
 """The Rerun recording of a simulation: what is drawn, how the viewer lays it out, and where it is shown."""
 
-from .colours import FurtherColour, check_colours
 from .recording import Recording
 from .stream import load_rerun
 from .viewer import start_viewer, view, view_in_browser
 
-__all__ = ["FurtherColour", "Recording", "check_colours", "load_rerun", "start_viewer", "view", "view_in_browser"]
+__all__ = ["Recording", "load_rerun", "start_viewer", "view", "view_in_browser"]

@@ -1,129 +1,138 @@
-"""The trunk in numbers: rotations by level as bars, energy and error as plots, a table of the summary."""
+"""The trunk in numbers: rotations by level as bars, energy and error as plots, a table. Imports Rerun."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import rerun as rr
 
 from warp_trunk.measures.rows import measure_rows
 from warp_trunk.measures.table import RESEARCH, as_markdown
 
-from . import drawing
+from .colours import BEFORE, NOW, TARGET, TEXT
 
 if TYPE_CHECKING:
     from warp_trunk.engine.relaxation import Energy
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.results.bands import Band
 
-    from .scene import Log
+    Angles = Mapping[str, float | None]
 
-TERMS = {
-    "distance": ("edges", drawing.NOW),
-    "area": ("faces", (230, 159, 0)),
-    "shape": ("shape", drawing.NOW),
-    "volume": ("volume", (0, 158, 115)),
-    "gravity": ("gravity", (204, 121, 167)),
-    "total": ("total", drawing.TEXT),
-}
-"""Name and colour of a term of an energy in the plot; edges and shape belong to different energies."""
-OTHER = (240, 228, 66)
-"""Colour of a term that has none."""
-BELOW_BARS, ABOVE_BARS = 10.0, 40.0
-"""Where whiskers lie in the order of drawing: along their bars beneath these, so that both are seen."""
+TERMS = {"distance": "edges", "area": "faces"}
+"""What the plot calls a term of an energy that has another name there."""
+WHISKER = (3.0, (255, 255, 255)), (1.4, (20, 20, 20))
+"""Width in points of the screen and colour of a whisker and of what is drawn over it: one of both stands out from
+a dark ground, the other from a light one, and both from a bar."""
+BAR = 0.26
+"""Height of a bar, where levels are 1 apart and three bars share one."""
+NAMES, BETWEEN, ANGLES = 0.05, (0.1, 0.87), 0.93
+"""Where names, bars with their whiskers, and angles stand in a plot of bars, as parts of its width."""
+SPARE = 5.0
+"""Room for the whiskers on either side of the bars [degrees]; a usual rotation is known to 2 degrees."""
+
+
+class BarPlot:
+    """Where bars of angles stand in a picture: a level each row, its name on the left, its angle on the right."""
+
+    def __init__(self, *angles: Angles, spare: float = 0.0) -> None:
+        """The plot that holds angles by level, those of the first with its levels, with degrees to spare."""
+        self.levels = tuple(angles[0])
+        """Names of the rows, the first on top, rows 1 apart."""
+        known = [angle for each in angles for angle in each.values() if angle is not None]
+        low, high = min([0.0, *known]) - spare, max([1.0, *known]) + spare
+        self.width = 1.45 * (len(self.levels) + 1)
+        """The whole plot is this wide, from 0."""
+        self.scale = 0.72 * self.width / (1.1 * (high - low))
+        """Length of a bar for each degree."""
+        self.zero = 0.12 * self.width - 1.1 * low * self.scale
+        """Where bars begin."""
+
+    def bars(self, angles: Angles, place: int) -> list[np.ndarray]:
+        """Lines (2, 2) from zero to each known angle [degrees]; `place` is 0 to 2 for the bar of a level."""
+        known = [(row + BAR * (place - 1), angles.get(level)) for row, level in enumerate(self.levels)]
+        ends = [(y, self.zero + self.scale * angle) for y, angle in known if angle is not None]
+        return [np.array([[self.zero, y], [x, y]], np.float32) for y, x in ends]
+
+    def whiskers(self, ranges: Mapping[str, tuple[float, float]]) -> list[np.ndarray]:
+        """Lines (2, 2) over the middle bars from one angle to another [degrees], with a stroke at either end.
+
+        What would run into the names or the angles ends there, without a stroke.
+        """
+        lines, (first, last) = [], (part * self.width for part in BETWEEN)
+        for row, level in enumerate(self.levels):
+            if level in ranges:
+                low, high = (self.zero + self.scale * angle for angle in ranges[level])
+                lines.append([[x, row] for x in np.clip([low, high], first, last)])
+                tall = 0.6 * BAR
+                lines += [[[x, row - tall], [x, row + tall]] for x in (low, high) if first <= x <= last]
+        return [np.array(line, np.float32) for line in lines]
 
 
 class Numbers:
     """Logs measures and relaxations; the levels are known by their names."""
 
     def __init__(
-        self, log: Log, before: TrunkMeasures, target: TrunkMeasures, target_name: str, *, whiskers: bool = False
+        self, log: Callable[..., None], before: TrunkMeasures, target: TrunkMeasures, name: str, *, whiskers: bool
     ) -> None:
-        """Logs what never changes; the target's measures stand beside those of before and now, with room for
-        `whiskers` where there will be some."""
-        import rerun as rr
-
-        self._rr, self._log = rr, log
-        self._before, self._target, self._target_name = before, target, target_name
-        self._plot = plot = drawing.BarPlot.of(before.bsr, target.bsr, spare=drawing.SPARE if whiskers else 0.0)
+        """Logs what never changes, with room for `whiskers`; `name` is that of the target: actual or target."""
+        self._log, self._before, self._target, self._name = log, before, target, name
+        self._plot = plot = BarPlot(before.bsr, target.bsr, spare=SPARE if whiskers else 0.0)
         self._terms: list[str] = []
-        log("error", rr.SeriesLines(names="error", colors=drawing.NOW, widths=2.0), static=True)
+        log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
         log("bsr", rr.SeriesLines(names=list(before.bsr)), static=True)
-        log("bars/before", self._bars(before, drawing.BEFORE, 0), static=True)
-        log("bars/target", self._bars(target, drawing.TARGET, 2), static=True)
-        rows = len(plot.levels)
-        zero = rr.LineStrips2D([[[plot.zero, -0.7], [plot.zero, rows - 0.3]]], colors=drawing.TEXT)
-        log("bars/zero", zero, static=True)
-        names = {level: level for level in plot.levels}
-        self._labels("bars/levels", drawing.NAMES, names, drawing.TEXT, static=True)
-        legend = rr.Points2D(
-            [[0.5 * plot.width, rows - 0.3], [0.5 * plot.width, rows + 0.9]],
-            radii=0.0,
-            colors=drawing.TEXT,
-            labels=["to the right: right side further back", f"grey before, blue now, orange {target_name}"],
-            show_labels=True,
-        )
-        log("bars/legend", legend, static=True)
+        log("bars/before", self._bars(before, BEFORE, 0), static=True)
+        log("bars/target", self._bars(target, TARGET, 2), static=True)
+        rows, middle = len(plot.levels), 0.5 * plot.width
+        zero = [[[plot.zero, -0.7], [plot.zero, rows - 0.3]]]
+        log("bars/zero", rr.LineStrips2D(zero, colors=TEXT), static=True)
+        names = self._labels(NAMES, {level: level for level in plot.levels}, TEXT)
+        log("bars/levels", names, static=True)
+        legend = ["to the right: right side further back", f"grey before, blue now, orange {name}"]
+        log("bars/legend", _labels([[middle, rows - 0.3], [middle, rows + 0.9]], legend, TEXT), static=True)
 
     def measures(self, now: TrunkMeasures, load_factor: float) -> None:
         """Logs rotations and the table."""
-        rr = self._rr
-        self._log("bars/now", self._bars(now, drawing.NOW, 1))
-        angles = {level: drawing.degrees(angle) for level, angle in now.bsr.items()}
-        self._labels("bars/angles", drawing.ANGLES, angles, drawing.NOW)
+        self._log("bars/now", self._bars(now, NOW, 1))
+        angles = {level: "missing" if a is None else f"{a:+z.1f}°" for level, a in now.bsr.items()}
+        self._log("bars/angles", self._labels(ANGLES, angles, NOW))
         self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in now.bsr.values()]))
-        text = table(self._before, now, self._target, self._target_name, load_factor)
+        text = table(self._before, now, self._target, self._name, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
 
     def bands(self, bands: Mapping[str, Band]) -> None:
         """Logs how sure the rotations at the end are, as whiskers over their bars."""
-        ranges = {level: (band.low, band.high) for level, band in bands.items()}
-        lines = self._plot.whiskers(ranges)
-        along = [bool(line[0, 1] == line[1, 1]) for line in lines]
-        for part, over, wanted in (("along", BELOW_BARS, True), ("ends", ABOVE_BARS, False)):
-            strips = [line for line, is_along in zip(lines, along, strict=True) if is_along is wanted]
-            for layer, (width, colour) in enumerate(drawing.WHISKER):
-                radii = self._rr.Radius.ui_points(0.5 * width)
-                drawn = self._rr.LineStrips2D(strips, radii=radii, colors=colour, draw_order=over + layer)
-                self._log(f"bars/whiskers/{part}/{layer}", drawn)
+        lines = self._plot.whiskers({level: (band.low, band.high) for level, band in bands.items()})
+        for layer, (width, colour) in enumerate(WHISKER):
+            radii = rr.Radius.ui_points(0.5 * width)
+            drawn = rr.LineStrips2D(lines, radii=radii, colors=colour, draw_order=40.0 + layer)
+            self._log(f"bars/whiskers/{layer}", drawn)
 
-    def relaxation(self, energy: Energy, estimated_error: float, linear_iterations: int) -> None:
-        """Logs the energy by term, the error as its logarithm, and the work, after an increment or a step."""
-        rr = self._rr
+    def relaxation(self, energy: Energy, estimated_error: float) -> None:
+        """Logs the energy by term and the error as its logarithm, after an increment."""
         values = {**energy.terms, "total": energy.total}
         if not self._terms:
             self._terms = [name for name, value in values.items() if value != 0.0 or name == "total"]
-            names, colours = zip(*(TERMS.get(name, (name, OTHER)) for name in self._terms), strict=True)
-            lines = rr.SeriesLines(names=list(names), colors=list(colours), widths=[2.0] * len(names))
-            self._log("energy", lines, static=True)
+            names = [TERMS.get(name, name) for name in self._terms]
+            self._log("energy", rr.SeriesLines(names=names, widths=[2.0] * len(names)), static=True)
         self._log("energy", rr.Scalars([values[name] for name in self._terms]))
         if 0.0 < estimated_error < math.inf:
             self._log("error", rr.Scalars(math.log10(estimated_error)))
-        self._log("linear_iterations", rr.Scalars(float(linear_iterations)))
 
     def _bars(self, measures: TrunkMeasures, colour: tuple[int, int, int], place: int) -> Any:
-        lines = self._plot.bars(measures.bsr, place)
-        return self._rr.LineStrips2D(lines, radii=0.5 * drawing.BAR, colors=colour)
+        return rr.LineStrips2D(self._plot.bars(measures.bsr, place), radii=0.5 * BAR, colors=colour)
 
-    def _labels(
-        self,
-        path: str,
-        across: float,
-        texts: Mapping[str, str],
-        colour: tuple[int, int, int],
-        *,
-        static: bool = False,
-    ) -> None:
+    def _labels(self, across: float, texts: Mapping[str, str], colour: tuple[int, int, int]) -> Any:
         """A text in the row of each level, at a part of the plot's width."""
-        rows = [self._plot.levels.index(level) for level in texts]
-        labels = self._rr.Points2D(
-            [[across * self._plot.width, row - 0.55] for row in rows],  # a label hangs below its point
-            radii=0.0,
-            colors=colour,
-            labels=list(texts.values()),
-            show_labels=True,
-        )
-        self._log(path, labels, static=static)
+        at = [[across * self._plot.width, self._plot.levels.index(level) - 0.55] for level in texts]
+        return _labels(at, list(texts.values()), colour)
+
+
+def _labels(at: list[list[float]], texts: list[str], colour: tuple[int, int, int]) -> Any:
+    """Texts, each below its point."""
+    return rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
 
 
 def table(

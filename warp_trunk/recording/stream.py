@@ -6,7 +6,6 @@ would never end; so every wait here has a limit, and what fails is left behind w
 
 from __future__ import annotations
 
-import gc
 import importlib
 import logging
 import threading
@@ -34,21 +33,22 @@ class Stream:
         if not self.failed:
             self._stream.log(path, what, static=static)
 
-    def at(self, **times: int | None) -> None:
-        """Sets the place on each timeline for what is logged next; None leaves the timeline out."""
-        for timeline, sequence in times.items():
-            if sequence is None:
-                self._stream.disable_timeline(timeline)
-            else:
-                self._stream.set_time(timeline, sequence=sequence)
+    def at(self, increment: int) -> None:
+        """Sets the increment of what is logged next."""
+        self._stream.set_time("increment", sequence=increment)
 
     def send(self) -> None:
         """Starts to send what was logged, and does not wait: `wait` does, when the next is due."""
-        self._flush(0.0)
+        self.wait(0.0)
 
-    def wait(self) -> None:
-        """Waits until what was sent has arrived; nothing to wait for where a relaxation lay between."""
-        self._flush(WAIT)
+    def wait(self, seconds: float = WAIT) -> None:
+        """Waits until what was sent has arrived."""
+        if self.failed:
+            return
+        try:
+            self._stream.flush(timeout_sec=seconds)
+        except Exception as error:  # Rerun raises types of its own
+            self.fail(str(error))
 
     def close(self) -> None:
         """Completes what was sent; does nothing the second time."""
@@ -58,31 +58,15 @@ class Stream:
             if not within(1.0 if self.failed else WAIT, self._stream.disconnect) and not self.failed:
                 self.fail(f"closing took more than {WAIT:g} s")
 
-    def _flush(self, seconds: float) -> None:
-        if self.failed:
-            return
-        try:
-            self._stream.flush(timeout_sec=seconds)
-        except Exception as error:  # Rerun raises types of its own
-            self.fail(str(error))
-
     def fail(self, reason: str) -> None:
-        """Sends nothing more, and warns of it."""
+        """Sends nothing more, and warns."""
         self.failed = reason
-        _log.warning("%s: recording stopped (%s); the simulation goes on without it", self.place, reason)
+        _log.warning("%s: recording stopped (%s); the simulation continues without it", self.place, reason)
 
 
 def load_rerun() -> None:
     """Imports Rerun in a thread of its own: that takes a second, in which meshes and kernels can be loaded."""
-    threading.Thread(target=_import_rerun).start()
-
-
-def _import_rerun() -> None:
-    gc.disable()  # nothing that is loaded is garbage; to look for some takes a third of the time
-    try:
-        importlib.import_module("rerun")
-    finally:
-        gc.enable()
+    threading.Thread(target=importlib.import_module, args=("rerun",)).start()
 
 
 def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> list[Stream]:
@@ -92,13 +76,12 @@ def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> lis
     """
     import rerun as rr
 
-    streams = []
-    for place in (path, live):
-        if place is None:
-            continue
-        stream = rr.RecordingStream("warp_trunk", recording_id=streams[0][1] if streams else None)
+    streams, number = [], None
+    for place in filter(None, (path, live)):
+        stream = rr.RecordingStream("warp_trunk", recording_id=number)
+        number = stream.get_recording_id()
         sent = Stream(str(place), stream)
-        streams.append((sent, stream.get_recording_id()))
+        streams.append(sent)
         try:
             if isinstance(place, Path):
                 stream.save(place)
@@ -108,7 +91,7 @@ def open_streams(name: str, path: Path, live: str | None, blueprint: Any) -> lis
             stream.send_recording_name(name)
         except RuntimeError as error:  # Rerun's, of a full disk
             sent.fail(str(error))
-    return [stream for stream, _ in streams]
+    return streams
 
 
 def within(seconds: float, action: Callable[[], object]) -> bool:

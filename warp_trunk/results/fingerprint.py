@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
 Fingerprint = dict[str, Any]
 """Values of JSON by name: options and constants as they are, everything large as a digest."""
-CHANGES_NOTHING = frozenset(
-    {"cache", "device", "from_mesh", "live", "record", "record_colours", "record_steps", "threads"}
-)
+CHANGES_NOTHING = frozenset({"cache", "device", "from_mesh", "live", "record", "threads"})
 """Options that change no displacement, or that are included below by their effect."""
 PROGRAMS = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh")
 """Programs on which the numbers depend."""

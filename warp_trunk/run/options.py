@@ -15,7 +15,6 @@ from warp_trunk.engine.tissue import ENERGY, SKIN_RIGIDITY
 from warp_trunk.errors import InputError
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
-from warp_trunk.recording import FurtherColour
 
 MOST_RIGIDITY = 1000.0
 """That of 25 mm of skin [N mm]; a larger number is in another unit."""
@@ -67,10 +66,6 @@ class RunOptions:
     under gravity."""
     record: bool = True
     """Write recording.rrd for the viewer."""
-    record_steps: bool = False
-    """Record every step of the relaxations too, on a second timeline."""
-    record_colours: tuple[FurtherColour, ...] = ()
-    """Further colours of the recorded skin beside its displacement; they cost time at every increment."""
     live: bool = False
     """Show the run live: `plan` opens the planning page in the browser, other commands the recording in the
     viewer."""

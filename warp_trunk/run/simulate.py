@@ -28,7 +28,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.folders import removed_if_empty
 from warp_trunk.measures import measure
 from warp_trunk.measures.skin_quality import skin_quality
-from warp_trunk.recording import Recording, check_colours, load_rerun, start_viewer
+from warp_trunk.recording import Recording, load_rerun, start_viewer
 from warp_trunk.results import (
     RECORDING,
     locked,
@@ -250,7 +250,6 @@ def _checked(
                 raise InputError(
                     f"{name}: needs landmarks_after.csv, and bones move by motions alone; leave it out"
                 )
-    check_colours(case, options.record_colours)
     if patient is not None and patient.options != options:
         raise InputError("simulate: 'patient' was made ready with other options; give the same, or leave it out")
     choose_device(options.device)
@@ -364,9 +363,7 @@ def _opened(
             prepared.trunk,
             before,
             prepared.bone_path,
-            model=prepared.model,
-            colours=options.record_colours,
-            steps=options.record_steps,
+            unit=prepared.model.elements.unit,
             whiskers=options.bands,
             live=live,
         )
@@ -378,11 +375,8 @@ def _increments(
     """Every increment, shown and recorded as it comes, and the measures of the predicted skin."""
     options = patient.options.simulation
     increments: list[Increment] = []
-    watch = None if recording is None else recording.watch
     began, after = time.perf_counter(), None
-    for increment in simulation.simulate(
-        prepared.model, prepared.bone_path, options, watch, relaxer=patient.relaxer
-    ):
+    for increment in simulation.simulate(prepared.model, prepared.bone_path, options, relaxer=patient.relaxer):
         if not increments:  # the time before the first one compiled and loaded the kernels
             progress.add("compile", time.perf_counter() - began - increment.seconds)
         progress.add("relax", increment.seconds)
