@@ -136,10 +136,10 @@ def _tell(made: Imported, left_over: Sequence[str], empty: Sequence[str]) -> Non
     for plane in made.cuts:
         print(f"The body is cut flat at {plane}")
     if made.fat is not None:
-        low, middle, high = np.percentile(made.fat.thickness[made.fat.measured], (5, 50, 95))
+        low, middle, high = np.percentile(made.fat, (5, 50, 95))
         print(
             f"Fat under the skin: {middle:.1f} mm in the median, {low:.1f} to {high:.1f} mm at nine of ten of "
-            f"{np.count_nonzero(made.fat.measured)} points; simulate takes it for its layers"
+            f"{len(made.fat)} points; simulate takes it for its layers"
         )
     if left_over:
         print(f"Not taken, as they are no bones of the trunk: {_some(left_over)}")

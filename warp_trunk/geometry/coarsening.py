@@ -17,7 +17,7 @@ import warp as wp
 from warp_trunk.kernels.surface import allowed_collapses, edge_lengths, least_around, sort_corners
 
 from .normals import area_vectors, unit
-from .surface import Surface
+from .surface import Surface, compact
 from .surface_checks import crossings, manifold_fault, slivers
 
 _LONGEST = 1.4
@@ -109,19 +109,7 @@ def coarsen(surface: Surface, edge_length: float, tolerance: float, longest: flo
         refused = np.concatenate([refused, edges[~good, 0] * count + edges[~good, 1]])
         _collapse(edges[good], target[good], work)
         pass_ends = bool(good.sum() < 0.001 * len(work.faces))
-    return _used(work, middle)
-
-
-def _used(work: _Working, middle: np.ndarray) -> Surface:
-    """The surface of the vertices that are left."""
-    used, faces = np.unique(work.faces, return_inverse=True)
-    return Surface(work.vertices[used] + middle, faces.reshape(-1, 3).astype(np.int32))
-
-
-def _without_area(surface: Surface) -> bool:
-    """Whether a triangle is a line or a point, which the checks of a case refuse."""
-    area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
-    return not len(area) or float(area.min()) <= 1e-12 * float(area.max())
+    return compact(work.vertices + middle, work.faces)
 
 
 def without_slivers(surface: Surface) -> Surface:
@@ -131,7 +119,10 @@ def without_slivers(surface: Surface) -> Surface:
     an angle of less than 5 degrees are collapsed, as far as the surface stays a 2-manifold and no other triangle
     turns over or becomes thin; those whose edges may not be collapsed stay.
     """
-    if _without_area(surface) or not len(slivers(surface)) or manifold_fault(surface) is not None:
+    area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
+    if area.min(initial=np.inf) <= 1e-12 * area.max(initial=0.0):
+        return surface  # a triangle that is a line or a point, which the checks of a case refuse
+    if not len(slivers(surface)) or manifold_fault(surface):
         return surface
     middle = surface.vertices.mean(axis=0)
     work = _with_planes(surface.vertices - middle, surface.faces.astype(np.int32))
@@ -148,16 +139,12 @@ def without_slivers(surface: Surface) -> Surface:
             now = _allowed(edges, points, work, corners, longest, _SLIVER) & ~good
             target[now] = points[now]
             good |= now
-        edges, target, length = (
-            edges[good],
-            target[good],
-            np.take_along_axis(length, order, axis=1).ravel()[first][good],
-        )
-        if not len(edges):
+        if not good.any():
             break
-        apart = _independent(edges, length, corners, count)
+        length = np.take_along_axis(length, order, axis=1).ravel()[first]
+        apart = np.flatnonzero(good)[_independent(edges[good], length[good], corners, count)]
         _collapse(edges[apart], target[apart], work)
-    return _used(work, middle)
+    return compact(work.vertices + middle, work.faces)
 
 
 def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:

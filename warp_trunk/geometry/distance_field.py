@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from .cores import each_over_cores, launch_over_cores
 from .search_tree import search_tree
 from .surface import Surface
 
-Box = tuple[slice, slice, slice]
+Box = tuple[slice, ...]
 """The nodes of a block of a grid."""
 _NEAREST: tuple[Any, ...] = (wp.float32, wp.int32, wp.vec3)
 
@@ -28,19 +29,20 @@ class Grid:
     """Position of node (0, 0, 0) [mm], shape (3,)."""
     spacing: float
     """Distance between neighbouring nodes [mm]."""
-    shape: tuple[int, int, int]
+    shape: tuple[int, ...]
     """Number of nodes along x, y, z."""
+
+    @classmethod
+    def over(cls, lower: np.ndarray, upper: np.ndarray, spacing: float) -> Grid:
+        """The grid from one corner of a box to the other one or a little beyond it, (3,) each [mm]."""
+        return cls(lower, spacing, tuple((np.ceil((upper - lower) / spacing).astype(int) + 1).tolist()))
 
     def box(self, lower: np.ndarray, upper: np.ndarray) -> Box:
         """The nodes of the smallest block of cells that holds the box from lower to upper [mm]."""
         first = np.floor((lower - self.lower) / self.spacing).astype(int)
         last = np.ceil((upper - self.lower) / self.spacing).astype(int)
         first, last = np.maximum(first, 0), np.minimum(last, np.array(self.shape) - 1)
-        return (
-            slice(first[0], last[0] + 1),
-            slice(first[1], last[1] + 1),
-            slice(first[2], last[2] + 1),
-        )
+        return tuple(map(slice, first, last + 1))
 
     def positions(self, nodes: np.ndarray) -> np.ndarray:
         """Positions [mm] of nodes given by their three numbers, shape (n, 3)."""
@@ -126,6 +128,14 @@ def connected(mask: np.ndarray, diagonally: bool = False) -> np.ndarray:
     return patches
 
 
+def largest_piece(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The largest patch, connected also diagonally, and the sizes of all, largest first [nodes]."""
+    pieces = connected(mask, diagonally=True)
+    sizes = np.bincount(pieces.reshape(-1))
+    sizes[0] = 0
+    return pieces == sizes.argmax(), np.sort(sizes[sizes > 0])[::-1]
+
+
 def nearest_surface(points: np.ndarray, distances: Sequence[SurfaceDistance], reach: float) -> np.ndarray:
     """Which surface has the least signed distance to each point, shape (points,), int32.
 
@@ -135,18 +145,18 @@ def nearest_surface(points: np.ndarray, distances: Sequence[SurfaceDistance], re
     least = np.full(len(points), np.inf)
     for within in (reach, None):
         left = np.flatnonzero(nearest < 0)
-
-        def one(
-            distance: SurfaceDistance, left: np.ndarray = left, within: float | None = within
-        ) -> tuple[np.ndarray, np.ndarray]:
-            near = left
-            if within is not None:
-                inside = (points[left] > distance.lower - within) & (points[left] < distance.upper + within)
-                near = left[inside.all(axis=1)]
-            return near, distance.at(points[near], within)
-
-        for number, (near, value) in enumerate(each_over_cores(one, distances)):
+        found = each_over_cores(partial(_near, points=points[left], reach=within), distances)
+        for number, (rows, value) in enumerate(found):
+            near = left[rows]
             closer = value < least[near]  # NaN is not
             nearest[near[closer]] = number
             least[near[closer]] = value[closer]
     return nearest
+
+
+def _near(distance: SurfaceDistance, points: np.ndarray, reach: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the points within reach of the box of a surface, all without one, and their signed distances."""
+    around = np.inf if reach is None else reach
+    inside = (points > distance.lower - around) & (points < distance.upper + around)
+    rows = np.flatnonzero(inside.all(axis=1))
+    return rows, distance.at(points[rows], reach)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .distance_field import Grid, connected
+from .distance_field import Grid, largest_piece
 from .surface import Surface
 
 _NUDGE = 0.05
@@ -40,11 +40,8 @@ def one_solid(field: np.ndarray, away: float) -> np.ndarray:
         field: negative inside, positive on the border of the grid.
         away: what the rest becomes, with the sign of where it then lies.
     """
+    from scipy import ndimage  # heavy
+
     # marching cubes join diagonal neighbours inside, so parts are counted in that way
-    part = connected(field < 0.0, diagonally=True)
-    sizes = np.bincount(part.reshape(-1))
-    sizes[0] = 0
-    inside = part == sizes.argmax()
-    outside = connected(~inside)
-    inside = outside != outside[0, 0, 0]
+    inside = np.asarray(ndimage.binary_fill_holes(largest_piece(field < 0.0)[0]))
     return np.where(inside == (field < 0.0), field, np.where(inside, -away, away))

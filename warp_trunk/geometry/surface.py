@@ -27,30 +27,34 @@ class Surface:
     """Vertex indices, counterclockwise seen from outside, shape (faces, 3), int32."""
 
 
+def compact(vertices: np.ndarray, faces: np.ndarray) -> Surface:
+    """The surface of some faces (n, 3) with only those of the vertices (m, 3) that they use."""
+    used, faces = np.unique(faces, return_inverse=True)
+    return Surface(vertices[used], faces.reshape(-1, 3).astype(np.int32))
+
+
+def directed_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and second vertex of each side of triangles (n, 3) in their direction, shape (3 n,) each, int64."""
+    faces = faces.astype(np.int64)
+    return faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+
+
 def check_surface(surface: Surface, name: str) -> None:
     """Check that a surface has triangles, finite vertices, and faces that name vertices it has.
 
     Raises InputError whose text starts with `name`.
     """
     vertices, faces = surface.vertices, surface.faces
-    if len(vertices) == 0 or len(faces) == 0:
-        raise InputError(
-            f"{name}: the surface is empty ({len(vertices)} vertices, {len(faces)} triangles); "
-            "give a closed surface"
-        )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"{name}: {bad.size} of {len(vertices)} vertices are not finite, the first is number {bad[0]}, "
-            f"{vertices[bad[0]].tolist()}; repair the surface"
-        )
-    far = float(np.abs(vertices).max())
-    if far > FARTHEST:
-        raise InputError(
-            f"{name}: a vertex is at {far:.3g}, coordinates may be {FARTHEST:g} at most; repair the surface"
-        )
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise InputError(
-            f"{name}: triangles name vertices {faces.min()} to {faces.max()}, the surface has 0 to "
-            f"{len(vertices) - 1}; repair the surface"
-        )
+    fault = None
+    if len(vertices) == 0 or len(faces) == 0:
+        fault = f"the surface is empty ({len(vertices)} vertices, {len(faces)} triangles)"
+    elif bad.size:
+        first = f"the first is number {bad[0]}, {vertices[bad[0]].tolist()}"
+        fault = f"{bad.size} of {len(vertices)} vertices are not finite, {first}"
+    elif (far := np.abs(vertices).max()) > FARTHEST:
+        fault = f"a vertex is at {far:.3g}, coordinates may be {FARTHEST:g} at most"
+    elif faces.min() < 0 or faces.max() >= len(vertices):
+        fault = f"triangles name vertices {faces.min()} to {faces.max()}, the surface has 0 to {len(vertices) - 1}"
+    if fault:
+        raise InputError(f"{name}: {fault}; repair the surface")

@@ -13,7 +13,7 @@ from warp_trunk.kernels.surface import crossing_faces
 from .cores import launch_over_cores
 from .normals import area_vectors
 from .search_tree import search_tree
-from .surface import Surface
+from .surface import Surface, compact, directed_edges
 
 
 def linked_parts(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:
@@ -47,9 +47,7 @@ class CrossingError(InputError):
     def __init__(self, text: str, surface: Surface, pairs: np.ndarray) -> None:
         """Pairs of faces of the surface, shape (pairs, 2)."""
         super().__init__(text)
-        faces = surface.faces[np.unique(pairs)]
-        used, corners = np.unique(faces, return_inverse=True)
-        self.triangles = Surface(surface.vertices[used], corners.reshape(-1, 3).astype(np.int32))
+        self.triangles = compact(surface.vertices, surface.faces[np.unique(pairs)])
         """All that cross, to be looked at."""
 
 
@@ -68,27 +66,37 @@ def crossings(surface: Surface) -> np.ndarray:
     return np.stack([first, other[first]], axis=1).astype(np.int32)
 
 
+def boundary_edges(faces: np.ndarray) -> np.ndarray:
+    """Edges of one triangle only, in its direction, shape (edges, 2)."""
+    edges = np.column_stack(directed_edges(faces))
+    keys = edges.min(axis=1) * (faces.max(initial=0) + 1) + edges.max(axis=1)
+    _, first, times = np.unique(keys, return_index=True, return_counts=True)
+    return edges[first[times == 1]]
+
+
+def turning_fault(surface: Surface) -> str | None:
+    """The first place where neighbouring triangles do not turn the same way; None where all do."""
+    first, second = directed_edges(surface.faces)
+    keys = np.sort(first * len(surface.vertices) + second)
+    twice = keys[1:][keys[1:] == keys[:-1]]
+    return _at_edge("triangles of opposite turning, or more than two, share an edge", twice, surface)
+
+
 def manifold_fault(surface: Surface) -> str | None:
     """The reason why a surface is no closed oriented 2-manifold, with a place; None if it is one."""
-    faces, vertices = surface.faces.astype(np.int64), surface.vertices
-    same = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
-    if same.any():
-        return f"triangle {np.flatnonzero(same)[0]} has one vertex twice"
-    loose = np.flatnonzero(np.bincount(faces.reshape(-1), minlength=len(vertices)) == 0)
-    if loose.size:
+    first, second = directed_edges(surface.faces)
+    count = len(surface.vertices)
+    if (same := np.flatnonzero(first == second)).size:
+        return f"triangle {same[0] // 3} has one vertex twice"
+    if (loose := np.flatnonzero(np.bincount(first, minlength=count) == 0)).size:
         return f"{loose.size} vertices are in no triangle, the first is number {loose[0]}"
-    first, second = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-    directed = np.sort(first * len(vertices) + second)
-    back = np.sort(second * len(vertices) + first)
-    twice = directed[1:][directed[1:] == directed[:-1]]
-    if twice.size:
-        return _at_edge("triangles of opposite turning, or more than two, share an edge", twice, surface)
-    open_edges = np.setdiff1d(directed, back, assume_unique=True)
-    if open_edges.size:
-        return _at_edge("it is open along", open_edges, surface)
-    pinched = np.flatnonzero(_fans(faces, len(vertices)) > 1)
-    if pinched.size:
-        place = _place(vertices[pinched[0]])
+    if fault := turning_fault(surface):
+        return fault
+    open_edges = np.setdiff1d(first * count + second, second * count + first, assume_unique=True)
+    if fault := _at_edge("it is open along", np.sort(open_edges), surface):
+        return fault
+    if (pinched := np.flatnonzero(_fans(surface.faces.astype(np.int64), count) > 1)).size:
+        place = _place(surface.vertices[pinched[0]])
         return f"parts of it touch in {pinched.size} single vertices, the first near {place}"
     return None
 
@@ -96,45 +104,30 @@ def manifold_fault(surface: Surface) -> str | None:
 def check_solid(surface: Surface, name: str) -> None:
     """Check that a surface is closed, a 2-manifold, oriented outward and free of self-intersections.
 
+    No two vertices may be at one place, and no triangle may be a line: TetGen fills neither.
+
     Raises InputError that starts with `name` and names the fault and its place.
     """
-    fault = manifold_fault(surface)
-    if fault is not None:
+    if fault := manifold_fault(surface):
         raise InputError(f"{name}: the surface must be closed and 2-manifold, but {fault}; repair the surface")
-    volume = enclosed_volume(surface)
-    if volume <= 0.0:
-        raise InputError(
-            f"{name}: triangles must be counterclockwise seen from outside, but the enclosed volume is "
-            f"{volume:.6g} mm3; flip the triangles"
-        )
-    _check_spread(surface, name)
-    pairs = crossings(surface)
-    if len(pairs):
-        place = place_of(surface, pairs[0])
-        raise CrossingError(
-            f"{name}: the surface must not cross itself, but {len(pairs)} triangles do, the first number "
-            f"{pairs[0, 0]} and {pairs[0, 1]} near {place}; repair the surface",
-            surface,
-            pairs,
-        )
-
-
-def _check_spread(surface: Surface, name: str) -> None:
-    """Check that no two vertices are at one place and that no triangle is a line; TetGen fills neither."""
+    if (volume := enclosed_volume(surface)) <= 0.0:
+        inward = f"the enclosed volume is {volume:.6g} mm3"
+        raise InputError(f"{name}: triangles must be counterclockwise seen from outside, but {inward}; flip them")
     order = np.lexsort(surface.vertices.T)
     same = np.flatnonzero((np.diff(surface.vertices[order], axis=0) == 0.0).all(axis=1))
     if same.size:
         one, other = sorted(order[same[0] : same[0] + 2].tolist())
-        raise InputError(
-            f"{name}: vertices must be apart, but numbers {one} and {other} are both at "
-            f"{_place(surface.vertices[one])} ({same.size} such pairs); repair the surface"
-        )
-    thin = slivers(surface)
-    if thin.size:
-        raise InputError(
-            f"{name}: triangles must have angles of at least {LEAST_ANGLE:g} degree, but {thin.size} have not, "
-            f"the first number {thin[0]} near {place_of(surface, thin)}; remesh the surface"
-        )
+        where = f"{one} and {other} are both at {_place(surface.vertices[one])} ({same.size} such pairs)"
+        raise InputError(f"{name}: vertices must be apart, but numbers {where}; repair the surface")
+    if (thin := slivers(surface)).size:
+        rule = f"triangles must have angles of at least {LEAST_ANGLE:g} degree"
+        where = f"{thin.size} have not, the first number {thin[0]} near {place_of(surface, thin)}"
+        raise InputError(f"{name}: {rule}, but {where}; remesh the surface")
+    pairs = crossings(surface)
+    if len(pairs):
+        where = f"number {pairs[0, 0]} and {pairs[0, 1]} near {place_of(surface, pairs[0])}"
+        text = f"{name}: the surface must not cross itself, but {len(pairs)} triangles do, the first {where}"
+        raise CrossingError(f"{text}; repair the surface", surface, pairs)
 
 
 def slivers(surface: Surface, angle: float = LEAST_ANGLE) -> np.ndarray:
@@ -179,7 +172,10 @@ def _fans(faces: np.ndarray, count: int) -> np.ndarray:
     return np.bincount(vertex_of_fan, minlength=count)
 
 
-def _at_edge(what: str, keys: np.ndarray, surface: Surface) -> str:
+def _at_edge(what: str, keys: np.ndarray, surface: Surface) -> str | None:
+    """What is wrong along edges (first * vertices + second), with the place of the first; None for none."""
+    if not keys.size:
+        return None
     ends = surface.vertices[[keys[0] // len(surface.vertices), keys[0] % len(surface.vertices)]]
     return f"{what} ({keys.size} edges, the first near {_place(ends.mean(axis=0))})"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, compact, directed_edges
 from warp_trunk.geometry.surface_checks import components, enclosed_volume, linked_parts, manifold_fault
 
 from .scanning import CutPlane
@@ -34,24 +34,22 @@ def cut_bone(bone: Surface, plane: CutPlane, name: str = "bone") -> list[Surface
         raise InputError(f"{name}: a bone must be closed to be cut, but {fault}; repair it")
     beyond = plane.distance(bone.vertices) > 0.0
     inner = bone.faces[beyond[bone.faces].all(axis=1)]
-    part = linked_parts(inner[:, :2].reshape(-1), inner[:, 1:].reshape(-1), len(bone.vertices))
-    near = np.linalg.norm(bone.vertices - np.array(plane.point), axis=1) < plane.radius
-    off = beyond & np.isin(part, np.unique(part[beyond & near]))
+    part = linked_parts(*directed_edges(inner), len(bone.vertices))
+    off = beyond & np.isin(part, np.unique(part[beyond & plane.near(bone.vertices)]))
     if not off.any() or beyond.all():
         raise InputError(f"{name}: {plane} does not cut it; move the plane, or give another radius")
     ends = bone.vertices[bone.faces]
     edge = float(np.median(np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2)))
     kept = cut_within(bone, plane, ~beyond | off, edge)
-    x, y, z = (-value for value in plane.normal)
-    other = cut_within(bone, CutPlane(plane.point, (x, y, z)), np.ones(len(beyond), dtype=bool), edge)
+    back = CutPlane(plane.point, tuple(-value for value in plane.normal))
+    other = cut_within(bone, back, np.ones(len(beyond), dtype=bool), edge)
     parts = [kept, *_cut_off(other, bone.vertices[off])]
-    volume = enclosed_volume(bone)
-    change = sum(map(enclosed_volume, parts)) / volume - 1.0
+    change = sum(map(enclosed_volume, parts)) / enclosed_volume(bone) - 1.0
     if abs(change) > MOST_CHANGE:
-        raise InputError(
-            f"{name}: the parts have {100 * change:+z.2f} % more volume than the bone, {100 * MOST_CHANGE:g} % is "
-            "allowed; move the plane, or give finer triangles"
+        rule = (
+            f"the parts have {100 * change:+z.2f} % more volume than the bone, {100 * MOST_CHANGE:g} % is allowed"
         )
+        raise InputError(f"{name}: {rule}; move the plane, or give finer triangles")
     return parts
 
 
@@ -61,8 +59,6 @@ def _cut_off(surface: Surface, vertices: np.ndarray) -> list[Surface]:
 
     known = KDTree(vertices).query(surface.vertices)[0] < 1e-9
     label = components(surface)
-    found = []
-    for number in np.unique(label[known]):
-        used, faces = np.unique(surface.faces[label[surface.faces[:, 0]] == number], return_inverse=True)
-        found.append(Surface(surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)))
+    of_face = label[surface.faces[:, 0]]
+    found = [compact(surface.vertices, surface.faces[of_face == number]) for number in np.unique(label[known])]
     return sorted(found, key=lambda part: -float(part.vertices[:, 0].mean()))

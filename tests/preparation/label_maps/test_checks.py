@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from support.blocks import blocks, moved, spine_and_hips
-from support.label_maps import mask_of
 from support.trunk_shapes import joined
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
@@ -65,11 +64,11 @@ FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
     "a spine without ribs": (lambda b: {n: s for n, s in b.items() if "rib" not in n}, []),
     "two in one": (
         lambda b: {**without(b, "T9"), "T8": joined(b["T8"], b["T9"])},
-        ["T8: is 2.0 times as large as its neighbours; are two vertebrae in it?"],
+        ["T8: is 2.0 times as large as its neighbours"],
     ),
     "a part of one": (
         lambda b: {**b, "L2": scaled(b["L2"], 0.7)},
-        ["L2: has 34 % of its neighbours' volume; is a part of it in another label?"],
+        ["L2: has 34 % of its neighbours' volume"],
     ),
     "a jump in the numbers": (
         skipped,
@@ -81,7 +80,7 @@ FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
     ),
     "a vertebra without a label, and the rest shifted": (
         lambda b: renamed(without(b, "L1", "L5"), {"L2": "L1", "L3": "L2", "L4": "L3"}),
-        ["T12 and L1: are 2.0 times as far apart as their neighbours; is a vertebra between them without a label"],
+        ["T12 and L1: are 2.0 times as far apart as their neighbours"],
     ),
     "all sides exchanged": (
         lambda b: swapped(b, [n for n in b if "left" in n or "right" in n]),
@@ -93,12 +92,12 @@ FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
     ),
     "six lumbar vertebrae": (
         lambda b: {**b, "L6": moved(b["L5"], np.eye(3), [0.0, 0.0, -20.0])},
-        ["L6: one more than most people have"],
+        ["L6: is one more than most people have"],
     ),
     "eleven ribs": (lambda b: without(b, "rib_left_12"), ["Of the left ribs number 12 has no label"]),
     "a rib without its head": (
         headless,
-        ["rib_left_07: ends ", "mm from T7; its head is missing from the label."],
+        ["rib_left_07: ends ", "mm from T7"],
     ),
     "ribs numbered one too high": (
         lambda b: renamed(
@@ -115,7 +114,7 @@ FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
     ),
     "one rib numbered wrong": (
         lambda b: {**without(b, "rib_left_09"), "rib_left_04": b["rib_left_09"]},
-        ["Of the left ribs number 9 has no label", "rib_left_04: lies at T9, not at T4; is it numbered wrong?"],
+        ["Of the left ribs number 9 has no label", "rib_left_04: lies at T9, not at T4"],
     ),
 }
 
@@ -126,20 +125,6 @@ def test_a_fault_of_segmentation_is_named_and_nothing_else(fault):
     doubts = doubts_of_bones(change(trunk()))
     assert [part for part in said if not any(part in doubt for doubt in doubts)] == [], doubts
     assert len(doubts) == len({part for part in said if "mm from" not in part}), doubts
-
-
-def test_a_hole_in_the_sacrum_is_told_and_its_foramina_are_not():
-    foramina = blocks(
-        (
-            *(((x, 0, z), (x + 10, 12, z + 24)) for x in (-40, -16, 6, 30) for z in (0, 30)),
-            *(((-40, 0, z), (40, 12, z + 10)) for z in (-8, 22, 52)),
-        )
-    )
-    window = blocks((((-40, 0, 0), (-16, 12, 60)), ((16, 0, 0), (40, 12, 60)), ((-40, 0, 50), (40, 12, 60)),
-                     ((-40, 0, 0), (40, 12, 8))))  # fmt: skip
-    assert doubts_of_image({"sacrum": mask_of(foramina, (1.5, 1.5, 1.5))}, None, {}) == []
-    (doubt,) = doubts_of_image({"sacrum": mask_of(window, (1.5, 1.5, 1.5))}, None, {})
-    assert doubt.startswith("sacrum: has a hole of 11 cm2")
 
 
 @pytest.mark.parametrize(
@@ -155,10 +140,10 @@ def test_a_trunk_cut_off_by_the_border_of_the_image(axis, side, word):
     else:
         shape[axis] = 10 + (40, 32, 60)[axis]
     cut = Mask(np.ones((40, 32, 60), dtype=bool), (first[0], first[1], 10), affine, (shape[0], shape[1], 90))
-    assert cut.faces_at_border() == {(axis, side): (32 if axis == 0 else 40) * 60}
+    assert cut.faces_at_border() == [(axis, side)]
     doubts = [d for d in doubts_of_image({}, cut, spine) if f"by the {word} border" in d]
     assert len(doubts) == 1
-    assert "back surface rotation from T2 to L3 is not that of the patient" in doubts[0]
+    assert "rotation from T2 to L3 is not that of the patient" in doubts[0]
 
 
 def test_bones_that_the_image_ends_in_are_named():

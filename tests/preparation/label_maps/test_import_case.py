@@ -82,19 +82,6 @@ def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, f
     np.testing.assert_allclose(again.case.landmarks_before.points, made.case.landmarks_before.points, atol=1e-3)
 
 
-def test_axes_that_run_the_other_way_give_the_same_bones(made, files, tmp_path):
-    values, affine = labels()
-    turned = affine.copy()
-    turned[:3, 3] += affine[:3, 0] * (values.shape[0] - 1)
-    turned[:3, 0] *= -1.0
-    write_labels(tmp_path / "a.nii", values[::-1], turned)
-    source = read_source(tmp_path / "a.nii", "totalsegmentator-v2")
-    again = import_case(source, read_body(files[1]), "a", QUICK)
-    for name, bone in made.case.bones.items():
-        check_solid(again.case.bones[name], name)
-        assert np.abs(SurfaceDistance(bone).at(again.case.bones[name].vertices)).max() < 0.05
-
-
 def test_surfaces_by_names_of_others(made, tmp_path):
     names = {"T5": "fifth thoracic vertebra", "T6": "FMA9945", "T7": "vertebrae_T7", "hip_left": "Left hip bone"}
     for name, bone in bones().items():
@@ -104,14 +91,6 @@ def test_surfaces_by_names_of_others(made, tmp_path):
     again = import_case(read_source(tmp_path), None, "a", QUICK)
     assert set(again.case.bones) == set(bones())
     assert len(again.found.vertebrae) == len(LEVELS)
-
-
-def test_numbers_without_names_are_not_guessed(tmp_path):
-    write_labels(tmp_path / "a.nii.gz", *labels())
-    with pytest.raises(
-        InputError, match=r"mean other bones in other versions .* give --labels totalsegmentator-v1 or"
-    ):
-        read_source(tmp_path / "a.nii.gz")
 
 
 def test_a_table_of_names_from_a_file(tmp_path):
@@ -130,8 +109,8 @@ def test_the_first_sacral_vertebra_is_a_part_of_the_sacrum(tmp_path):
     values[values == NUMBERS["vertebrae_T6"]] = NUMBERS["sacrum"]
     write_labels(tmp_path / "a.nii.gz", values, affine)
     source = read_source(tmp_path / "a.nii.gz", "totalsegmentator-v2")
-    own = np.isin(values, [NUMBERS["sacrum"], NUMBERS["vertebrae_S1"]]).sum() * 1.5**3
-    assert source.masks["sacrum"].volume == pytest.approx(own)
+    own = np.isin(values, [NUMBERS["sacrum"], NUMBERS["vertebrae_S1"]])
+    assert len(source.masks["sacrum"].points()) == own.sum()
 
 
 def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
@@ -148,13 +127,3 @@ def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
 def test_a_trunk_needs_a_body(files):
     with pytest.raises(InputError, match=r"^import: there is no body among the labels.* give --body FILE"):
         import_case(read_source(files[0]), None, "a", QUICK)
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [({"smoothing": -1.0}, "'smoothing' must be a " "number from 0 to 5 mm, not -1.0"), ({"edge_length": 0.0},
-    "'edge_length'"), ({"posture": "sitting"}, "'posture' must be one of standing, supine, prone, not 'sitting'")],
-)  # fmt: skip
-def test_options_out_of_range(options, said):
-    with pytest.raises(InputError, match=said):
-        ImportOptions(**options)

@@ -31,6 +31,6 @@ def test_a_crop_is_imported_as_far_as_it_reaches_and_what_is_missing_is_named(tm
         "not yet a case that surgery can be planned on",
     ):
         assert part in said.err
-    assert "numbered wrong? " not in said.err
+    assert "not at T" not in said.err
     rows = (out / "landmarks_confidence.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows[1:]] == ["L1"]  # the one vertebra that is whole

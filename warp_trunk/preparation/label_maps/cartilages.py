@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from .mask import Mask, depth, reduced
+from .mask import Mask, depth, factors_below, reduced
 
 _BLOCK = 2.0
 """Paths are looked for on blocks of voxels whose sides stay below this [mm]; a cartilage is 10 mm wide or more."""
@@ -25,23 +24,9 @@ _LEAST_WAY = 5.0
 """A false rib that lies on the cartilage above without one of its own has a shorter way there [mm]."""
 _TAKEN = 6.0
 """Steps through a cartilage that another rib has already cost this many times as much."""
-_NEIGHBOURS = np.array(
-    [(i, j, k) for i in (0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)]
-)
-"""Half of the 26 neighbours of a voxel."""
 
 
-@dataclass(frozen=True, eq=False)
-class SplitCartilages:
-    """The result of the separation."""
-
-    masks: dict[str, Mask]
-    """By name, `costal_cartilage_left_01`."""
-    lost: float
-    """Volume that hangs together with no rib that has a label [mm3]."""
-
-
-def split_cartilages(label: Mask, ribs: Mapping[str, Mask], sternum: Mask) -> SplitCartilages:
+def split_cartilages(label: Mask, ribs: Mapping[str, Mask], sternum: Mask) -> tuple[dict[str, Mask], float]:
     """Give each part of the label to the rib that it belongs to.
 
     From the front end of each rib, the highest first, the cheapest way to the sternum is sought within the label.
@@ -54,50 +39,53 @@ def split_cartilages(label: Mask, ribs: Mapping[str, Mask], sternum: Mask) -> Sp
         label: all costal cartilages, of both sides.
         ribs: by name (`rib_left_01`).
         sternum: which the cartilages of ribs 1 to 7 reach.
+
+    Returns:
+        The masks by name (`costal_cartilage_left_01`), and the volume that hangs together with no rib that has a
+        label [mm3].
     """
-    factors = tuple(max(1, int(_BLOCK / side)) for side in label.spacing)
-    graph = _Graph(reduced(label.inside, factors) > 0.0, label, factors)
+    graph = _Graph(label)
     goal = graph.meeting(sternum, _REACHES)
     ways: dict[str, np.ndarray] = {}
-    for name in sorted(name for name in ribs if _number(name) <= _FALSE_RIBS):
-        taken, joined = graph.near([*ways.values()])
+    for name in sorted(name for name in ribs if int(name[-2:]) <= _FALSE_RIBS):
+        taken, joined = graph.near(np.concatenate([goal[:0], *ways.values()]))
         way = graph.way(graph.meeting(ribs[name], _END), goal, taken)
-        if _number(name) > _TRUE_RIBS and joined[way].any():
-            way = way[: int(np.argmax(joined[way]))]
-        if _number(name) <= _TRUE_RIBS or graph.length(way) > _LEAST_WAY:
+        if int(name[-2:]) > _TRUE_RIBS:
+            way = way[: int(np.argmax(joined[way]))] if joined[way].any() else way
+            if np.linalg.norm(np.diff(graph.points[way], axis=0), axis=1).sum() <= _LEAST_WAY:
+                continue
+        if way.size:
             ways[name] = way
-    ways = {name: way for name, way in ways.items() if way.size}
-    owner = graph.owners([*ways.values()])
-    found = {name.replace("rib", "costal_cartilage"): owner == number for number, name in enumerate(ways)}
-    masks = {name: label.part(inside & label.inside) for name, inside in found.items()}
-    masks = {name: mask for name, mask in masks.items() if mask is not None}
-    return SplitCartilages(masks, float(np.count_nonzero(label.inside & (owner < 0))) * label.voxel_volume)
+    voxels = np.argwhere(label.inside)
+    owner = graph.owners([*ways.values()], voxels)
+    masks = {}
+    for number, name in enumerate(ways):
+        inside = np.zeros_like(label.inside)
+        inside[tuple(voxels[owner == number].T)] = True
+        if (mask := label.part(inside)) is not None:
+            masks[name.replace("rib", "costal_cartilage")] = mask
+    return masks, float(np.count_nonzero(owner < 0)) * label.voxel_volume
 
 
 class _Graph:
     """The blocks of voxels of a label, each joined with its 26 neighbours."""
 
-    def __init__(self, inside: np.ndarray, label: Mask, factors: tuple[int, ...]) -> None:
-        self._factors, self._shape = factors, label.inside.shape
-        self._voxels = np.argwhere(inside)
-        self._points = label.place(self._voxels * factors + 0.5 * (np.array(factors) - 1.0))
-        spacing = label.spacing * factors
-        self._depth = depth(np.pad(inside, 1), spacing)[tuple(self._voxels.T + 1)]
-        number = np.full(np.array(inside.shape) + 2, -1)
-        number[tuple(self._voxels.T + 1)] = np.arange(len(self._voxels))
-        rows, columns = [], []
-        for step in _NEIGHBOURS:
-            other = number[tuple((self._voxels + 1 + step).T)]
-            rows.append(np.flatnonzero(other >= 0))
-            columns.append(other[rows[-1]])
-        self._one, self._other = np.concatenate(rows), np.concatenate(columns)
-        self._step = np.linalg.norm(self._points[self._one] - self._points[self._other], axis=1)
-
-    def meeting(self, bone: Mask, further: float) -> np.ndarray:
-        """Numbers of the blocks nearest to a bone, of those somewhat further [mm]; none where too far."""
+    def __init__(self, label: Mask) -> None:
         from scipy.spatial import KDTree  # heavy
 
-        away, _ = KDTree(bone.points()).query(self._points, distance_upper_bound=_REACHES + further)
+        self._factors = factors_below(_BLOCK, label.spacing)
+        inside = reduced(label.inside, self._factors) > 0.0
+        self._shape, self._blocks = inside.shape, np.argwhere(inside)
+        self.points = label.place_blocks(self._blocks, self._factors)
+        self._depth = depth(np.pad(inside, 1), label.spacing * self._factors)[tuple(self._blocks.T + 1)]
+        self._one, self._other = KDTree(self._blocks).query_pairs(1.8, output_type="ndarray").T
+        self._step = np.linalg.norm(self.points[self._one] - self.points[self._other], axis=1)
+
+    def meeting(self, bone: Mask, further: float) -> np.ndarray:
+        """Numbers of the blocks nearest to a bone, or somewhat farther [mm]; none where the bone is too far."""
+        from scipy.spatial import KDTree  # heavy
+
+        away, _ = KDTree(bone.points()).query(self.points, distance_upper_bound=_REACHES + further)
         return np.flatnonzero(away <= away.min() + further) if away.min() <= _REACHES else np.empty(0, dtype=int)
 
     def way(self, start: np.ndarray, goal: np.ndarray, taken: np.ndarray) -> np.ndarray:
@@ -117,14 +105,14 @@ class _Graph:
         reached = goal[np.isfinite(cost[goal])]
         if not reached.size:
             linked = np.flatnonzero(np.isfinite(cost))
-            away, _ = KDTree(self._points[goal]).query(self._points[linked])
+            away, _ = KDTree(self.points[goal]).query(self.points[linked])
             reached = linked[[int(np.argmin(away))]]
         way = [int(reached[cost[reached].argmin()])]
         while before[way[-1]] >= 0:
             way.append(int(before[way[-1]]))
         return np.array(way[::-1])
 
-    def near(self, ways: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def near(self, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which blocks belong to cartilages that ways run along, and which to what is joined with these.
 
         The first are as near to a way as the border of the label is to it, the second by as much farther as the
@@ -132,42 +120,28 @@ class _Graph:
         """
         from scipy.spatial import KDTree  # heavy
 
-        along = np.concatenate([np.empty(0, dtype=int), *ways])
-        if not along.size:
-            none = np.zeros(len(self._points), dtype=bool)
+        if not ways.size:
+            none = np.zeros(len(self.points), dtype=bool)
             return none, none
-        away, nearest = KDTree(self._points[along]).query(self._points)
-        wide = self._depth[along][nearest]
+        away, nearest = KDTree(self.points[ways]).query(self.points)
+        wide = self._depth[ways][nearest]
         return away <= wide, away <= wide + self._depth
 
-    def length(self, way: np.ndarray) -> float:
-        """Of a way [mm]."""
-        return float(np.linalg.norm(np.diff(self._points[way], axis=0), axis=1).sum())
-
-    def owners(self, ways: list[np.ndarray]) -> np.ndarray:
-        """For every voxel of the label's box which way is nearest within the label, -1 where none is."""
-        result = np.full(self._shape, -1, dtype=np.int16)
-        if not ways:
-            return result
-        way_of = np.full(len(self._voxels) + 1, -1, dtype=np.int16)
+    def owners(self, ways: list[np.ndarray], voxels: np.ndarray) -> np.ndarray:
+        """For voxels of the label (n, 3) which way is nearest within the label, -1 where none is, shape (n,)."""
+        way_of = np.full(len(self._blocks) + 1, -1)  # the last for blocks that no way is joined with
         for number, way in reversed([*enumerate(ways)]):  # a block on two ways is that of the higher rib
             way_of[way] = number
-        _, _, source = self._cheapest(np.flatnonzero(way_of >= 0), self._step)
-        coarse = np.full([-(-n // f) for n, f in zip(self._shape, self._factors, strict=True)], -1, dtype=np.int16)
-        coarse[tuple(self._voxels.T)] = way_of[np.where(source < 0, len(self._voxels), source)]
-        for axis, factor in enumerate(self._factors):
-            coarse = np.repeat(coarse, factor, axis=axis)
-        return coarse[tuple(slice(n) for n in self._shape)]
+        block_owner = np.full(self._shape, -1)
+        if ways:
+            _, _, source = self._cheapest(np.flatnonzero(way_of >= 0), self._step)
+            block_owner[tuple(self._blocks.T)] = way_of[np.maximum(source, -1)]
+        return block_owner[tuple((voxels // self._factors).T)]
 
     def _cheapest(self, start: np.ndarray, cost: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Cost of the way from the nearest start to each block, the block before on it, and that start."""
         from scipy.sparse import coo_array  # heavy
         from scipy.sparse.csgraph import dijkstra
 
-        count = len(self._voxels)
-        graph = coo_array((cost, (self._one, self._other)), shape=(count, count)).tocsr()
+        graph = coo_array((cost, (self._one, self._other)), shape=(len(self._blocks),) * 2).tocsr()
         return dijkstra(graph, directed=False, indices=start, return_predecessors=True, min_only=True)
-
-
-def _number(rib: str) -> int:
-    return int(rib[-2:])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,17 +27,9 @@ _FLAT = 0.5
 """Triangles whose corners lie nearer than this to a plane of a cut are part of a flat end [mm]."""
 
 
-@dataclass(frozen=True, eq=False)
-class FatThickness:
-    """The fat under the skin, measured."""
-
-    thickness: np.ndarray
-    """At each vertex of the skin, from the lower side of the skin to that of the fat [mm], shape (vertices,)."""
-    measured: np.ndarray
-    """Where it was measured, shape (vertices,), bool; elsewhere, on flat ends, it is the median of that."""
-
-
-def fat_thickness(skin: Surface, fat: Mask, muscle: Mask | None, cuts: Sequence[CutPlane]) -> FatThickness:
+def fat_thickness(
+    skin: Surface, fat: Mask, muscle: Mask | None, cuts: Sequence[CutPlane]
+) -> tuple[np.ndarray, np.ndarray]:
     """Follow a ray from each vertex of the skin inward to the end of the fat, and return the depth of that point.
 
     Masks are taken as linear between the centres of voxels, so that thickness does not come in steps of a voxel.
@@ -50,55 +41,35 @@ def fat_thickness(skin: Surface, fat: Mask, muscle: Mask | None, cuts: Sequence[
         fat: the fat between skin and muscles.
         muscle: the muscles, which end the fat wherever they begin.
         cuts: where the trunk was cut flat: there is no skin.
+
+    Returns:
+        The thickness at each vertex, from the lower side of the skin to that of the fat [mm], and whether it was
+        measured there; elsewhere, on flat ends, it is the median. Shape (vertices,) each.
     """
-    flat = np.zeros(len(skin.faces), dtype=bool)
-    for plane in cuts:
-        flat |= (np.abs(plane.distance(skin.vertices)) < _FLAT)[skin.faces].all(axis=1)
-    real = Surface(skin.vertices, skin.faces[~flat])
+    flat = [(np.abs(plane.distance(skin.vertices)) < _FLAT)[skin.faces].all(axis=1) for plane in cuts]
+    real = Surface(skin.vertices, skin.faces[~np.any(flat, axis=0)] if flat else skin.faces)
     normals = vertex_normals(real)
     measured = np.linalg.norm(normals, axis=1) > 0.5
     depths = np.arange(0.0, _REACH + _STEP, _STEP)
     ends = np.zeros(len(skin.vertices))
-    inside = [_Sampled(mask) for mask in (fat, muscle) if mask is not None]
     for some in np.array_split(np.flatnonzero(measured), max(1, len(ends) // 2000)):  # for the memory
         points = skin.vertices[some, None] - depths[:, None] * normals[some, None]
-        is_fat, *is_muscle = (mask.holds(points) for mask in inside)
-        ends[some] = _ends(is_fat, is_muscle[0] & ~is_fat if is_muscle else np.zeros_like(is_fat))
+        is_fat = fat.holds(points)
+        ends[some] = _ends(is_fat, np.zeros_like(is_fat) if muscle is None else muscle.holds(points) & ~is_fat)
     bottoms = skin.vertices - ends[:, None] * normals
     face, weights = nearest(real, bottoms, _REACH)  # as deep as layers are meshed: in folds and at rims less
     above = np.einsum("nc,ncx->nx", weights, real.vertices[real.faces[face]])
     thickness = np.maximum(np.linalg.norm(bottoms - above, axis=1) - SKIN_THICKNESS, 0.0)
     thickness[~measured] = np.median(thickness[measured]) if measured.any() else 0.0
-    return FatThickness(thickness, measured)
+    return thickness, measured
 
 
 def _ends(fat: np.ndarray, muscle: np.ndarray) -> np.ndarray:
     """The depth at which the fat ends along each ray [mm], 0 where there is none; both (rays, points), bool."""
-    result = np.zeros(len(fat))
     steps = np.arange(fat.shape[1])
     since = steps - np.maximum.accumulate(np.where(fat, steps, -1), axis=1)  # points since the last fat
     first = fat.argmax(axis=1)
-    begun = fat.any(axis=1) & (first * _STEP <= _BEGINS)
-    after = steps > first[:, None]
-    over = after & ((since * _STEP > _GAP) | muscle)
+    over = (steps > first[:, None]) & ((since * _STEP > _GAP) | muscle)
     end = np.where(over.any(axis=1), over.argmax(axis=1), fat.shape[1] - 1)
-    rows = np.flatnonzero(begun)
-    last = end[rows] - since[rows, end[rows]]
-    result[rows] = (last + 0.5) * _STEP
-    return result
-
-
-class _Sampled:
-    """A mask between the centres of its voxels."""
-
-    def __init__(self, mask: Mask) -> None:
-        self._values = np.pad(mask.inside, 1).astype(np.uint8)
-        self._inverse = np.linalg.inv(mask.affine[:3, :3])
-        self._corner = mask.place(np.full((1, 3), -1.0))[0]
-
-    def holds(self, points: np.ndarray) -> np.ndarray:
-        """Whether points (..., 3) [mm] are more in it than out of it."""
-        from scipy import ndimage  # heavy
-
-        voxels = np.moveaxis((points - self._corner) @ self._inverse.T, -1, 0)
-        return ndimage.map_coordinates(self._values, voxels, output=np.float32, order=1, mode="constant") > 0.5
+    last = end - since[np.arange(len(fat)), end]
+    return np.where(fat.any(axis=1) & (first * _STEP <= _BEGINS), (last + 0.5) * _STEP, 0.0)

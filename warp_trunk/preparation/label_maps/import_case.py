@@ -12,16 +12,17 @@ import numpy as np
 
 from warp_trunk.case import Case
 from warp_trunk.case.header import POSTURES
-from warp_trunk.case.landmarks import ASIS, VERTEBRAE, Landmarks
+from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, VERTEBRAE
 from warp_trunk.case.layers import Layers
 from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.cores import each_over_cores
 from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
 from ..scanning import CutPlane
 from .cartilages import split_cartilages
-from .fat import FatThickness, fat_thickness
+from .fat import fat_thickness
 from .mask import Mask
 from .names import CARTILAGES, FAT, MUSCLE, RIB, SKIN
 from .segmentation_checks import doubts_of_bones, doubts_of_image
@@ -29,9 +30,9 @@ from .skin import body_skin, check_cuts
 from .sources import Source
 from .surfaces import BoneShape, bone_shape
 
-TRUNK = re.compile(r"[TL]\d+|rib_(left|right)_\d\d|sternum|sacrum|hip_(left|right)")
+_TRUNK = r"[TL]\d+|rib_(left|right)_\d\d|sternum|sacrum|hip_(left|right)"
 """The bones that a case is made of."""
-MORE = re.compile(r"scapula_(left|right)|clavicle_(left|right)|costal_cartilage_(left|right)_\d\d")
+_MORE = r"scapula_(left|right)|clavicle_(left|right)|costal_cartilage_(left|right)_\d\d"
 """Bones that it may have besides."""
 Stage = Callable[[str, str], AbstractContextManager[object]]
 """Shows that a stage has begun, by its name and a sentence."""
@@ -69,8 +70,8 @@ class Imported:
     """Of the bones that came from voxels."""
     cuts: tuple[CutPlane, ...]
     """Where the body was cut flat."""
-    fat: FatThickness | None
-    """The fat under the skin, where the image shows it."""
+    fat: np.ndarray | None
+    """The thickness of fat at the vertices of the skin where it was measured [mm]; None without masks of it."""
     notes: tuple[str, ...]
     """A sentence for each thing that a user should look at."""
 
@@ -100,63 +101,52 @@ def import_case(
         InputError: there is no body, no vertebra, or nothing that a surface comes of.
     """
     options = options or ImportOptions()
-    body = _checked_body(source, body, cuts)
-    masks, told = source.masks, list(source.notes)
+    body = body or source.masks.get(SKIN)
+    if body is not None:
+        check_cuts(body, cuts)
+    elif SKIN not in source.surfaces:
+        cure = "give --body FILE (TotalSegmentator -ta body makes one) or --ct FILE"
+        raise InputError(f"import: there is no body among the labels, and a trunk needs its skin; {cure}")
+    masks, notes = source.masks, list(source.notes)
     if options.more_bones and CARTILAGES in masks:
         with stage("cartilages", "separating costal cartilages"):
             masks, more = _with_cartilages(masks)
-            told += more
-    wanted = {n: mask for n, mask in sorted(masks.items()) if _is_wanted(n, options.more_bones)}
-    with stage("bones", f"drawing the surfaces of {len(wanted)} bones"):
-        drawn_bones = each_over_cores(lambda n: bone_shape(wanted[n], n, options.smoothing), list(wanted))
-        shapes = dict(zip(wanted, drawn_bones, strict=True))
-    surfaces = {n: s for n, s in source.surfaces.items() if _is_wanted(n, options.more_bones)}
+            notes += more
+    of_case = re.compile(f"{_TRUNK}|{_MORE}" if options.more_bones else _TRUNK)
+    wanted = re.compile(f"{of_case.pattern}|(humerus|scapula).*")  # the last say where the arms begin
+    labels = sorted(n for n in masks if wanted.fullmatch(n))
+    with stage("bones", f"drawing the surfaces of {len(labels)} bones"):
+        drawn = each_over_cores(lambda n: bone_shape(masks[n], n, options.smoothing), labels)
+        shapes = dict(zip(labels, drawn, strict=True))
+    surfaces = {n: s for n, s in source.surfaces.items() if wanted.fullmatch(n)}
     surfaces |= {n: shape.surface for n, shape in shapes.items()}
     with stage("skin", "drawing the skin"):
-        drawn = None if body is None else body_skin(body, surfaces, cuts, options.edge_length)
-        skin, made = (source.surfaces[SKIN], ()) if drawn is None else (drawn.surface, drawn.cuts)
-    bones = {n: s for n, s in surfaces.items() if TRUNK.fullmatch(n) or (options.more_bones and MORE.fullmatch(n))}
+        skin, made = (
+            (source.surfaces[SKIN], ()) if body is None else body_skin(body, surfaces, cuts, options.edge_length)
+        )
+        skin = without_slivers(skin)
+    bones = {n: s for n, s in surfaces.items() if of_case.fullmatch(n)}
+    own = {n: masks[n] for n in bones if n in masks}
+    cut = {n for n, mask in own.items() if mask.faces_at_border()}
     with stage("landmarks", "finding landmarks"):
-        found = _landmarks(bones, masks)
+        found = _landmarks(bones, cut)
     tissue = tissue or masks
-    fat = None
+    layers, fat = None, None
     if FAT in tissue:
         with stage("fat", "measuring the fat under the skin"):
-            fat = fat_thickness(skin, tissue[FAT], tissue.get(MUSCLE), made)
+            thickness, measured = fat_thickness(skin, tissue[FAT], tissue.get(MUSCLE), made)
+        layers, fat = Layers(fat_thickness=thickness), thickness[measured]
     case = Case(
         name=name,
         skin=skin,
         bones=bones,
         landmarks_before=found.landmarks,
         posture=options.posture,
-        layers=None if fat is None else Layers(fat_thickness=fat.thickness),
+        layers=layers,
     )
-    own = {n: masks[n] for n in bones if n in masks}
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
-    cut = {n for n, mask in own.items() if mask.faces_at_border()}
     doubts = (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
-    notes = (*told, *_dropped(shapes, bones), *doubts)
-    return Imported(case, found, shapes, made, fat, notes)
-
-
-def _checked_body(source: Source, body: Mask | None, cuts: tuple[CutPlane, ...]) -> Mask | None:
-    """The body as it was given or found, with cuts that meet it; None where the skin comes as a surface."""
-    body = body or source.masks.get(SKIN)
-    if body is None and SKIN not in source.surfaces:
-        raise InputError(
-            "import: there is no body among the labels, and a trunk needs its skin; give --body FILE "
-            "(TotalSegmentator -ta body makes one) or --ct FILE"
-        )
-    if body is not None:
-        check_cuts(body, cuts)
-    return body
-
-
-def _is_wanted(name: str, more_bones: bool) -> bool:
-    """Whether a bone is one of the case, or says where the arms begin."""
-    return bool(
-        TRUNK.fullmatch(name) or name.startswith(("humerus", "scapula")) or (more_bones and MORE.fullmatch(name))
-    )
+    return Imported(case, found, shapes, made, fat, (*notes, *_dropped(shapes, bones), *doubts))
 
 
 def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[str]]:
@@ -164,31 +154,21 @@ def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[s
     others = {name: mask for name, mask in masks.items() if name != CARTILAGES}
     if "sternum" not in others:
         return others, [f"{CARTILAGES}: left out, as the sternum that they lead to has no label."]
-    split = split_cartilages(
-        masks[CARTILAGES], {n: m for n, m in others.items() if RIB.fullmatch(n)}, others["sternum"]
-    )
-    notes = []
-    if split.lost > 0.0:
-        notes.append(
-            f"{CARTILAGES}: {split.lost / 1000.0:.1f} cm3 of it hang together with no rib, and were left out."
-        )
-    return {**others, **split.masks}, notes
+    ribs = {name: mask for name, mask in others.items() if RIB.fullmatch(name)}
+    split, lost = split_cartilages(masks[CARTILAGES], ribs, others["sternum"])
+    note = f"{CARTILAGES}: {lost / 1000.0:.1f} cm3 of it hang together with no rib, and were left out."
+    return {**others, **split}, [note] if lost > 0.0 else []
 
 
-def _landmarks(bones: Mapping[str, Surface], masks: Mapping[str, Mask]) -> FoundLandmarks:
+def _landmarks(bones: Mapping[str, Surface], cut: Container[str]) -> FoundLandmarks:
     """Landmarks of whole bones; a vertebra that the image cuts off has none."""
-    cut = {
-        name: "the image ends in it, so that only a part is there"
-        for name in VERTEBRAE
-        if name in bones and name in masks and masks[name].faces_at_border()
-    }
-    whole = {name: bone for name, bone in bones.items() if name not in cut}
-    if not any(name in whole for name in VERTEBRAE):
-        return FoundLandmarks(
-            Landmarks((), np.empty((0, 3))), {}, {**cut, **dict.fromkeys(ASIS, "there is no spine")}
-        )
-    found = find_landmarks(whole)
-    reasons = {**found.unsure, **cut}
+    whole = {name: bone for name, bone in bones.items() if name not in VERTEBRAE or name not in cut}
+    if any(name in whole for name in VERTEBRAE):
+        found = find_landmarks(whole)
+    else:
+        found = FoundLandmarks(NO_LANDMARKS, {}, dict.fromkeys(ASIS, "there is no spine"))
+    parts = {name: "the image ends in it, so that only a part is there" for name in bones if name in cut}
+    reasons = {**found.unsure, **parts}
     return replace(found, unsure={name: reasons[name] for name in (*VERTEBRAE, *ASIS) if name in reasons})
 
 
@@ -197,9 +177,8 @@ def _dropped(shapes: Mapping[str, BoneShape], bones: Container[str]) -> list[str
     notes = []
     for name, shape in shapes.items():
         if name in bones and shape.dropped:
-            share = 100.0 * sum(shape.dropped) / (shape.volume + sum(shape.dropped))
-            notes.append(
-                f"{name}: {len(shape.dropped)} pieces that do not hang together with the largest were left out, "
-                f"{sum(shape.dropped) / 1000.0:.2f} cm3 ({share:.1f} %)."
-            )
+            lost = sum(shape.dropped)
+            share = 100.0 * lost / (shape.volume + lost)
+            what = f"{name}: {len(shape.dropped)} pieces that do not hang together with the largest were left out"
+            notes.append(f"{what}, {lost / 1000.0:.2f} cm3 ({share:.1f} %).")
     return notes

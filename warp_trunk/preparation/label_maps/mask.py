@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from warp_trunk.geometry.distance_field import connected
-
 
 @dataclass(frozen=True, eq=False)
 class Mask:
@@ -15,11 +13,11 @@ class Mask:
 
     inside: np.ndarray
     """Whether each voxel of the box is of the label, shape (i, j, k), bool."""
-    first: tuple[int, int, int]
+    first: tuple[int, ...]
     """Number of the box's first voxel in the image."""
     affine: np.ndarray
     """From numbers of the image's voxels to LPS [mm], shape (4, 4)."""
-    shape: tuple[int, int, int]
+    shape: tuple[int, ...]
     """Voxels of the whole image."""
 
     @property
@@ -32,11 +30,6 @@ class Mask:
         """Of one voxel [mm3]."""
         return float(abs(np.linalg.det(self.affine[:3, :3])))
 
-    @property
-    def volume(self) -> float:
-        """Of all voxels [mm3]."""
-        return float(np.count_nonzero(self.inside)) * self.voxel_volume
-
     def points(self) -> np.ndarray:
         """Centres of its voxels [mm], shape (n, 3)."""
         return self.place(np.argwhere(self.inside))
@@ -45,26 +38,33 @@ class Mask:
         """Where voxels of the box (n, 3) are, by their numbers, which need not be whole [mm], shape (n, 3)."""
         return (voxels + np.array(self.first)) @ self.affine[:3, :3].T + self.affine[:3, 3]
 
+    def place_blocks(self, blocks: np.ndarray, factors: tuple[int, ...]) -> np.ndarray:
+        """Where the middles of blocks of voxels (n, 3) are, by their numbers (`reduced`) [mm], shape (n, 3)."""
+        return self.place(blocks * factors + 0.5 * (np.array(factors) - 1.0))
+
+    def holds(self, points: np.ndarray) -> np.ndarray:
+        """Whether points (..., 3) [mm] are more inside than outside, linear between the centres of voxels."""
+        from scipy import ndimage  # heavy
+
+        voxels = (points - self.place(np.zeros(3))) @ np.linalg.inv(self.affine[:3, :3]).T
+        values, places = self.inside.view(np.uint8), np.moveaxis(voxels, -1, 0)
+        return ndimage.map_coordinates(values, places, output=np.float32, order=1, mode="grid-constant") > 0.5
+
     def part(self, inside: np.ndarray) -> Mask | None:
         """Some of its voxels, (i, j, k) of its box, in a box of their own; None where there are none."""
         box = boxes(inside.view(np.uint8)).get(1)
         if box is None:
             return None
-        i, j, k = (first + side.start for first, side in zip(self.first, box, strict=True))
-        return replace(self, inside=inside[box].copy(), first=(i, j, k))
+        first = tuple(first + side.start for first, side in zip(self.first, box, strict=True))
+        return replace(self, inside=inside[box].copy(), first=first)
 
-    def faces_at_border(self) -> dict[tuple[int, int], int]:
-        """How many of its voxels lie on each face of the image, by axis and side (0 low, 1 high); none where
-        none."""
-        found = {}
-        for axis in range(3):
-            for side, at in ((0, 0), (1, self.shape[axis] - 1)):
-                local = at - self.first[axis]
-                if 0 <= local < self.inside.shape[axis]:
-                    count = int(np.count_nonzero(self.inside.take(local, axis=axis)))
-                    if count:
-                        found[axis, side] = count
-        return found
+    def faces_at_border(self) -> list[tuple[int, int]]:
+        """The faces of the image on which it has voxels, by axis and side (0 low, 1 high)."""
+        faces = [
+            (axis, side, side * (self.shape[axis] - 1) - self.first[axis]) for axis in range(3) for side in (0, 1)
+        ]
+        held = self.inside
+        return [(a, s) for a, s, at in faces if 0 <= at < held.shape[a] and held.take(at, axis=a).any()]
 
 
 def joined(one: Mask, other: Mask) -> Mask | None:
@@ -75,11 +75,9 @@ def joined(one: Mask, other: Mask) -> Mask | None:
     high = np.maximum(np.add(one.first, one.inside.shape), np.add(other.first, other.inside.shape))
     inside = np.zeros(high - low, dtype=bool)
     for mask in (one, other):
-        start = mask.first - low
-        box = tuple(slice(a, a + n) for a, n in zip(start, mask.inside.shape, strict=True))
-        inside[box] |= mask.inside
-    x, y, z = low.tolist()
-    return Mask(inside, (x, y, z), one.affine, one.shape)
+        box = zip(mask.first - low, mask.inside.shape, strict=True)
+        inside[tuple(slice(start, start + n) for start, n in box)] |= mask.inside
+    return replace(one, inside=inside, first=tuple(low.tolist()))
 
 
 def boxes(labels: np.ndarray) -> dict[int, tuple[slice, slice, slice]]:
@@ -88,14 +86,6 @@ def boxes(labels: np.ndarray) -> dict[int, tuple[slice, slice, slice]]:
 
     found = ndimage.find_objects(labels.T)  # images are stored with the first axis fastest
     return {value: box[::-1] for value, box in enumerate(found, start=1) if box is not None}
-
-
-def largest_piece(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest connected piece, also over edges and corners, and the sizes of all, largest first [voxels]."""
-    pieces = connected(inside, diagonally=True)
-    sizes = np.bincount(pieces.reshape(-1))
-    sizes[0] = 0
-    return pieces == sizes.argmax(), np.sort(sizes[sizes > 0])[::-1]
 
 
 def depth(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:
@@ -110,11 +100,13 @@ def distance(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     return depth(~inside, spacing) - depth(inside, spacing)
 
 
+def factors_below(side: float, spacing: np.ndarray) -> tuple[int, ...]:
+    """How many voxels along each axis make a block whose sides stay below a length [mm]."""
+    return tuple(max(1, int(side / voxel)) for voxel in spacing)
+
+
 def reduced(inside: np.ndarray, factors: tuple[int, ...]) -> np.ndarray:
     """How full blocks of voxels are, 0 to 1, shape (ceil(i / factor), ...), float32."""
-    if max(factors) == 1:
-        return inside.astype(np.float32)
-    whole = [-(-n // f) * f for n, f in zip(inside.shape, factors, strict=True)]
-    padded = np.pad(inside, [(0, w - n) for w, n in zip(whole, inside.shape, strict=True)])
-    shape = [part for w, f in zip(whole, factors, strict=True) for part in (w // f, f)]
+    padded = np.pad(inside, [(0, -n % f) for n, f in zip(inside.shape, factors, strict=True)])
+    shape = [part for n, f in zip(padded.shape, factors, strict=True) for part in (n // f, f)]
     return padded.reshape(shape).sum(axis=(1, 3, 5), dtype=np.uint16).astype(np.float32) / np.prod(factors)

@@ -1,7 +1,7 @@
 """Names of bones in other programs and here.
 
 Words are understood, not whole names, so that `vertebrae_T8` and `rib_left_1` of TotalSegmentator, "eighth
-thoracic vertebra" and "left first rib" of the Foundational Model " "of Anatomy (BodyParts3D), "T8 vertebra" of
+thoracic vertebra" and "left first rib" of the Foundational Model of Anatomy (BodyParts3D), "T8 vertebra" of
 3D Slicer and `rib_left_01` of this program are all known.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 
@@ -21,7 +22,8 @@ RIB = re.compile(r"rib_(left|right)_(\d\d)")
 _LEVELS = {"C": 7, "T": 13, "L": 6}
 _REGIONS = {"cervical": "C", "thoracic": "T", "dorsal": "T", "lumbar": "L"}
 _ORDINALS = (
-    "first second third fourth fifth sixth seventh eighth ninth tenth eleventh twelfth thirteenth".split()  # noqa: SIM905
+    *("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth"),
+    *("ninth", "tenth", "eleventh", "twelfth", "thirteenth"),
 )
 _SIDES = {"left": "left", "l": "left", "lt": "left", "right": "right", "r": "right", "rt": "right"}
 _PAIRED = {
@@ -29,21 +31,33 @@ _PAIRED = {
     **dict.fromkeys(("clavicle", "clavicula"), "clavicle"),
     **{bone: bone for bone in ("scapula", "humerus", "femur")},
 }
-_BODIES = {("body",), ("body", "trunc"), ("body", "trunk"), ("trunk",), ("skin",), ("body", "trunc", "mask")}
+_WHOLE = {
+    **dict.fromkeys(("body", "body trunc", "body trunk", "trunk", "skin", "body trunc mask"), SKIN),
+    "body extremities": ARMS,
+    "skeletal muscle": MUSCLE,
+}
 _NO_BONE = {"implant", "prosthesis", "muscle", "artery", "vein", "vena", "nerve", "disc", "disk", "body", "bodies"}
 """Words that make something else of a bone's name; a vertebra's body is no vertebra."""
-_FMA = {
-    **dict(zip((f"T{n}" for n in range(1, 13)),
-               (9165, 9187, 9209, 9248, 9922, 9945, 9968, 9991, 10014, 10037, 10059, 10081), strict=True)),
-    **{f"L{n}": 13071 + n for n in range(1, 6)},
-    **dict(zip((f"rib_left_{n:02d}" for n in range(1, 13)),
-               (7987, 8012, 8039, 8148, 8093, 8202, 8256, 8310, 8391, 8472, 8532, 8534), strict=True)),
-    **dict(zip((f"rib_right_{n:02d}" for n in range(1, 13)),
-               (7857, 7882, 7909, 7957, 8066, 8175, 8229, 8283, 8364, 8445, 8531, 8533), strict=True)),
-    "hip_left": 16587, "hip_right": 16586, "sacrum": 16202, "C7": 12525,
-    "scapula_left": 13396, "scapula_right": 13395, "clavicle_left": 13323, "clavicle_right": 13322,
-}  # fmt: skip
-_BY_FMA = {number: name for name, number in _FMA.items()}
+_FMA = (
+    *(9165, 9187, 9209, 9248, 9922, 9945, 9968, 9991, 10014, 10037, 10059, 10081),  # T1 to T12
+    *(13072, 13073, 13074, 13075, 13076),  # L1 to L5
+    *(7987, 8012, 8039, 8148, 8093, 8202, 8256, 8310, 8391, 8472, 8532, 8534),  # left ribs
+    *(7857, 7882, 7909, 7957, 8066, 8175, 8229, 8283, 8364, 8445, 8531, 8533),  # right ribs
+    *(16587, 16586, 13396, 13395, 13323, 13322, 16202, 12525),
+)
+_BOTH = ("left", "right")
+_BY_FMA = dict(
+    zip(
+        _FMA,
+        (
+            *VERTEBRAE,
+            *(f"rib_{side}_{n:02d}" for side in _BOTH for n in range(1, 13)),
+            *(f"{bone}_{side}" for bone in ("hip", "scapula", "clavicle") for side in _BOTH),
+            *("sacrum", "C7"),
+        ),
+        strict=True,
+    )
+)
 
 
 def known_name(text: str) -> str | None:
@@ -53,40 +67,33 @@ def known_name(text: str) -> str | None:
     module.
     """
     words = re.findall(r"[a-z]+|\d+", text.lower())
-    if "fma" in words and words.index("fma") + 1 < len(words):
-        number = words[words.index("fma") + 1]
-        if number.isdigit() and int(number) in _BY_FMA:
-            return _BY_FMA[int(number)]
-    if tuple(words) in _BODIES:
-        return SKIN
-    if words == ["body", "extremities"]:
-        return ARMS
+    plain = " ".join(words)
+    fma = re.search(r"\bfma (\d+)\b", plain)
+    if fma and int(fma[1]) in _BY_FMA:
+        return _BY_FMA[int(fma[1])]
+    if plain in _WHOLE:
+        return _WHOLE[plain]
     if words[-2:] == ["subcutaneous", "fat"] or words[:2] == ["subcutaneous", "adipose"]:
         return FAT
-    if words == ["skeletal", "muscle"]:
-        return MUSCLE
     if _NO_BONE & set(words):
         return None
     sides = {_SIDES[word] for word in words if word in _SIDES}
     side = sides.pop() if len(sides) == 1 else None
-    number = _number(words)
-    if "rib" in words or "ribs" in words or "costal" in words:
-        return _rib(words, side, number)
+    numbers = [int(word) for word in words if word.isdigit() and len(word) < 4]
+    numbers += [_ORDINALS.index(word) + 1 for word in words if word in _ORDINALS]
+    number = numbers[0] if len(numbers) == 1 and numbers[0] > 0 else None
+    if {"rib", "ribs", "costal"} & set(words):
+        cartilage = bool({"cartilage", "cartilages"} & set(words))
+        if cartilage and side is None and number is None:
+            return CARTILAGES
+        if side is None or number is None or number > (10 if cartilage else 13):
+            return None
+        return f"{'costal_cartilage' if cartilage else 'rib'}_{side}_{number:02d}"
     for bone in ("sacrum", "sternum"):
         if bone in words and len(words) <= 2:
             return bone
-    for word, name in _PAIRED.items():
-        if word in words and side is not None:
-            return f"{name}_{side}"
-    return _vertebra(words, number)
-
-
-def _rib(words: list[str], side: str | None, number: int | None) -> str | None:
-    if "cartilage" in words or "cartilages" in words:
-        if side is None:
-            return CARTILAGES if number is None else None
-        return f"costal_cartilage_{side}_{number:02d}" if number is not None and number <= 10 else None
-    return f"rib_{side}_{number:02d}" if side is not None and number is not None and number <= 13 else None
+    paired = next((name for word, name in _PAIRED.items() if word in words), None)
+    return f"{paired}_{side}" if paired and side else _vertebra(words, number)
 
 
 def _vertebra(words: list[str], number: int | None) -> str | None:
@@ -99,60 +106,17 @@ def _vertebra(words: list[str], number: int | None) -> str | None:
     region = _REGIONS.get(words[1] if len(words) > 1 else "")
     if region is None and len(words) == 2 and words[1].isdigit():
         region, number = words[0].upper(), int(words[1])
-    if region not in _LEVELS or number is None or not 1 <= number <= _LEVELS[region]:
-        return None
-    return f"{region}{number}"
+    return f"{region}{number}" if region in _LEVELS and number and number <= _LEVELS[region] else None
 
 
-def _number(words: list[str]) -> int | None:
-    """The one number among the words, also in letters."""
-    found = [int(word) for word in words if word.isdigit() and len(word) < 4]
-    found += [_ORDINALS.index(word) + 1 for word in words if word in _ORDINALS]
-    return found[0] if len(found) == 1 and found[0] > 0 else None
-
-
-_PAIRS = ("humerus", "scapula", "clavicula", "femur", "hip")
-
-
-def _downwards(first: int, region: str, count: int) -> dict[int, str]:
-    """Vertebrae numbered from the lowest up."""
-    return {first + i: f"vertebrae_{region}{count - i}" for i in range(count)}
-
-
-def _ribs(first: int) -> dict[int, str]:
-    return {
-        first + 12 * s + i: f"rib_{side}_{i + 1}" for s, side in enumerate(("left", "right")) for i in range(12)
-    }
-
-
-def _paired(first: int) -> dict[int, str]:
-    return {
-        first + 2 * i + s: f"{bone}_{side}"
-        for i, bone in enumerate(_PAIRS)
-        for s, side in enumerate(("left", "right"))
-    }
-
-
+_SPINE = [f"vertebrae_{region}{n}" for region, most in (("L", 5), ("T", 12), ("C", 7)) for n in range(most, 0, -1)]
+_RIBS = [f"rib_{side}_{n}" for side in _BOTH for n in range(1, 13)]
+_PAIRS = [f"{bone}_{side}" for bone in ("humerus", "scapula", "clavicula", "femur", "hip") for side in _BOTH]
 TABLES: dict[str, dict[int, str]] = {
-    "totalsegmentator-v1": {
-        **_downwards(18, "L", 5),
-        **_downwards(23, "T", 12),
-        **_downwards(35, "C", 7),
-        **_ribs(58),
-        **_paired(82),
-        92: "sacrum",
-    },
-    "totalsegmentator-v2": {
-        25: "sacrum",
-        26: "vertebrae_S1",
-        **_downwards(27, "L", 5),
-        **_downwards(32, "T", 12),
-        **_downwards(44, "C", 7),
-        **_paired(69),
-        **_ribs(92),
-        116: "sternum",
-        117: "costal_cartilages",
-    },
+    "totalsegmentator-v1": dict([*enumerate(_SPINE, 18), *enumerate(_RIBS, 58), *enumerate(_PAIRS, 82)])
+    | {92: "sacrum"},
+    "totalsegmentator-v2": dict([*enumerate(_SPINE, 27), *enumerate(_PAIRS, 69), *enumerate(_RIBS, 92)])
+    | {25: "sacrum", 26: "vertebrae_S1", 116: "sternum", 117: "costal_cartilages"},
 }
 """Numbers of the bones in the task `total` of TotalSegmentator; between its versions they moved."""
 
@@ -175,17 +139,18 @@ def label_table(given: str) -> dict[int, str]:
         )
     names: dict[int, str] = {}
     lines = read_text(path, "a table of labels (number,name) was expected").splitlines()
-    for number, line in enumerate(lines, 1):
-        cells = [cell.strip().strip('"') for cell in line.split(",")]
-        if not line.strip() or line.startswith("#") or (number == 1 and not cells[0].isdecimal()):
+    for row, line in enumerate(lines, 1):
+        number, _, rest = line.partition(",")
+        number, name = number.strip().strip('"'), rest.split(",")[0].strip().strip('"')
+        if not line.strip() or line.startswith("#") or (row == 1 and not number.isdecimal()):
             continue  # the first line may name the columns
-        if len(cells) < 2 or not cells[0].isdecimal() or len(cells[0]) > 9 or not cells[1]:
+        if not number.isdecimal() or len(number) > 9 or not name:
             raise InputError(
-                f"{path}: line {number} must be a number, a comma and a name, not '{line[:40]}'; correct it"
+                f"{path}: line {row} must be a number, a comma and a name, not '{line[:40]}'; correct it"
             )
-        if int(cells[0]) in names:
-            raise InputError(f"{path}: line {number} names label {cells[0]} again; give each number once")
-        names[int(cells[0])] = cells[1]
+        if int(number) in names:
+            raise InputError(f"{path}: line {row} names label {number} again; give each number once")
+        names[int(number)] = name
     if not names:
         raise InputError(f"{path}: names no label; give lines of a number, a comma and a name")
     return names

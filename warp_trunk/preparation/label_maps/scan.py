@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import largest_piece
 from warp_trunk.io.image_files.image_reader import read_scan
 
-from .mask import Mask, depth, largest_piece, reduced
+from .mask import Mask, depth, factors_below, reduced
 
 AIR = -300.0
 """Voxels denser than this are body [HU]: between lung and fat, as usual for the outline of the body."""
@@ -31,25 +32,20 @@ def body_in_scan(path: Path) -> Mask:
     from scipy import ndimage  # heavy
 
     image = read_scan(path)
-    spacing = np.linalg.norm(image.affine[:3, :3], axis=0)
-    factors = tuple(max(1, int(_BLOCK / side)) for side in spacing)
-    dense = reduced(image.layers[0] > AIR, factors) >= 0.5
     affine = image.affine.copy()
+    factors = factors_below(_BLOCK, np.linalg.norm(affine[:3, :3], axis=0))
+    dense = reduced(image.layers[0] > AIR, factors) >= 0.5
     affine[:3, 3] += affine[:3, :3] @ (0.5 * (np.array(factors) - 1.0))
     affine[:3, :3] *= factors
-    spacing = spacing * factors
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
     if not dense.any():
         raise InputError(f"{path}: nothing in it is denser than {AIR:g} HU; give a CT in Hounsfield units")
     # the field is padded by copies, so that a body that goes on beyond the image is not thin there
-    room = tuple(int(np.ceil(_TABLE / side)) + 1 for side in spacing)
-    padded = np.pad(dense, [(n, n) for n in room], mode="edge")
-    core = depth(padded, spacing) > 0.5 * _TABLE
+    room = [int(np.ceil(_TABLE / side)) + 1 for side in spacing]
+    core = depth(np.pad(dense, [(n, n) for n in room], mode="edge"), spacing) > 0.5 * _TABLE
     opened = depth(~core, spacing) <= 0.5 * _TABLE
-    opened = opened[tuple(slice(n, -n) for n in room)] & dense
-    body, _ = largest_piece(opened)
+    body, _ = largest_piece(opened[tuple(slice(n, -n) for n in room)] & dense)
     axis = int(np.abs(affine[2, :3] / spacing).argmax())  # from foot to head
-    for layer in range(body.shape[axis]):
-        at = (*[slice(None)] * axis, layer)
-        body[at] = ndimage.binary_fill_holes(body[at])  # lungs and bowel, open to the border or not
-    i, j, k = body.shape
-    return Mask(body, (0, 0, 0), affine, (i, j, k))
+    for layer in np.moveaxis(body, axis, 0):
+        layer[:] = ndimage.binary_fill_holes(layer)  # lungs and bowel, open to the border or not
+    return Mask(body, (0, 0, 0), affine, body.shape)

@@ -11,7 +11,8 @@ from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
-from .mask import Mask, largest_piece
+from ..landmark_finder.doubts import medians_of_neighbours
+from .mask import Mask
 from .names import RIB
 
 _LARGER, _SMALLER = 1.7, 0.5
@@ -22,7 +23,8 @@ _FROM_VERTEBRA = 8.0
 """The head of a rib is nearer to its vertebra than this [mm]: 3 mm at most in the anatomy of BodyParts3D."""
 _ALIKE = 3
 """If this many ribs of a side lie at another vertebra than their number states, the numbering is wrong."""
-_CURE = "Correct the labels, in 3D Slicer for example"
+_LEAST = 400.0
+"""A smaller part of the skin at the border is a corner of the image [mm2]."""
 
 
 def doubts_of_bones(bones: Mapping[str, Surface], parts: Container[str] = ()) -> list[str]:
@@ -39,36 +41,31 @@ def doubts_of_bones(bones: Mapping[str, Surface], parts: Container[str] = ()) ->
 
 def _sides(bones: Mapping[str, Surface]) -> list[str]:
     """Pairs whose left bone lies right of the right one."""
-    pairs = [(name, name.replace("left", "right")) for name in bones if "left" in name]
-    pairs = [(left, right) for left, right in pairs if right in bones]
-    wrong = [
-        left for left, right in pairs if bones[left].vertices[:, 0].mean() <= bones[right].vertices[:, 0].mean()
-    ]
+    pairs = {name: name.replace("left", "right") for name in bones if "left" in name}
+    pairs = {left: right for left, right in pairs.items() if right in bones}
+    middle = {name: bone.vertices[:, 0].mean() for name, bone in bones.items()}
+    wrong = [left for left, right in pairs.items() if middle[left] <= middle[right]]
     if wrong and len(wrong) == len(pairs):
-        return [
-            f"Left and right are exchanged in all {len(pairs)} pairs of bones: the axes of the file are "
-            "mirrored, or the names; write the file again with its orientation, and look where the heart is."
-        ]
-    return [f"{name}: lies right of {name.replace('left', 'right')}; exchange these two labels." for name in wrong]
+        what = (
+            f"Left and right are exchanged in all {len(pairs)} pairs of bones: the axes of the file are mirrored"
+        )
+        return [f"{what}, or the names; write the file again with its orientation, and look where the heart is."]
+    return [f"{left}: lies right of {pairs[left]}; exchange these two labels." for left in wrong]
 
 
 def _numbers(bones: Mapping[str, Surface]) -> list[str]:
     """More or fewer ribs and vertebrae than usual."""
-    doubts = []
-    more = [name for name in bones if name in ("T13", "L6") or name.endswith("_13")]
-    if more:
-        doubts.append(
-            f"{', '.join(sorted(more))}: one more than most people have; look whether the numbering is shifted. "
-            "It stays a bone, and has no landmarks."
-        )
+    doubts = [
+        f"{name}: is one more than most people have, and gets no landmarks; look whether the numbering is shifted."
+        for name in sorted(bones)
+        if name in ("T13", "L6") or name.endswith("_13")
+    ]
     for side in ("left", "right"):
-        have = {int(m[2]) for m in map(RIB.fullmatch, bones) if m and m[1] == side}
-        missing = sorted(set(range(1, 13)) - have)
-        if have and missing:
-            names = ", ".join(map(str, missing))
+        missing = [str(n) for n in range(1, 13) if f"rib_{side}_{n:02d}" not in bones]
+        if 0 < len(missing) < 12:
+            what = f"Of the {side} ribs number {', '.join(missing)} has no label"
             doubts.append(
-                f"Of the {side} ribs number {names} has no label: cut off by the image, not there in this "
-                "patient, or numbered wrong; look which."
+                f"{what}: cut off by the image, not there in this patient, or numbered wrong; look which."
             )
     return doubts
 
@@ -77,21 +74,15 @@ def _sizes(spine: Mapping[str, Surface]) -> list[str]:
     """Vertebrae much larger or smaller than their neighbours."""
     volumes = {name: enclosed_volume(bone) for name, bone in spine.items()}
     doubts = []
-    for name, volume in volumes.items():
-        at = VERTEBRAE.index(name)
-        near = [volumes[n] for n in VERTEBRAE[max(0, at - 2) : at + 3] if n in volumes and n != name]
-        if len(near) < 2:
-            continue
-        share = volume / float(np.median(near))
+    for name, usual in medians_of_neighbours(volumes, 2).items():
+        share = volumes[name] / usual
         if share > _LARGER:
             doubts.append(
-                f"{name}: is {share:.1f} times as large as its neighbours; are two vertebrae in it? {_CURE}."
+                f"{name}: is {share:.1f} times as large as its neighbours; divide it if it is two vertebrae."
             )
         if share < _SMALLER:
-            doubts.append(
-                f"{name}: has {100 * share:.0f} % of its neighbours' volume; is a part of it in another "
-                f"label? {_CURE}."
-            )
+            what = f"{name}: has {100 * share:.0f} % of its neighbours' volume"
+            doubts.append(f"{what}; look whether a part of it is in another label.")
     return doubts
 
 
@@ -99,26 +90,19 @@ def _spacing(spine: Mapping[str, Surface]) -> list[str]:
     """Numbers that jump where no bone is left out, and bones left out where no number is."""
     if len(spine) < 4:
         return []
-    centres = {name: bone.vertices.mean(axis=0) for name, bone in spine.items()}
-    gaps = {(a, b): float(np.linalg.norm(centres[a] - centres[b])) for a, b in pairwise(spine)}
-    steps = {pair: VERTEBRAE.index(pair[1]) - VERTEBRAE.index(pair[0]) for pair in gaps}
+    gaps = np.linalg.norm(np.diff([bone.vertices.mean(axis=0) for bone in spine.values()], axis=0), axis=1)
+    steps = np.diff([VERTEBRAE.index(name) for name in spine])
     doubts = []
-    pairs = list(gaps)
-    for i, pair in enumerate(pairs):
-        around = [gaps[p] / steps[p] for p in pairs[max(0, i - 2) : i + 3] if p != pair]
-        share = gaps[pair] / float(np.median(around))
-        if steps[pair] == 1 and share > _WIDER:
-            doubts.append(
-                f"{pair[0]} and {pair[1]}: are {share:.1f} times as far apart as their neighbours; is a vertebra "
-                f"between them without a label, and the numbers below it shifted? {_CURE}."
-            )
-        if steps[pair] > 1 and share < 0.5 * (1 + steps[pair]):
-            left_out = ", ".join(VERTEBRAE[VERTEBRAE.index(pair[0]) + 1 : VERTEBRAE.index(pair[1])])
-            doubts.append(
-                f"{pair[0]} and {pair[1]}: are as near as neighbours, though {left_out} would be between them; "
-                "this patient has fewer vertebrae, or the numbers jump. Look which, and number them as they are "
-                "counted."
-            )
+    for i, (upper, lower) in enumerate(pairwise(spine)):
+        around = [gaps[k] / steps[k] for k in range(max(0, i - 2), min(len(gaps), i + 3)) if k != i]
+        share = gaps[i] / float(np.median(around))
+        if steps[i] == 1 and share > _WIDER:
+            what = f"{upper} and {lower}: are {share:.1f} times as far apart as their neighbours; look whether a"
+            doubts.append(f"{what} vertebra between them has no label, and the numbers below it are shifted.")
+        if steps[i] > 1 and share < 0.5 * (1 + steps[i]):
+            left_out = ", ".join(VERTEBRAE[VERTEBRAE.index(upper) + 1 : VERTEBRAE.index(lower)])
+            what = f"{upper} and {lower}: are as near as neighbours, though {left_out} would be between them"
+            doubts.append(f"{what}; look whether the numbers jump or the patient has fewer vertebrae.")
     return doubts
 
 
@@ -126,121 +110,66 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
     """Ribs away from their vertebrae, or at others."""
     from scipy.spatial import KDTree  # heavy
 
-    levels = [name for name in spine if name[0] == "T"]
-    if not levels:
-        return []
-    every = KDTree(np.vstack([spine[name].vertices for name in levels]))
-    owner = [name for name in levels for _ in spine[name].vertices]
-    trees = {name: KDTree(spine[name].vertices) for name in levels}
+    trees = {int(name[1:]): KDTree(bone.vertices) for name, bone in spine.items() if name[0] == "T"}
     shifts: dict[str, dict[int, int]] = {"left": {}, "right": {}}
     doubts = []
-    for name in sorted(bones):
-        found = RIB.fullmatch(name)
-        number = int(found[2]) if found else 0
-        if not found or f"T{number}" not in trees:
+    for name, found in ((name, RIB.fullmatch(name)) for name in sorted(bones)):
+        if not found or (number := int(found[2])) not in trees:
             continue
         points = bones[name].vertices
-        away = float(trees[f"T{number}"].query(points)[0].min())
-        if away <= _FROM_VERTEBRA:
+        if (gap := trees[number].query(points)[0].min()) <= _FROM_VERTEBRA:
             continue
-        distances, nearest = every.query(points)
-        at = int(owner[int(np.asarray(nearest)[np.argmin(distances)])][1:])
-        if at not in (number - 1, number):
-            shifts[found[1]][number] = at
-        else:
+        away = {level: tree.query(points)[0].min() for level, tree in trees.items()}
+        at = min(away, key=lambda level: away[level])
+        if at in (number - 1, number):
             doubts.append(
-                f"{name}: ends {away:.0f} mm from T{number}; its head is missing from the label. {_CURE}."
+                f"{name}: ends {gap:.0f} mm from T{number}; add the head that is missing from the label."
             )
+        else:
+            shifts[found[1]][number] = at
     for side, moved in shifts.items():
         if len(moved) >= _ALIKE:
+            what = f"The {side} ribs {', '.join(map(str, moved))} lie at T{', T'.join(map(str, moved.values()))}"
+            doubts.append(f"{what}: correct their numbers or those of the vertebrae, which are shifted.")
+            continue
+        for number, at in moved.items():
             doubts.append(
-                f"The {side} ribs {', '.join(map(str, moved))} lie at T{', T'.join(map(str, moved.values()))}: "
-                f"their numbers, or those of the vertebrae, are shifted. {_CURE}."
+                f"rib_{side}_{number:02d}: lies at T{at}, not at T{number}; look whether its number is wrong."
             )
-        else:
-            doubts += [
-                f"rib_{side}_{number:02d}: lies at T{at}, not at T{number}; is it numbered wrong? {_CURE}."
-                for number, at in moved.items()
-            ]
     return doubts
 
 
-_HOLE = 250.0
-"""A hole in the sacrum larger than this is none of its foramina [mm2]."""
-_CELL = 3.5
-"""Size of the cells of the picture in which holes are looked for [mm]; larger than the sides of voxels."""
-_LEAST = 400.0
-"""A smaller part of the skin at the border is a corner of the image [mm2]."""
-
-
 def doubts_of_image(masks: Mapping[str, Mask], body: Mask | None, spine: Mapping[str, Surface]) -> list[str]:
-    """A sentence with the cure for each bone that the image cuts off and each label with a hole.
+    """A sentence for the bones that the image cuts off, and one for each side at which it cuts the trunk off.
 
     Args:
         masks: bones by name.
         body: the body, where it came from an image.
         spine: surfaces of vertebrae by name [mm].
     """
-    doubts = []
-    cut = [name for name, mask in masks.items() if mask.faces_at_border()]
-    if cut:
-        doubts.append(f"The image ends in {', '.join(sorted(cut))}: only the parts that it shows are there.")
-    if body is not None:
-        doubts += _skin_cut_off(body, spine)
-    if "sacrum" in masks:
-        hole = _hole(masks["sacrum"])
-        if hole > _HOLE:
-            doubts.append(
-                f"sacrum: has a hole of {hole / 100.0:.0f} cm2, as segmentation often leaves there; fill it, or "
-                "soft tissue takes its place."
-            )
-    return doubts
-
-
-def _skin_cut_off(body: Mask, spine: Mapping[str, Surface]) -> list[str]:
-    """Where the body goes on to the left, right, front or back of the image."""
-    doubts = []
+    cut = sorted(name for name, mask in masks.items() if mask.faces_at_border())
+    doubts = [f"The image ends in {', '.join(cut)}: only the parts that it shows are there."] if cut else []
+    if body is None:
+        return doubts
     for axis, side in body.faces_at_border():
-        direction = body.affine[:3, axis] / body.spacing[axis] * (1.0 if side else -1.0)
-        if abs(direction[2]) > 0.7:
+        direction = body.affine[:2, axis] / body.spacing[axis] * (1.0 if side else -1.0)
+        if np.linalg.norm(direction) < 0.7:
             continue  # neck and thighs
-        local = (0 if side == 0 else body.shape[axis] - 1) - body.first[axis]
+        local = side * (body.shape[axis] - 1) - body.first[axis]
         where = np.argwhere(body.inside.take(local, axis=axis))
         area = len(where) * body.voxel_volume / float(body.spacing[axis])
         if area < _LEAST:
             continue
         heights = body.place(np.insert(where, axis, local, axis=1))[:, 2]
         low, high = float(heights.min()), float(heights.max())
-        levels = [name for name in VERTEBRAE if name in spine and low < _height(spine[name]) < high]
-        what = {0: ("left", "right"), 1: ("back", "front")}[int(np.abs(direction[:2]).argmax())]
-        word = what[0 if direction[np.abs(direction[:2]).argmax()] > 0.0 else 1]
-        affected = (
-            f"back surface rotation from {levels[0]} to {levels[-1]} is not that of the patient"
-            if levels
-            else "no vertebra lies at that height"
+        levels = [n for n in VERTEBRAE if n in spine and low < float(spine[n].vertices[:, 2].mean()) < high]
+        across = int(np.abs(direction).argmax())
+        word = (("right", "left"), ("front", "back"))[across][int(direction[across] > 0.0)]
+        flat = (
+            f"its rotation from {levels[0]} to {levels[-1]} is not that of the patient" if levels else "it is flat"
         )
         doubts.append(
-            f"The trunk is cut off by the {word} border of the image over {area / 100.0:.0f} cm2, from z "
-            f"= {low:.0f} to "
-            f"{high:.0f} mm: {affected}, and it is flat there; reconstruct the scan with a larger field of view."
+            f"The trunk is cut off by the {word} border of the image over {area / 100.0:.0f} cm2, from z = "
+            f"{low:.0f} to {high:.0f} mm: {flat} there; reconstruct the scan with a larger field of view."
         )
     return doubts
-
-
-def _height(bone: Surface) -> float:
-    return float(bone.vertices[:, 2].mean())
-
-
-def _hole(mask: Mask) -> float:
-    """Area of the largest hole that one looks through along the thinnest direction of a label [mm2]."""
-    from scipy import ndimage  # heavy
-
-    points = mask.points()
-    points -= points.mean(axis=0)
-    _, axes = np.linalg.eigh(points.T @ points)  # thinnest first
-    flat = np.floor(points @ axes[:, 1:] / _CELL).astype(int)
-    flat -= flat.min(axis=0)
-    seen = np.zeros(flat.max(axis=0) + 1, dtype=bool)
-    seen[tuple(flat.T)] = True
-    holes = np.asarray(ndimage.binary_fill_holes(seen)) & ~seen
-    return float(largest_piece(holes[..., None])[1][0]) * _CELL**2 if holes.any() else 0.0

@@ -11,14 +11,14 @@ import numpy as np
 from warp_trunk.case.landmarks import ASIS, VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.distance_field import Grid
+from warp_trunk.geometry.distance_field import Grid, largest_piece
 from warp_trunk.geometry.isosurface import one_solid, zero_surface
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 
-from ..scanning.cutting import CutPlane, cut_flat
-from .mask import Mask, distance, largest_piece, reduced
+from ..scanning.cutting import CutPlane, check_meets, cut_flat
+from .mask import Mask, distance, factors_below, reduced
 
 _FINE = 2.5
 """The field of the body is kept on blocks of voxels whose sides stay below this [mm]."""
@@ -51,17 +51,9 @@ _HEAD, _BESIDE, _HANGING = 25.0, 30.0, 0.3
 where its bone points down by more than this cosine."""
 
 
-@dataclass(frozen=True, eq=False)
-class BodySkin:
-    """The skin of the trunk, and where it was cut."""
-
-    surface: Surface
-    """Closed, of one piece, oriented outward [mm]."""
-    cuts: tuple[CutPlane, ...]
-    """Flat ends: neck, thighs, arms, and where the image ends."""
-
-
-def body_skin(mask: Mask, bones: Mapping[str, Surface], cuts: Sequence[CutPlane], edge_length: float) -> BodySkin:
+def body_skin(
+    mask: Mask, bones: Mapping[str, Surface], cuts: Sequence[CutPlane], edge_length: float
+) -> tuple[Surface, tuple[CutPlane, ...]]:
     """The outside of the body, cut flat.
 
     Args:
@@ -71,37 +63,32 @@ def body_skin(mask: Mask, bones: Mapping[str, Surface], cuts: Sequence[CutPlane]
         cuts: where to cut besides; where one is above or below, nothing is cut by itself there.
         edge_length: of the triangles [mm].
 
+    Returns:
+        The surface, closed, of one piece, oriented outward [mm], and the planes of its flat ends: neck, thighs,
+        arms, and where the image ends.
+
     Raises:
         InputError: a body of which no clean surface comes.
     """
     planes = [*cuts, *_trunk_ends(bones, cuts), *_image_ends(mask)]
     whole = [plane for plane in planes if math.isinf(plane.radius)]
     arms = [plane for plane in planes if plane not in whole] + _arm_cuts(mask, bones)
+    surface, cut = _field(mask, whole, arms).surface(edge_length), []
     try:
-        surface, cut = _cut(_field(mask, whole, arms).surface(edge_length), whole, edge_length)
+        for plane in whole:
+            if plane.distance(surface.vertices).max() > _BARELY:
+                surface = cut_flat(surface, [plane], edge_length)
+                cut.append(plane)
     except InputError:  # an outline that triangles cannot close flat: ends are cut in the voxels and rounded off
         surface, cut = _field(mask, (), [*arms, *whole]).surface(edge_length), whole
-    return BodySkin(surface, (*arms, *cut))
-
-
-def _cut(surface: Surface, planes: Sequence[CutPlane], edge_length: float) -> tuple[Surface, list[CutPlane]]:
-    """Cut flat at the planes that it reaches beyond; InputError where that cannot be."""
-    cut = []
-    for plane in planes:
-        if plane.distance(surface.vertices).max() > _BARELY:
-            surface = cut_flat(surface, [plane], edge_length)
-            cut.append(plane)
-    return surface, cut
+    return surface, (*arms, *cut)
 
 
 def check_cuts(body: Mask, cuts: Sequence[CutPlane]) -> None:
     """InputError for a plane that the box around the body does not reach beyond, or lies beyond altogether."""
     corners = body.place(np.array(np.meshgrid(*[(0, n) for n in body.inside.shape])).reshape(3, -1).T - 0.5)
     for plane in cuts:
-        away = plane.distance(corners)
-        if away.max() <= 0.0 or away.min() >= 0.0:
-            part = "nothing" if away.max() <= 0.0 else "all"
-            raise InputError(f"--cut: {part} of the body lies beyond {plane}; move it, or turn its normal round")
+        check_meets(plane, plane.distance(corners) > 0.0, "--cut", "the body")
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,15 +113,10 @@ class _Field:
         corners = corners @ self.affine[:3, :3].T + self.affine[:3, 3]
         spacing = _GRID * edge_length
         lower = corners.min(axis=0) - spacing
-        x, y, z = (np.ceil((corners.max(axis=0) - lower) / spacing).astype(int) + 2).tolist()
-        grid = Grid(lower, spacing, (x, y, z))
+        grid = Grid.over(lower, corners.max(axis=0) + spacing, spacing)
         nodes = np.argwhere(np.ones(grid.shape, dtype=bool))
         drawn = self.at(grid.positions(nodes)).reshape(grid.shape).astype(np.float32)
         surface = coarsen(zero_surface(one_solid(drawn, spacing), grid), edge_length, _TOLERANCE * edge_length)
-        return self._drawn_onto(surface)
-
-    def _drawn_onto(self, surface: Surface) -> Surface:
-        """Vertices moved along their normals to where the field is zero, where nothing crosses by that."""
         vertices, normals = surface.vertices, vertex_normals(surface)
         moved = np.zeros(len(vertices))
         for _ in range(3):
@@ -157,31 +139,18 @@ def _field(mask: Mask, whole: Sequence[CutPlane], arms: Sequence[CutPlane]) -> _
     """
     from scipy import ndimage  # heavy
 
-    factors = tuple(max(1, int(_FINE / side)) for side in mask.spacing)
+    factors = factors_below(_FINE, mask.spacing)
     solid = reduced(mask.inside, factors) >= 0.5
     spacing = mask.spacing * factors
     room = [int(np.ceil(_PAST_BORDER / side)) for side in spacing]
     ends = {(axis, side) for axis, side in mask.faces_at_border() if _is_end(mask, axis)}
-    for axis in range(3):
-        width = [(0, 0)] * 3
-        for side in (0, 1):
-            width[axis] = (room[axis], 0) if side == 0 else (0, room[axis])
-            solid = np.pad(solid, width, mode="edge" if (axis, side) in ends else "constant")
+    for axis, side in np.ndindex(3, 2):
+        width = np.zeros((3, 2), dtype=int)
+        width[axis, side] = room[axis]
+        solid = np.pad(solid, width, mode="edge" if (axis, side) in ends else "constant")
     affine = mask.affine.copy()
     affine[:3, :3] *= factors
-    affine[:3, 3] = mask.place(np.zeros((1, 3)) + 0.5 * (np.array(factors) - 1.0) - np.array(room) * factors)[0]
-    _cut_voxels(solid, affine, whole, arms)
-    solid = np.asarray(ndimage.binary_fill_holes(np.pad(largest_piece(solid)[0], _BORDER)))
-    affine[:3, 3] -= affine[:3, :3] @ np.full(3, _BORDER)
-    rough = distance(solid, spacing)
-    smooth = ndimage.gaussian_filter(rough, _SMOOTH / spacing)
-    return _Field(smooth + ndimage.gaussian_filter(rough - smooth, _SMOOTH / spacing), affine)
-
-
-def _cut_voxels(
-    solid: np.ndarray, affine: np.ndarray, whole: Sequence[CutPlane], arms: Sequence[CutPlane]
-) -> None:
-    """Takes away what lies beyond the planes of the arms, and well beyond those of the ends."""
+    affine[:3, 3] = mask.place_blocks(-np.array([room]), factors)[0]
     for k in range(solid.shape[2]):  # a layer at a time, for the memory
         voxels = np.argwhere(solid[..., k])
         points = np.column_stack([voxels, np.full(len(voxels), k)]) @ affine[:3, :3].T + affine[:3, 3]
@@ -189,20 +158,25 @@ def _cut_voxels(
         for plane in whole:
             gone |= plane.distance(points) > _PAST_BORDER
         for plane in arms:
-            near = np.linalg.norm(points - np.array(plane.point), axis=1) < plane.radius
-            gone |= near & (plane.distance(points) > 0.0)
+            gone |= plane.near(points) & (plane.distance(points) > 0.0)
         solid[(*voxels[gone].T, k)] = False
+    solid = np.asarray(ndimage.binary_fill_holes(np.pad(largest_piece(solid)[0], _BORDER)))
+    affine[:3, 3] -= affine[:3, :3] @ np.full(3, _BORDER)
+    rough = distance(solid, spacing)
+    smooth = ndimage.gaussian_filter(rough, _SMOOTH / spacing)
+    return _Field(smooth + ndimage.gaussian_filter(rough - smooth, _SMOOTH / spacing), affine)
 
 
 def _trunk_ends(bones: Mapping[str, Surface], cuts: Sequence[CutPlane]) -> list[CutPlane]:
     """Above the highest thoracic vertebra and below the hip bones, where nothing was asked for."""
-    planes = []
+    given = [cut.unit[2] for cut in cuts if math.isinf(cut.radius)]
     spine = [name for name in VERTEBRAE if name in bones]
     hips = [bones[hip].vertices[:, 2].min() for hip in ASIS.values() if hip in bones]
-    if spine[:1] == [VERTEBRAE[0]] and not any(math.isinf(c.radius) and c.unit[2] > _UPRIGHT for c in cuts):
+    planes = []
+    if spine[:1] == [VERTEBRAE[0]] and max(given, default=0.0) <= _UPRIGHT:
         top = float(bones[spine[0]].vertices[:, 2].max()) + _BEYOND
         planes.append(CutPlane((0.0, 0.0, top), (0.0, 0.0, 1.0)))
-    if hips and not any(math.isinf(c.radius) and c.unit[2] < -_UPRIGHT for c in cuts):
+    if hips and min(given, default=0.0) >= -_UPRIGHT:
         planes.append(CutPlane((0.0, 0.0, float(min(hips)) - _BEYOND), (0.0, 0.0, -1.0)))
     return planes
 
@@ -216,13 +190,11 @@ def _image_ends(mask: Mask) -> list[CutPlane]:
     """Where the image ends above or below and the body goes on."""
     planes = []
     for axis, side in mask.faces_at_border():
-        if not _is_end(mask, axis):
-            continue
-        voxel = (np.array(mask.shape) - 1.0) / 2.0
-        voxel[axis] = -0.5 if side == 0 else mask.shape[axis] - 0.5
-        point = voxel @ mask.affine[:3, :3].T + mask.affine[:3, 3]
-        normal = np.linalg.inv(mask.affine[:3, :3])[axis] * (1.0 if side else -1.0)
-        planes.append(CutPlane.at(point, normal))
+        if _is_end(mask, axis):
+            voxel = (np.array(mask.shape) - 1.0) / 2.0
+            voxel[axis] = side * mask.shape[axis] - 0.5
+            point = voxel @ mask.affine[:3, :3].T + mask.affine[:3, 3]
+            planes.append(CutPlane.at(point, np.linalg.inv(mask.affine[:3, :3])[axis] * (2.0 * side - 1.0)))
     return planes
 
 
@@ -234,21 +206,20 @@ def _arm_cuts(mask: Mask, bones: Mapping[str, Surface]) -> list[CutPlane]:
     planes = []
     for side, left in (("left", 1.0), ("right", -1.0)):
         bone, shoulder = bones.get(f"humerus_{side}"), bones.get(f"scapula_{side}")
-        if bone is None or shoulder is None or not _holds(mask, bone.vertices):
+        if bone is None or shoulder is None or mask.holds(bone.vertices).mean() <= 0.5:
             continue
         middle = bone.vertices.mean(axis=0)
         along = np.linalg.svd(bone.vertices - middle, full_matrices=False)[2][0]
         along *= np.sign(along @ (middle - shoulder.vertices.mean(axis=0))) or 1.0
         reach = (bone.vertices - middle) @ along
-        head = middle + (reach.min() + _HEAD) * along
+        head, radius = middle + (reach.min() + _HEAD) * along, float(np.ptp(reach))
         if along[2] < -_HANGING:
             normal = np.array([left, 0.0, 0.0]) - left * along[0] * along
             normal /= np.linalg.norm(normal)
             levels = middle + np.linspace(0.0, 0.8 * reach.max(), 12)[:, None] * along
-            point, radius = head - _beside(mask, levels, normal) * normal, float(np.ptp(reach))
+            planes.append(CutPlane.at(head - _beside(mask, levels, normal) * normal, normal, radius))
         else:
-            normal, point, radius = along, head, float(np.ptp(reach)) + _BESIDE
-        planes.append(CutPlane.at(point, normal, radius))
+            planes.append(CutPlane.at(head, along, radius + _BESIDE))
     return planes
 
 
@@ -262,21 +233,7 @@ def _beside(mask: Mask, levels: np.ndarray, normal: np.ndarray) -> float:
         normal: unit vector to the outside.
     """
     steps = np.arange(0.0, _WIDEST, 1.0)
-    inside = _inside(mask, (levels[:, None] - steps[:, None] * normal).reshape(-1, 3)).reshape(len(levels), -1)
-    ends = np.where(inside.all(axis=1), np.inf, steps[inside.argmin(axis=1)])
-    widest = float(ends.max())
-    return max(_BESIDE, widest + float(mask.spacing.max())) if math.isfinite(widest) else _BESIDE
-
-
-def _holds(mask: Mask, points: np.ndarray) -> bool:
-    """Whether most of the points lie in the mask."""
-    return bool(_inside(mask, points).mean() > 0.5)
-
-
-def _inside(mask: Mask, points: np.ndarray) -> np.ndarray:
-    """Whether points (n, 3) lie in the mask, shape (n,)."""
-    voxels = np.rint((points - mask.affine[:3, 3]) @ np.linalg.inv(mask.affine[:3, :3]).T).astype(int) - mask.first
-    seen = np.flatnonzero(((voxels >= 0) & (voxels < mask.inside.shape)).all(axis=1))
-    result = np.zeros(len(points), dtype=bool)
-    result[seen] = mask.inside[tuple(voxels[seen].T)]
-    return result
+    inside = mask.holds(levels[:, None] - steps[:, None] * normal)
+    if inside.all(axis=1).any():
+        return _BESIDE
+    return max(_BESIDE, float(steps[inside.argmin(axis=1)].max() + mask.spacing.max()))

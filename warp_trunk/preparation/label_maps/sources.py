@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -62,12 +62,9 @@ def read_source(path: Path, labels: str | None = None) -> Source:
     table = None if labels is None else label_table(labels)
     found = _folder(path, table) if path.is_dir() else _label_map(path, table)
     if not found.names - {SKIN, ARMS, FAT, MUSCLE}:
-        known = ", ".join(found.left_over[:5])
-        raise InputError(
-            f"{path}: none of its labels is a bone that is known"
-            + (f" (it has {known}{', ...' if len(found.left_over) > 5 else ''})" if known else "")
-            + "; a label is named as in TotalSegmentator, vertebrae_T8, or give --labels"
-        )
+        has = f" (it has {', '.join(found.left_over[:5])})" if found.left_over else ""
+        cure = "name them as TotalSegmentator does, vertebrae_T8, or give --labels"
+        raise InputError(f"{path}: none of its labels is a bone that is known{has}; {cure}")
     return found
 
 
@@ -85,10 +82,8 @@ def read_tissue(path: Path) -> dict[str, Mask]:
     """
     masks = (_folder(path, None) if path.is_dir() else _label_map(path, None)).masks
     if FAT not in masks:
-        raise InputError(
-            f"{path}: has no label or mask '{FAT}' with a voxel in it; give what TotalSegmentator -ta "
-            "tissue_types writes"
-        )
+        cure = "give what TotalSegmentator -ta tissue_types writes"
+        raise InputError(f"{path}: has no label or mask '{FAT}' with a voxel in it; {cure}")
     return {name: masks[name] for name in (FAT, MUSCLE) if name in masks}
 
 
@@ -99,19 +94,17 @@ def read_body(path: Path) -> Mask:
         InputError: a damaged file, or no voxel in it.
     """
     image = read_labels(path)
-    names = {value: known_name(name) for value, name in image.names[0].items()}
-    body = [value for value, name in names.items() if name == SKIN and (image.layers[0] == value).any()]
-    mask = _mask_of(np.isin(image.layers[0], body) if body else (image.layers != 0).any(axis=0), image)
+    body = [value for value, name in image.names[0].items() if known_name(name) == SKIN]
+    inside = np.isin(image.layers[0], body)
+    mask = _mask_of(inside if inside.any() else (image.layers != 0).any(axis=0), image)
     if mask is None:
-        raise InputError(
-            f"{path}: has no voxel that is not 0, and the body was expected; give the mask of the body"
-        )
+        raise InputError(f"{path}: has no voxel that is not 0; give the mask of the body")
     return mask
 
 
 def _label_map(path: Path, table: Mapping[int, str] | None) -> Source:
     image = read_labels(path)
-    names = image.names if table is None else tuple(table for _ in image.layers)
+    names = image.names if table is None else (table,) * len(image.layers)
     if not any(names):
         raise InputError(
             f"{path}: its labels have no names, and their numbers mean other bones in other versions of a "
@@ -119,72 +112,45 @@ def _label_map(path: Path, table: Mapping[int, str] | None) -> Source:
         )
     found = Source(notes=[f"{path}: {note}." for note in image.notes])
     for layer, known in zip(image.layers, names, strict=True):
-        _add_layer(found, layer, known, image, path)
+        for value, box in boxes(layer).items():
+            label = known.get(value, f"label {value}")
+            if value not in known or (name := known_name(label)) is None:
+                found.left_over.append(label)
+                continue
+            first = tuple(part.start for part in box)
+            mask = Mask(layer[box] == value, first, image.affine, layer.shape)
+            found.add(name, mask, f"{path}: label {value} ({label})")
     return found
-
-
-def _add_layer(found: Source, layer: np.ndarray, names: Mapping[int, str], image: Image, path: Path) -> None:
-    for value, box in boxes(layer).items():
-        label = names.get(value, f"label {value}")
-        name = known_name(label) if value in names else None
-        if name is None:
-            found.left_over.append(label)
-            continue
-        i, j, k = (part.start for part in box)
-        mask = Mask(layer[box] == value, (i, j, k), image.affine, _shape(image))
-        found.add(name, mask, f"{path}: label {value} ({label})")
 
 
 def _folder(folder: Path, table: Mapping[int, str] | None) -> Source:
     if table is not None:
-        raise InputError(
-            f"{folder}: is a folder, where files have names and labels no numbers; leave --labels out"
-        )
+        raise InputError(f"{folder}: is a folder, whose files have names and no numbers; leave --labels out")
     found = Source()
-    inner = folder / "bones"
-    places = (folder, inner) if inner.is_dir() else (folder,)
-    for name, path in _named(
-        ((stem, file) for place in places for stem, file in surface_files(place).items()), found
-    ):
-        if name in found.surfaces:
-            raise InputError(f"{path}: is '{name}', and so is another file; keep one of them")
-        found.surfaces[name] = read_surface(path)
+    surfaces = [*surface_files(folder).items(), *surface_files(folder / "bones").items()]
     images = sorted(path for path in folder.iterdir() if image_ending(path) and not path.name.startswith("."))
-    for name, path in _named(((image_stem(path), path) for path in images), found):
-        if name in found.surfaces:
-            raise InputError(f"{path}: is '{name}', and so is a surface in this folder; keep one of them")
-        image = read_labels(path)
-        found.notes += [f"{path}: {note}." for note in image.notes]
-        mask = _mask_of((image.layers != 0).any(axis=0), image)
-        if mask is None:
-            found.empty.append(name)
-        else:
-            found.add(name, mask, str(path))
-    if not found.names and not found.left_over and not found.empty:
-        raise InputError(
-            f"{folder}: there is no mask ({', '.join(ENDINGS)}) and no surface in it; give the folder that the "
-            "segmentation was written to, or one file with all labels"
-        )
-    return found
-
-
-def _named(files: Iterable[tuple[str, Path]], found: Source) -> list[tuple[str, Path]]:
-    """The files that are ours, by our names; the others are left over, and not even read."""
-    ours = []
-    for stem, path in files:
+    for stem, path in [*surfaces, *((image_stem(path), path) for path in images)]:
         name = known_name(stem)
         if name is None:
-            found.left_over.append(stem)
+            found.left_over.append(stem)  # not even read
+        elif name in found.surfaces:
+            raise InputError(f"{path}: is '{name}', and so is a surface in this folder; keep one of them")
+        elif not image_ending(path):
+            found.surfaces[name] = read_surface(path)
         else:
-            ours.append((name, path))
-    return ours
+            image = read_labels(path)
+            found.notes += [f"{path}: {note}." for note in image.notes]
+            mask = _mask_of((image.layers != 0).any(axis=0), image)
+            if mask is None:
+                found.empty.append(name)
+            else:
+                found.add(name, mask, str(path))
+    if not found.names and not found.left_over and not found.empty:
+        cure = "give the folder of the segmentation, or one file with all labels"
+        raise InputError(f"{folder}: there is no mask ({', '.join(ENDINGS)}) and no surface in it; {cure}")
+    return found
 
 
 def _mask_of(inside: np.ndarray, image: Image) -> Mask | None:
     """The box around what is inside; None where nothing is."""
-    return Mask(inside, (0, 0, 0), image.affine, _shape(image)).part(inside)
-
-
-def _shape(image: Image) -> tuple[int, int, int]:
-    i, j, k = image.layers.shape[1:]
-    return i, j, k
+    return Mask(inside, (0, 0, 0), image.affine, inside.shape).part(inside)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.distance_field import Grid
+from warp_trunk.geometry.distance_field import Grid, largest_piece
 from warp_trunk.geometry.isosurface import one_solid, zero_surface
 from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import components, enclosed_volume
 
-from .mask import Mask, distance, largest_piece, reduced
+from .mask import Mask, distance, factors_below, reduced
 
 _FINE = 1.65
 """Voxels are joined in blocks whose sides stay below this [mm]: bones are meshed at 4 mm in the end."""
@@ -59,28 +59,21 @@ def bone_shape(mask: Mask, name: str, smoothing: float) -> BoneShape:
     """
     from scipy import ndimage  # heavy
 
-    if np.count_nonzero(mask.inside) < _LEAST:
-        raise InputError(
-            f"{name}: has {np.count_nonzero(mask.inside)} voxels, {_LEAST} are needed; look at this label"
-        )
+    if (count := np.count_nonzero(mask.inside)) < _LEAST:
+        raise InputError(f"{name}: has {count} voxels, {_LEAST} are needed; look at this label")
     kept, sizes = largest_piece(mask.inside)
     volume = float(sizes[0]) * mask.voxel_volume
-    factors = tuple(max(1, int(_FINE / side)) for side in mask.spacing)
-    # voxels joined in blocks; the middle of the first block, in voxels
+    factors = factors_below(_FINE, mask.spacing)
     solid = np.pad(reduced(kept, factors) >= 0.5, _ROOM)
     spacing = mask.spacing * factors
     field = ndimage.gaussian_filter(distance(solid, spacing), smoothing / spacing)
     block = mask.voxel_volume * float(np.prod(factors))
     surface = _holding(field, volume / block, float(np.cbrt(np.prod(spacing))))
-    vertices = mask.place((surface.vertices - _ROOM) * factors + 0.5 * (np.array(factors) - 1.0))
     mirrored = np.linalg.det(mask.affine[:3, :3]) < 0.0
-    surface = Surface(vertices, surface.faces[:, ::-1].copy() if mirrored else surface.faces)
-    return BoneShape(
-        surface=surface,
-        volume=volume,
-        change=enclosed_volume(surface) / volume - 1.0,
-        dropped=tuple(float(size) * mask.voxel_volume for size in sizes[1:]),
-    )
+    faces = surface.faces[:, ::-1].copy() if mirrored else surface.faces
+    surface = Surface(mask.place_blocks(surface.vertices - _ROOM, factors), faces)
+    dropped = tuple(float(size) * mask.voxel_volume for size in sizes[1:])
+    return BoneShape(surface, volume, enclosed_volume(surface) / volume - 1.0, dropped)
 
 
 def _holding(field: np.ndarray, volume: float, side: float) -> Surface:
@@ -100,10 +93,9 @@ def _holding(field: np.ndarray, volume: float, side: float) -> Surface:
     area = float(np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1).sum())
     step = _SLOPE * side * (volume - held) / area
     for _ in range(_TRIES):
+        before, level = held, level + step
         if abs(held / volume - 1.0) <= KEPT / 3.0 or step == 0.0:
             break
-        before = held
-        level += step
         surface = _drawn(field - level)
         held = enclosed_volume(surface)
         if held == before:
@@ -114,7 +106,6 @@ def _holding(field: np.ndarray, volume: float, side: float) -> Surface:
 
 def _drawn(field: np.ndarray) -> Surface:
     """The zero surface, in voxels; only the largest part of what is inside, without a cavity."""
-    x, y, z = field.shape
-    grid = Grid(np.zeros(3), 1.0, (x, y, z))
+    grid = Grid(np.zeros(3), 1.0, field.shape)
     surface = zero_surface(field, grid)
     return surface if components(surface).max() == 0 else zero_surface(one_solid(field, 1.0), grid)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
@@ -56,9 +57,11 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
 
     Raises InputError when a scan overlaps no other.
     """
+    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+
     names = list(parts)
     now = dict(parts)
-    total = {name: np.eye(4) for name in names}
+    total = dict.fromkeys(names, RigidTransform.identity())
     reaches = {name: reach_of(part, _FAR) for name, part in parts.items()}
     middle = np.concatenate([part.vertices for part in parts.values()]).mean(axis=0)
     size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts.values())
@@ -66,37 +69,37 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
     for _ in range(_ROUNDS):
         system, right = np.zeros((6 * len(names),) * 2), np.zeros(6 * len(names))
         square[:], count[:] = 0.0, 0.0
-        for i, one in enumerate(names):
-            for j, other in enumerate(names):
-                if i == j:
-                    continue
-                points, normal, off = _distances(now[one], now[other], reaches[other])
-                square[[i, j]] += off @ off
-                count[[i, j]] += len(off)
-                # turning by w about the middle and shifting by s moves a point along n by (p x n).w + n.s
-                row = np.zeros((len(off), 6 * len(names)))
-                motion = np.column_stack([np.cross(points - middle, normal) / size, normal])
-                row[:, 6 * i : 6 * i + 6], row[:, 6 * j : 6 * j + 6] = motion, -motion
-                system += row.T @ row
-                right -= row.T @ off
-        for name, common in zip(names, count, strict=True):
-            if common < _FEWEST:
-                raise InputError(
-                    f"{name}: overlaps the other parts in {common:.0f} vertices, and needs {_FEWEST} to be "
-                    "refined; give scans that overlap more, or do not refine"
-                )
-        motions = np.zeros(6 * len(names))
-        motions[6:] = np.linalg.lstsq(system[6:, 6:], right[6:], rcond=1e-9)[0]  # the first one stays
-        for name, motion in zip(names[1:], motions.reshape(-1, 6)[1:], strict=True):
-            step = _motion(motion[:3] / size, motion[3:], middle)
-            now[name] = moved(now[name], step)
-            total[name] = step @ total[name]
+        for i, j in permutations(range(len(names)), 2):
+            points, normal, off = _distances(now[names[i]], now[names[j]], reaches[names[j]])
+            square[[i, j]] += off @ off
+            count[[i, j]] += len(off)
+            # turning by w about the middle and shifting by s moves a point along n by (p x n).w + n.s
+            row = np.zeros((len(off), len(names), 6))
+            row[:, i] = np.column_stack([np.cross(points - middle, normal) / size, normal])
+            row[:, j] = -row[:, i]
+            row = row.reshape(-1, right.size)
+            system += row.T @ row
+            right -= row.T @ off
+        least = count.argmin()
+        if count[least] < _FEWEST:
+            found = f"{count[least]:.0f} vertices, and needs {_FEWEST} to be refined"
+            raise InputError(f"{names[least]}: overlaps the other parts in {found}; give scans that overlap more")
+        motions = np.zeros((len(names), 6))  # the first one stays
+        motions[1:] = np.linalg.lstsq(system[6:, 6:], right[6:], rcond=1e-9)[0].reshape(-1, 6)
+        for name, motion in zip(names[1:], motions[1:], strict=True):
+            turn = Rotation.from_rotvec(motion[:3] / size)
+            step = RigidTransform.from_components(middle - turn.apply(middle) + motion[3:], turn)
+            now[name] = moved(now[name], step.as_matrix())
+            total[name] = step * total[name]
         if np.abs(motions).max() < _STILL:
             break
-    rms = np.sqrt(square / count)
-    return now, {
-        name: _alignment(parts[name], total[name], float(rms[i])) for i, name in enumerate(names) if i > 0
-    }
+    found = {}
+    for name, distance in [*zip(names, np.sqrt(square / count), strict=True)][1:]:
+        middle, motion = parts[name].vertices.mean(axis=0), total[name]
+        shift = float(np.linalg.norm(motion.apply(middle) - middle))
+        turn = float(np.degrees(motion.rotation.magnitude()))
+        found[name] = Alignment(motion.as_matrix(), shift, turn, float(distance))
+    return now, found
 
 
 def _distances(part: Surface, other: Surface, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -110,23 +113,6 @@ def _distances(part: Surface, other: Surface, reach: float) -> tuple[np.ndarray,
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
     foot = np.einsum("nk,nki->ni", weights, other.vertices[other.faces[face]])
     return points, normal, np.einsum("ni,ni->n", points - foot, normal)
-
-
-def _motion(turn: np.ndarray, shift: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """The rigid transform (4, 4) nearest to a small turn [radians] about the middle and a shift [mm]."""
-    matrix = np.eye(4)
-    matrix[:3, :3] += np.array([[0.0, -turn[2], turn[1]], [turn[2], 0.0, -turn[0]], [-turn[1], turn[0], 0.0]])
-    left, _, right = np.linalg.svd(matrix[:3, :3])
-    matrix[:3, :3] = left @ right
-    matrix[:3, 3] = middle - matrix[:3, :3] @ middle + shift
-    return matrix
-
-
-def _alignment(part: Surface, matrix: np.ndarray, distance: float) -> Alignment:
-    middle = part.vertices.mean(axis=0)
-    shift = float(np.linalg.norm(matrix[:3, :3] @ middle + matrix[:3, 3] - middle))
-    half = float(np.linalg.norm(matrix[:3, :3] - np.eye(3))) / np.sqrt(8.0)  # sine of half the angle
-    return Alignment(matrix, shift, float(np.degrees(2.0 * np.arcsin(min(half, 1.0)))), distance)
 
 
 def moved(surface: Surface, matrix: np.ndarray) -> Surface:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_trunk.errors import InputError, check_ranges
-from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.distance_field import Grid
 from warp_trunk.geometry.isosurface import one_solid, zero_surface
 from warp_trunk.geometry.normals import vertex_areas
@@ -18,7 +18,7 @@ from warp_trunk.geometry.surface_checks import check_solid
 from .cutting import CutPlane, cut_flat, cut_within, goes_on_beyond
 from .fitting import fit_to_points
 from .openings import Opening, find_openings, patches, rim_of
-from .parts import check_parts, covered_by, reach_of
+from .parts import check_parts, covers, reach_of
 from .winding import sheet_samples, winding_field
 
 _GRID = 0.7
@@ -41,8 +41,6 @@ class CloseOptions:
     """Length of the edges of the result [mm]; 7 gives a trunk of about 30,000 triangles."""
     smoothing: float = 6.0
     """Details shorter than about six times this are taken for noise [mm]; 0 to 3 for a clean scan."""
-    flat_ends: bool = True
-    """Close the ends of the scan (neck, arms, thighs) flat at their rims; otherwise they are rounded off."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "close", edge_length=(1.0, 50.0), smoothing=(0.0, 30.0))
@@ -94,19 +92,14 @@ def close_skin(
     skin = fit_to_points(coarsen(lid, options.edge_length, 1.0), points, areas, options.smoothing, 3.0 * spacing)
     for number, end in enumerate(openings):
         if end.is_end and not any(_near(end, cut) for cut in cuts):
-            flat = (
-                _flatten(skin, end, samples, _OPEN * spacing, options.edge_length) if options.flat_ends else None
-            )
+            flat = _flatten(skin, end, samples, _OPEN * spacing, options.edge_length)
             openings[number] = replace(end, is_end=flat is not None)
             skin = flat or skin
-    skin = cut_flat(skin, cuts, options.edge_length)
+    skin = without_slivers(cut_flat(skin, cuts, options.edge_length))
     check_solid(skin, "closed skin")
-    handles = 1 - (len(skin.vertices) - len(skin.faces) // 2) // 2
-    if handles:
-        raise InputError(
-            f"closed skin: has {handles} handles, where parts of the skin touch; give a shorter edge_length, "
-            "or scans without the arms"
-        )
+    if handles := 1 - (len(skin.vertices) - len(skin.faces) // 2) // 2:
+        cure = "give a shorter edge_length, or scans without the arms"
+        raise InputError(f"closed skin: has {handles} handles, where parts of the skin touch; {cure}")
     return ClosedSkin(skin, tuple(openings))
 
 
@@ -117,16 +110,9 @@ def _level_set(
     sampled = []
     for name, part in parts.items():
         points, areas = sheet_samples(part, spacing)
-        times = np.ones(len(points))
-        for other, sheet in parts.items():
-            if other != name:
-                times += covered_by(points, areas, sheet, reaches[other])
-        sampled.append((points, areas / times[:, None]))
-    points = np.concatenate([p for p, _ in sampled])
-    areas = np.concatenate([a for _, a in sampled])
-    lower = points.min(axis=0) - 6.0 * spacing
-    nx, ny, nz = (np.ceil((points.max(axis=0) + 6.0 * spacing - lower) / spacing).astype(int) + 1).tolist()
-    grid = Grid(lower, spacing, (nx, ny, nz))
+        sampled.append((points, areas / (1.0 + covers(parts, reaches, name, points, areas))[:, None]))
+    points, areas = map(np.concatenate, zip(*sampled, strict=True))
+    grid = Grid.over(points.min(axis=0) - 6.0 * spacing, points.max(axis=0) + 6.0 * spacing, spacing)
     # across a sheet the number falls by 1 over some three spacings
     field = 3.0 * spacing * (0.5 - winding_field(points, areas, grid))
     return zero_surface(one_solid(field, spacing), grid), points
@@ -134,8 +120,7 @@ def _level_set(
 
 def _near(end: Opening, cut: CutPlane) -> bool:
     """Whether a cut that was asked for takes the place of an end found."""
-    off = np.linalg.norm(end.centre - np.array(cut.point)) < cut.radius
-    return bool(off and cut.distance(end.centre) > -_AT_CUT)
+    return bool(cut.near(end.centre[None]).all() and cut.distance(end.centre) > -_AT_CUT)
 
 
 def _flatten(skin: Surface, end: Opening, samples: np.ndarray, reach: float, edge_length: float) -> Surface | None:

@@ -11,7 +11,8 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, compact, directed_edges
+from warp_trunk.geometry.surface_checks import boundary_edges
 
 _SHORTEST = 0.6
 """Edges that a cut leaves shorter than this part of the edge length are collapsed."""
@@ -27,9 +28,9 @@ _CLEAR = 0.7
 class CutPlane:
     """Where to cut, and which side goes."""
 
-    point: tuple[float, float, float]
-    """A point of the plane [mm]."""
-    normal: tuple[float, float, float]
+    point: tuple[float, ...]
+    """A point of the plane [mm], three numbers."""
+    normal: tuple[float, ...]
     """Points to what is cut off; of any length."""
     radius: float = math.inf
     """Only what is nearer to the point than this is cut off [mm]: an arm, but not the hip below it."""
@@ -38,26 +39,29 @@ class CutPlane:
         numbers = (*self.point, *self.normal)
         good = len(self.point) == len(self.normal) == 3 and all(map(math.isfinite, numbers)) and any(self.normal)
         if not good or not self.radius > 0.0:
+            found = f"{self.point}, {self.normal} and {self.radius}"
             raise InputError(
-                "cut: a plane is a point, a normal that is not zero and a radius above 0, "
-                f"not {self.point}, {self.normal} and {self.radius}"
+                f"cut: a plane is a point, a normal that is not zero and a radius above 0, not {found}"
             )
 
     @classmethod
     def at(cls, point: np.ndarray, normal: np.ndarray, radius: float = math.inf) -> CutPlane:
         """The plane through a point (3,) [mm] with a normal (3,)."""
-        x, y, z = point.tolist()
-        a, b, c = normal.tolist()
-        return cls((x, y, z), (a, b, c), radius)
+        return cls(tuple(point.tolist()), tuple(normal.tolist()), radius)
 
     def __str__(self) -> str:
-        return "the plane through ({:.1f}, {:.1f}, {:.1f}) mm with normal ({:.2f}, {:.2f}, {:.2f})".format(
+        place = "({:.1f}, {:.1f}, {:.1f}) mm with normal ({:.2f}, {:.2f}, {:.2f})".format(
             *self.point, *self.normal
         )
+        return f"the plane through {place}"
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """How far points (..., 3) lie beyond the plane [mm]."""
         return (points - np.array(self.point)) @ self.unit
+
+    def near(self, points: np.ndarray) -> np.ndarray:
+        """Which points (n, 3) [mm] are nearer to its point than the radius, bool."""
+        return np.linalg.norm(points - np.array(self.point), axis=1) < self.radius
 
     @property
     def unit(self) -> np.ndarray:
@@ -65,37 +69,36 @@ class CutPlane:
         return np.array(self.normal) / np.linalg.norm(self.normal)
 
 
+def check_meets(plane: CutPlane, beyond: np.ndarray, option: str, what: str) -> None:
+    """Raise InputError where none or all of the points of `what` lie beyond a plane, bool."""
+    if beyond.all() or not beyond.any():
+        part = "all" if beyond.all() else "nothing"
+        raise InputError(f"{option}: {part} of {what} lies beyond {plane}; move it, or turn its normal round")
+
+
 def cut_flat(surface: Surface, planes: Sequence[CutPlane], edge_length: float) -> Surface:
     """Cut a closed surface at planes and close it flat with triangles of the given edge length [mm].
+
+    The short edges that cuts leave are collapsed; flat parts stay flat, their rims sharp.
 
     Raises InputError when a plane has nothing of the surface beyond it, leaves nothing, when the surface goes on
     beyond it at its radius, or when the outline is too narrow for the triangles.
     """
     for plane in planes:
-        near = np.linalg.norm(surface.vertices - np.array(plane.point), axis=1) < plane.radius
-        away = plane.distance(surface.vertices)
-        if not (near & (away > 0.0)).any() or (away > 0.0).all():
-            part = "all" if (away > 0.0).all() else "nothing"
-            raise InputError(f"cut: {part} of the trunk lies beyond {plane}; move it, or turn its normal round")
+        near, beyond = plane.near(surface.vertices), plane.distance(surface.vertices) > 0.0
+        check_meets(plane, beyond if beyond.all() else beyond & near, "cut", "the trunk")
         if goes_on_beyond(surface, plane, near, edge_length):
-            raise InputError(
-                f"cut: {plane.radius:g} mm from its point the trunk goes on beyond {plane}; give another radius"
-            )
+            where = f"{plane.radius:g} mm from its point the trunk goes on beyond {plane}"
+            raise InputError(f"cut: {where}; give another radius")
         surface = cut_within(surface, plane, near, edge_length)
-    return tidy(surface, edge_length)
-
-
-def tidy(surface: Surface, edge_length: float) -> Surface:
-    """The surface without the short edges that cuts leave; flat parts stay flat, their rims sharp."""
     return coarsen(surface, _SHORTEST * edge_length, _TOLERANCE * edge_length, 2.0 * edge_length)
 
 
 def goes_on_beyond(surface: Surface, plane: CutPlane, near: np.ndarray, edge_length: float) -> bool:
     """Whether what lies beyond a plane among the vertices `near` goes on beyond it outside them."""
     away = plane.distance(surface.vertices)
-    first, second = surface.faces.reshape(-1), np.roll(surface.faces, -1, axis=1).reshape(-1)
-    leaves = (near & (away > 0.0))[first] & ~near[second] & (away[second] > edge_length)
-    return bool(leaves.any())
+    first, second = directed_edges(surface.faces)
+    return bool(((near & (away > 0.0))[first] & ~near[second] & (away[second] > edge_length)).any())
 
 
 def cut_within(surface: Surface, plane: CutPlane, near: np.ndarray, edge_length: float) -> Surface:
@@ -120,27 +123,32 @@ def _cut(surface: Surface, plane: CutPlane, near: np.ndarray, edge_length: float
     gone = beyond[cut]
     lonely = np.where((gone.sum(axis=1) == 1)[:, None], gone, ~gone).argmax(axis=1)
     a, b, c = np.take_along_axis(cut, (lonely[:, None] + np.arange(3)) % 3, axis=1).T
-    keys, number = np.unique(np.concatenate([_key(a, b), _key(a, c)]), return_inverse=True)
-    low, high = keys >> 32, keys & 0xFFFFFFFF
+    ends = np.sort(np.concatenate([np.column_stack([a, b]), np.column_stack([a, c])]), axis=1)
+    (low, high), number = _unique_edges(ends)
     share = (away[low] / (away[low] - away[high]))[:, None]
     rim = surface.vertices[low] + share * (surface.vertices[high] - surface.vertices[low])
     rim -= plane.distance(rim)[:, None] * plane.unit  # where what is near ends, the skin is a little beyond
     ab, ac = len(surface.vertices) + number.reshape(2, -1)
     tip = gone[np.arange(len(cut)), lonely]  # the lonely corner goes: a quadrangle stays
+    vertices = np.concatenate([surface.vertices, rim])
+    edges = np.column_stack([np.where(tip, ab, ac), np.where(tip, ac, ab)])  # the inside of the cap on the left
+    cap = _cap(vertices, edges, plane, edge_length)
+    if cap is None:
+        return None
     faces = [
         surface.faces[count == 0],
         np.column_stack([a, ab, ac])[~tip],
         np.column_stack([ab, b, c])[tip],
         np.column_stack([ab, c, ac])[tip],
+        cap[1],
     ]
-    start, end = np.where(tip, ab, ac), np.where(tip, ac, ab)  # along the cap, its inside on the left
-    vertices = np.concatenate([surface.vertices, rim])
-    cap = _cap(vertices, np.column_stack([start, end]), plane, edge_length)
-    if cap is None:
-        return None
-    vertices = np.concatenate([vertices, cap[0]])
-    used, number = np.unique(np.concatenate([*faces, cap[1]]), return_inverse=True)
-    return Surface(vertices[used], number.reshape(-1, 3).astype(np.int32))
+    return compact(np.concatenate([vertices, cap[0]]), np.concatenate(faces))
+
+
+def _unique_edges(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The edges among some (n, 2), each once, their first and second ends (2, edges), and which each is, (n,)."""
+    keys, number = np.unique(ends[:, 0] << 32 | ends[:, 1], return_inverse=True)
+    return np.stack([keys >> 32, keys & 0xFFFFFFFF]), number
 
 
 def _slide(surface: Surface, plane: CutPlane, near: np.ndarray, least: float) -> Surface:
@@ -175,19 +183,17 @@ def _cap(
     edges = np.searchsorted(ids, rim)
     lattice = _lattice(flat, edge_length)
     # a triangulation keeps an edge when no point lies in its circumcircle
-    middle = flat[edges].mean(axis=1)
     half = 0.5 * np.linalg.norm(flat[edges[:, 0]] - flat[edges[:, 1]], axis=1)
-    distance, edge = KDTree(middle).query(lattice, k=min(4, len(edges)))
+    distance, edge = KDTree(flat[edges].mean(axis=1)).query(lattice, k=min(4, len(edges)))
     clear = (distance > np.maximum(1.1 * half[edge], _CLEAR * edge_length)).all(axis=1)
     lattice = lattice[clear & _inside(lattice, flat, edges)]
-    triangles = Delaunay(np.concatenate([flat, lattice])).simplices
-    corners = np.concatenate([flat, lattice])[triangles]
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
-    triangles[area < 0.0] = triangles[area < 0.0][:, ::-1]
+    points = np.concatenate([flat, lattice])
+    triangles = Delaunay(points).simplices
+    corners = points[triangles]
+    turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0.0
+    triangles[turned] = triangles[turned][:, ::-1]
     triangles = triangles[_inside(corners.mean(axis=1), flat, edges)]
-    have = _boundary(triangles)
-    if not np.array_equal(have, np.unique(edges, axis=0)):
+    if not np.array_equal(np.unique(boundary_edges(triangles), axis=0), np.unique(edges, axis=0)):
         return None
     numbers = np.concatenate([ids, len(vertices) + np.arange(len(lattice))])
     return np.array(plane.point) + lattice @ frame.T, numbers[triangles]
@@ -211,17 +217,3 @@ def _inside(points: np.ndarray, corners: np.ndarray, edges: np.ndarray) -> np.nd
         spans = (y0 > y) != (y1 > y)
         inside[spans] ^= x[spans] < x0 + (y[spans] - y0) * (x1 - x0) / (y1 - y0)
     return inside
-
-
-def _boundary(triangles: np.ndarray) -> np.ndarray:
-    """Directed edges with a triangle on their left only, sorted, shape (n, 2)."""
-    directed = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
-    keys = directed[:, 0].astype(np.int64) << 32 | directed[:, 1]
-    back = directed[:, 1].astype(np.int64) << 32 | directed[:, 0]
-    alone = np.setdiff1d(keys, back)
-    return np.column_stack([alone >> 32, alone & 0xFFFFFFFF])
-
-
-def _key(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """One number for an edge, the same from both of its triangles."""
-    return np.minimum(first, second) << 32 | np.maximum(first, second)

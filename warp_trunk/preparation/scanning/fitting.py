@@ -6,16 +6,18 @@ import numpy as np
 
 from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.search_tree import nearest
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, directed_edges
 
 _FACING = 0.5
 """Points whose normal is turned further than 60 degrees from the surface's belong to another fold of it."""
+_ROUNDS = 3
+"""How often the nearest places on the surface are searched."""
 _HOLD = 1e-6
 """Keeps the system regular where there are no points; of the weight of a fully covered vertex."""
 
 
 def fit_to_points(
-    surface: Surface, points: np.ndarray, areas: np.ndarray, smoothing: float, reach: float, *, rounds: int = 3
+    surface: Surface, points: np.ndarray, areas: np.ndarray, smoothing: float, reach: float
 ) -> Surface:
     """Move the vertices of a closed surface to the smoothing spline of points measured on it.
 
@@ -30,7 +32,6 @@ def fit_to_points(
         areas: area of skin each point stands for times its outward normal [mm^2], shape (n, 3).
         smoothing: [mm], 0 or more.
         reach: points farther from the surface than this [mm] are left out.
-        rounds: how often the nearest places on the surface are searched.
     """
     from scipy.sparse import coo_array, csr_array, diags_array  # heavy
     from scipy.sparse.linalg import splu
@@ -38,8 +39,9 @@ def fit_to_points(
     count = len(surface.vertices)
     size = np.linalg.norm(areas, axis=1)
     vertices = surface.vertices
-    links = _links(surface.faces, count)
-    for _ in range(rounds):
+    first, second = directed_edges(surface.faces)
+    valence = np.bincount(first, minlength=count)
+    for _ in range(_ROUNDS):
         now = Surface(vertices, surface.faces)
         face, weights = nearest(now, points, reach)
         vertex_area = vertex_areas(now)
@@ -52,12 +54,10 @@ def fit_to_points(
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         foot = np.einsum("nk,nki->ni", weights, vertices[corners])
         target = foot + np.einsum("ni,ni->n", points[used] - foot, normal)[:, None] * normal
-        row = np.repeat(np.arange(len(corners)), 3)
-        place = csr_array((weights.reshape(-1), (row, corners.reshape(-1))), shape=(len(corners), count))
+        start = np.arange(0, corners.size + 1, 3)
+        place = csr_array((weights.reshape(-1), corners.reshape(-1), start), shape=(len(corners), count))
         data = place.T @ diags_array(size[used])
-        first, second = links
         step = vertices[second] - vertices[first]
-        valence = np.bincount(first, minlength=count)
         square = np.bincount(first, np.einsum("ei,ei->e", step, step), minlength=count) / valence
         # the mean of the neighbours less the vertex is a quarter of the squared edge length times the Laplacian
         scale = 4.0 * np.sqrt(at_vertex) / square
@@ -68,8 +68,3 @@ def fit_to_points(
         solve = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         vertices = solve.solve(data @ target + hold @ vertices)
     return Surface(vertices, surface.faces)
-
-
-def _links(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The directed edges of a closed surface: each vertex with each of its neighbours once."""
-    return faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.geometry.normals import vertex_areas
-from warp_trunk.geometry.surface import Surface
-from warp_trunk.geometry.surface_checks import linked_parts
+from warp_trunk.geometry.surface import Surface, directed_edges
+from warp_trunk.geometry.surface_checks import boundary_edges, linked_parts
 
-from .parts import boundary_vertices, covered_by
+from .parts import covers
 
 _STEEP = 0.8
 """At an open end the skin at the rim leans on the plane through it by more than 37 degrees: its mean cosine."""
@@ -47,12 +47,9 @@ def rim_of(parts: Mapping[str, Surface], reaches: Mapping[str, float]) -> tuple[
     """The vertices where a scan ends and no other goes on: positions (n, 3) [mm] and normals (n, 3)."""
     points, normals = [], []
     for name, part in parts.items():
-        at_edge = boundary_vertices(part)
+        at_edge = np.unique(boundary_edges(part.faces))
         at, area = part.vertices[at_edge], vertex_areas(part)[at_edge]
-        alone = np.ones(len(at), dtype=bool)
-        for other, sheet in parts.items():
-            if other != name:
-                alone &= ~covered_by(at, area, sheet, reaches[other])
+        alone = covers(parts, reaches, name, at, area) == 0
         points.append(at[alone])
         normals.append(area[alone] / np.maximum(np.linalg.norm(area[alone], axis=1), 1e-12)[:, None])
     return np.concatenate(points), np.concatenate(normals)
@@ -109,7 +106,6 @@ def _plane_through(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, 
 
     Points three times as far from it as most are left out: edges of scans that run away from the rim.
     """
-    kept = np.ones(len(points), dtype=bool)
     centre, off = np.median(points, axis=0), np.zeros(0)
     for _ in range(_FITS):
         off = np.abs((points - centre) @ normal)
@@ -122,6 +118,6 @@ def _plane_through(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, 
 
 def patches(surface: Surface, chosen: np.ndarray) -> np.ndarray:
     """A number for each vertex, the same for two that are joined by edges between chosen ones (bool)."""
-    first, second = surface.faces.reshape(-1), np.roll(surface.faces, -1, axis=1).reshape(-1)
+    first, second = directed_edges(surface.faces)
     joined = chosen[first] & chosen[second]
     return linked_parts(first[joined], second[joined], len(chosen))
