@@ -25,10 +25,11 @@ from pathlib import Path
 sys.path.insert(0, {tests!r})
 from support.small_patient import small_patient
 from warp_trunk.live.page import Page
+from warp_trunk.live.sliders import SpineSliders
 patient = small_patient()
 for line in sys.stdin:
     if os.fork() == 0:
-        with Page(patient, Path({folder!r}), int(line)) as page:
+        with Page(patient, SpineSliders(patient.case), Path({folder!r}), int(line)) as page:
             print(f"\\npage {{os.getpid()}}\\n", end="", flush=True)
             page.stopped.wait()
 """

@@ -11,25 +11,14 @@ from support.chromium import CHROMIUM, QUIET, needs_chromium
 from support.small_patient import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
 from warp_trunk.live.numbers import NOTE, line_html, numbers_html, status_html
-from warp_trunk.live.session import PlanView, Refusal
-from warp_trunk.live.wish import first_wish, spine_before
+from warp_trunk.live.session import PlanView
 from warp_trunk.measures import measure
 from warp_trunk.measures.rows import number
 
 CASE = curved_case()
 PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
 BEFORE = measure(CASE.skin, CASE.landmarks_before)
-VIEW = PlanView(
-    number=1,
-    wish=first_wish(spine_before(CASE.landmarks_before), PLAN),
-    surgery=plan_surgery(CASE, PLAN),
-    motions=None,
-    skin=CASE.skin.vertices,
-    relaxed=False,
-    error=2.34,
-    measures=None,
-    warnings=("a < b",),
-)
+VIEW = PlanView(1, {}, plan_surgery(CASE, PLAN), CASE.skin.vertices, error=2.34, warnings=("a < b",))
 
 
 @pytest.mark.parametrize(
@@ -43,12 +32,12 @@ VIEW = PlanView(
     ],
 )
 def test_it_says_what_is_shown_and_how_sure_it_is(view: PlanView | None, words: str) -> None:
-    assert words in status_html(view, None)
-    assert NOTE in status_html(view, None)
+    assert words in status_html(view, "")
+    assert NOTE in status_html(view, "")
 
 
 def test_it_says_why_a_wish_is_not_possible() -> None:
-    said = status_html(VIEW, Refusal(VIEW.wish, "curve T7: <b> cannot be met; the nearest is 13"))
+    said = status_html(VIEW, "curve T7: <b> cannot be met; the nearest is 13")
     assert "Not possible.</b> Curve T7: &lt;b&gt; cannot be met; the nearest is 13. Shown is the last" in said
 
 
@@ -79,7 +68,7 @@ def test_long_names_and_paths_stay_in_a_narrow_panel() -> None:
     said = (
         line_html(f"Kept: /home/somebody/planned_surgeries_of_the_department/{name}"),
         numbers_html(CASE, BEFORE, VIEW, BEFORE, (name, replace(VIEW, measures=BEFORE))),
-        status_html(VIEW, Refusal(VIEW.wish, f"{name}{name} cannot be read")),
+        status_html(VIEW, f"{name}{name} cannot be read"),
     )
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))

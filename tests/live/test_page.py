@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -13,13 +15,22 @@ from playwright.sync_api import Browser, Locator, Playwright, WebSocket, expect,
 from playwright.sync_api import Page as Tab
 
 from support.chromium import CHROMIUM, QUIET, needs_chromium
+from support.part_phantom import part_case
 from support.small_patient import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
+from warp_trunk.case import read_case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.case.motions import Motion, rigid_motions
+from warp_trunk.case.points import Points
+from warp_trunk.live.motion_plan import with_handles
 from warp_trunk.live.page import Page
 from warp_trunk.live.session import PlanView
-from warp_trunk.live.wish import Wish
+from warp_trunk.live.sliders import MotionSliders, SpineSliders
 from warp_trunk.measures.rows import number as shown
+from warp_trunk.meshing import MeshOptions
 from warp_trunk.recording.viewer import free_port
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.patient import patient_of
 
 pytestmark = [needs_chromium, pytest.mark.slow]
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-webgl", "--ignore-gpu-blocklist")
@@ -32,7 +43,8 @@ RELAXED = "of its equilibrium"
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     folder = tmp_path_factory.mktemp("live") / "plans"
-    with Page(small_patient(), folder, free_port()) as page:
+    patient = small_patient()
+    with Page(patient, SpineSliders(patient.case), folder, free_port()) as page:
         yield page
         assert page.failure is None
 
@@ -129,13 +141,12 @@ def until(true: Callable[[], bool], visit: Visit) -> None:
 
 
 def correction(page: Page) -> int:
-    assert page.view is not None
-    assert isinstance(page.view.wish, Wish)
-    return page.view.wish.correction[APEX]
+    assert page.session.view is not None
+    return page.session.view.wish[f"correction {APEX}"]
 
 
 def settled(page: Page) -> bool:
-    return page.view is not None and page.view.settled and page.view.measures is not None
+    return page.session.view is not None and page.session.view.settled and page.session.view.measures is not None
 
 
 def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None:
@@ -147,9 +158,9 @@ def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None
     visit.wait_for(RELAXED)
     assert np.linalg.norm(page.scene.skin.vertices - before, axis=1).max() > 2.0
     assert before.nbytes < sum(visit.sent)
-    assert page.view is not None
-    assert isinstance(page.view.surgery, PlannedSurgery)
-    visit.wait_for(shown(page.view.surgery.curves[1].cobb_after))  # the table
+    assert page.session.view is not None
+    assert isinstance(page.session.view.surgery, PlannedSurgery)
+    visit.wait_for(shown(page.session.view.surgery.curves[1].cobb_after))  # the table
     assert visit.seen() != drawn
     assert (visit.complaints, visit.elsewhere) == ([], [])
 
@@ -192,11 +203,11 @@ def test_looks(visit: Visit, page: Page) -> None:
 
 
 def test_an_impossible_plan_is_said_in_words(visit: Visit, page: Page) -> None:
-    assert page.view is not None
-    shown = page.view.number
+    assert page.session.view is not None
+    shown = page.session.view.number
     visit.choose("Upper vertebra", "L3")
     visit.wait_for("Not possible. 'uiv' must lie above 'liv'")
-    assert page.view.number == shown  # the last that is
+    assert page.session.view.number == shown  # the last that is
     visit.press("Undo")
     expect(visit.tab.locator("body")).not_to_contain_text("Not possible", timeout=WAIT)
 
@@ -210,7 +221,7 @@ def test_two_browsers_show_one_plan_and_one_may_be_killed(
     other.sent.clear()
     visit.drag(15)
     until(lambda: settled(page), visit)
-    assert page.view is not None
+    assert page.session.view is not None
     until(lambda: sum(other.sent) > page.scene.skin.vertices.nbytes, other)
     for process in psutil.Process().children(recursive=True):
         if process.pid not in before and "chrom" in process.name():
@@ -228,12 +239,12 @@ def views_alive() -> int:
 
 
 def test_many_drags_leave_nothing_behind(visit: Visit, page: Page) -> None:
-    assert page.view is not None
-    first, alive = page.view.number, views_alive()
+    assert page.session.view is not None
+    first, alive = page.session.view.number, views_alive()
     for number in range(4):
         visit.drag(25 if number % 2 else -25)
     until(lambda: settled(page), visit)
-    assert page.view.number > first + 4
+    assert page.session.view.number > first + 4
     until(lambda: views_alive() <= alive + 2, visit)  # a thread may hold one for a while
 
 
@@ -242,3 +253,24 @@ def test_the_button_ends_it(visit: Visit, page: Page) -> None:
     assert page.stopped.wait(10.0)
     assert [path.name for path in page.kept.folder.iterdir()] == ["plan_1"]
     assert (visit.complaints, visit.elsewhere) == ([], [])
+
+
+def test_motions_have_a_slider_for_each_component_and_are_kept_as_a_case(browser: Browser, tmp_path: Path) -> None:
+    marks = Landmarks(("tip", "bone"), np.array([[0.0, -80.0, 100.0], [0.0, -63.0, 100.0]]))
+    motions = {"front": Motion(translation=(0.0, -4.0, 0.0)), "left": Motion(follows={"front": 0.5})}
+    case = with_handles(replace(part_case(**motions), points=Points(marks, {"tip": "bone"})))
+    options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False), device="cpu", threads=1)
+    with Page(patient_of(case, options), MotionSliders(case), tmp_path / "plans", free_port()) as page:
+        visit = Visit(browser, page)
+        for words in ("Left mm", "Yaw °", "Follows front %", "tip, ratio to bone"):
+            visit.wait_for(words)
+        expect(visit.tab.locator("body")).not_to_contain_text("Cobb")
+        assert visit.tab.get_by_role("slider").count() == 7
+        visit.press("Keep this plan")
+        visit.wait_for("Kept: ")
+        assert page.failure is None
+    kept = read_case(tmp_path / "plans" / "plan_1")
+    assert kept.landmarks_before.names == ()
+    assert kept.points.pairs == {"tip": "bone"}
+    for bone, motion in rigid_motions(kept.motions).items():
+        np.testing.assert_allclose(motion.as_matrix(), rigid_motions(motions)[bone].as_matrix(), atol=1e-6)

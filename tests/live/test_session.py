@@ -2,56 +2,58 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from support.small_patient import small_patient
+from support.part_phantom import part_case
+from support.small_patient import APEX, small_patient
+from warp_trunk.bone_motion.plan import PlannedSurgery
+from warp_trunk.case.motions import Motion
 from warp_trunk.engine.simulation import simulate
-from warp_trunk.live.session import LateMeasures, PlanView, Refusal, Session
-from warp_trunk.live.wish import Wish, first_wish, spine_before
-from warp_trunk.measures import measure
+from warp_trunk.live.motion_plan import with_handles
+from warp_trunk.live.session import Latest, PlanView, Session
+from warp_trunk.live.sliders import MotionSliders, Sliders, SpineSliders, Wish, first_wish
+from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.meshing import MeshOptions
 from warp_trunk.results import predicted_skin
-from warp_trunk.run.patient import Patient, prepare_plan
+from warp_trunk.run.options import RunOptions
+from warp_trunk.run.patient import Patient, patient_of, prepare_plan
 
 WAIT = 60.0
 
 
-class Heard:
-    """The views of a session, in order."""
+class Heard(Session):
+    """A session that records what it shows, in order."""
 
-    def __init__(self) -> None:
-        self.told: list[PlanView | Refusal | LateMeasures] = []
+    def __init__(self, patient: Patient, sliders: Sliders | None = None) -> None:
+        self.sliders = sliders or SpineSliders(patient.case)
+        self.told: list[tuple[PlanView | None, str, TrunkMeasures | None]] = []
         self.faults: list[str] = []
         self._more = threading.Condition()
+        super().__init__(patient, self.sliders, self._hear, self.faults.append)
 
-    def __call__(self, told: PlanView | Refusal | LateMeasures) -> None:
+    def _hear(self) -> None:
         with self._more:
-            self.told.append(told)
+            self.told.append((self.view, self.refusal, self.measures))
             self._more.notify_all()
 
-    def until(
-        self, wanted: Callable[[PlanView | Refusal | LateMeasures], bool]
-    ) -> PlanView | Refusal | LateMeasures:
-        """The first matching view, waiting for it."""
+    def until(self, wanted: Callable[[], object]) -> None:
         with self._more:
-            assert self._more.wait_for(lambda: any(map(wanted, self.told)), WAIT), self.told[-1:]
-            return next(filter(wanted, self.told))
+            assert self._more.wait_for(wanted, WAIT), self.told[-1:]
 
     def settled(self, wish: Wish) -> PlanView:
         """The view of a wish, relaxed to the end and measured."""
-        view = self.until(
-            lambda told: (
-                isinstance(told, PlanView) and told.wish == wish and told.settled and told.measures is not None
-            )
-        )
-        assert isinstance(view, PlanView)
-        return view
+        self.ask(wish)
+        self.until(lambda: (v := self.view) and v.wish == wish and v.settled and v.measures is not None)
+        assert self.view is not None
+        return self.view
+
+    def corrected(self, share: int) -> Wish:
+        return {**first_wish(self.sliders), f"correction {APEX}": share}
 
 
 @pytest.fixture(scope="module")
@@ -59,117 +61,147 @@ def patient() -> Patient:
     return small_patient()
 
 
-@pytest.fixture(scope="module")
-def rest(patient: Patient) -> Wish:
-    return first_wish(spine_before(patient.case.landmarks_before))
-
-
-def corrected(rest: Wish, share: int) -> Wish:
-    apex = next(apex for apex in rest.correction if rest.fuses(apex))
-    return replace(rest, correction={**rest.correction, apex: share})
-
-
-@pytest.mark.parametrize("bones", ["follow", "spline"])
-def test_after_any_way_the_end_is_that_of_a_simulation(bones: str, rest: Wish) -> None:
-    heard, patient = Heard(), small_patient(bones=bones)
-    with Session(patient, None, heard, heard.faults.append) as session:
-        for share in (60, 20, 45):
-            session.ask(corrected(rest, share))
-            view = heard.settled(corrected(rest, share))
-    alone = small_patient(bones=bones)
-    case = view.surgery.planned_case(alone.case)
-    *_, last = simulate(alone.model, prepare_plan(alone, case).bone_path, alone.options.simulation)
-    if view.motions is not None:  # drawn where the simulation holds them
-        here = alone.trunk.nodes[alone.trunk.prescribed]
-        there = here + last.displacement[alone.trunk.prescribed]
-        np.testing.assert_allclose(view.motions["T8"].apply(here), there, atol=1e-4)
-    assert (view.motions is None) == (bones == "spline")
-    skin = predicted_skin(case, alone.trunk, last.displacement)
-    tolerance = alone.options.simulation.relax.tolerance
+def check_end(view: PlanView, alone: Patient) -> np.ndarray:
+    """The view of a plan is that of a simulation on its own; returns how that moves the nodes."""
+    planned = view.surgery.planned_case(alone.case)
+    *_, last = simulate(alone.model, prepare_plan(alone, planned).bone_path, alone.options.simulation)
+    skin, tolerance = (
+        predicted_skin(planned, alone.trunk, last.displacement),
+        alone.options.simulation.relax.tolerance,
+    )
     assert view.error is not None
     assert view.error <= tolerance
     assert np.linalg.norm(view.skin - skin.vertices, axis=1).max() <= 2.0 * tolerance
-    assert np.linalg.norm(skin.vertices - case.skin.vertices, axis=1).max() > 2.0  # it went somewhere
-    wanted = measure(skin, case.planned_landmarks, case.skin)
-    assert view.measures is not None
-    for level, angle in wanted.bsr.items():
-        assert view.measures.bsr[level] == pytest.approx(angle, abs=0.05)
-    assert heard.faults == []
+    assert np.linalg.norm(skin.vertices - planned.skin.vertices, axis=1).max() > 2.0  # it went somewhere
+    if isinstance(view.surgery, PlannedSurgery):
+        assert view.measures is not None
+        for level, angle in measure(skin, planned.planned_landmarks, planned.skin).bsr.items():
+            assert view.measures.bsr[level] == pytest.approx(angle, abs=0.05)
+    return last.displacement
 
 
-def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient, rest: Wish) -> None:
-    heard = Heard()
-    with Session(patient, None, heard, heard.faults.append) as session:
-        for share in range(1, 61):
-            session.ask(corrected(rest, share))
+@pytest.mark.parametrize("bones", ["follow", "spline"])
+def test_after_any_way_the_end_is_that_of_a_simulation(bones: str) -> None:
+    with Heard(small_patient(bones=bones)) as session:
+        for share in (60, 20, 45):
+            view = session.settled(session.corrected(share))
+    alone = small_patient(bones=bones)
+    displacement = check_end(view, alone)
+    if view.motions is not None:  # drawn where the simulation holds them
+        here = alone.trunk.nodes[alone.trunk.prescribed]
+        moved = here + displacement[alone.trunk.prescribed]
+        np.testing.assert_allclose(view.motions["T8"].apply(here), moved, atol=1e-4)
+    assert (view.motions is None) == (bones == "spline")
+    assert session.faults == []
+
+
+def test_the_end_of_motions_is_that_of_a_simulation_and_a_collision_is_refused() -> None:
+    case = part_case(front=Motion(translation=(0.0, -4.0, 0.0)), left=Motion(follows={"front": 0.5}))
+    options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False), device="cpu", threads=1)
+    handled = with_handles(case)
+    with Heard(patient_of(handled, options), MotionSliders(handled)) as session:
+        wish = first_wish(session.sliders)
+        session.settled(wish)
+        session.ask({**wish, "front Back mm": 35.0})
+        session.until(lambda: session.refusal.startswith("'front' passes"))
+        view = session.settled({**wish, "front Back mm": -7.0, "front Up mm": 1.0})
+    check_end(view, patient_of(case, options))
+    assert session.faults == []
+
+
+def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient) -> None:
+    with Heard(patient) as session:
+        for share in range(1, 60):
+            session.ask(session.corrected(share))
             time.sleep(0.0005)
-        end = heard.settled(corrected(rest, 60))
-    numbers = [told.number for told in heard.told if isinstance(told, PlanView)]
+        end = session.settled(session.corrected(60))
+    views = [view for view, *_ in session.told if view is not None]
+    numbers = [view.number for view in views]
     assert numbers == sorted(numbers)  # never an older one after a newer one
     assert end.number < 60  # planning took longer than the way of the slider: some were skipped
-    first = next(told for told in heard.told if isinstance(told, PlanView) and told.number == end.number)
+    first = next(view for view in views if view.number == end.number)
     assert not first.relaxed
     off = np.linalg.norm(first.skin - end.skin, axis=1).max()
     assert first.error is None or off <= 3.0 * first.error + 0.1  # it says about how far off it is
-    relaxed = [told for told in heard.told if isinstance(told, PlanView) and told.relaxed and not told.settled]
+    relaxed = [view for view in views if view.relaxed and not view.settled]
     assert relaxed
-    assert all(told.error is not None and told.error <= 1.0 for told in relaxed)
+    assert all(view.error is not None and view.error <= 1.0 for view in relaxed)
 
 
-def test_numbers_follow_a_drag_that_does_not_rest(patient: Patient, rest: Wish) -> None:
+def test_numbers_follow_a_drag_that_does_not_rest(patient: Patient) -> None:
     """A relaxed skin is measured also where the sliders have moved on since."""
-    heard = Heard()
-    with Session(patient, None, heard, heard.faults.append) as session:
-        until = time.monotonic() + WAIT
-        share = 0
-        while not any(isinstance(told, LateMeasures) for told in list(heard.told)) and time.monotonic() < until:
-            session.ask(corrected(rest, share := share % 60 + 1))
+    with Heard(patient) as session:
+        end, share = time.monotonic() + WAIT, 0
+        while session.measures is None and time.monotonic() < end:
+            session.ask(session.corrected(share := share % 60 + 1))
             time.sleep(0.005)
-    measured = next(told for told in heard.told if isinstance(told, LateMeasures))
-    assert measured.measures.skin_change_max is not None
-    assert heard.faults == []
+    assert session.measures is not None
+    assert session.measures.skin_change_max is not None
+    assert session.faults == []
 
 
-def test_an_impossible_wish_is_told_and_the_next_one_goes_on(patient: Patient, rest: Wish) -> None:
-    heard = Heard()
-    never = replace(corrected(rest, 100), uiv="L4", liv="T4")
-    with Session(patient, None, heard, heard.faults.append) as session:
-        session.ask(corrected(rest, 30))
-        heard.settled(corrected(rest, 30))
-        session.ask(never)
-        refusal = heard.until(lambda told: isinstance(told, Refusal))
-        assert isinstance(refusal, Refusal)
-        assert refusal.reason.startswith("'uiv' must lie above 'liv', but L4 is not above T4")
-        session.ask(corrected(rest, 31))
-        heard.settled(corrected(rest, 31))
+def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: Patient) -> None:
+    with Heard(patient) as session:
+        session.settled(session.corrected(30))
+        session.ask({**session.corrected(100), "uiv": "L4", "liv": "T4"})
+        session.until(lambda: session.refusal)
+        assert session.refusal.startswith("'uiv' must lie above 'liv', but L4 is not above T4")
+        session.settled(session.corrected(31))
+        assert session.refusal == ""
 
 
-def test_a_fault_of_the_program_is_told(patient: Patient, monkeypatch: pytest.MonkeyPatch, rest: Wish) -> None:
+def test_a_fault_of_the_program_is_reported(patient: Patient, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise ZeroDivisionError("as if")
 
-    monkeypatch.setattr("warp_trunk.live.session.Planner.plan", broken)
-    faults: queue.Queue[str] = queue.Queue()
-    with Session(patient, None, Heard(), faults.put) as session:
-        session.ask(rest)
-        assert faults.get(timeout=WAIT) == "ZeroDivisionError: as if"
-
-
-def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: Patient, rest: Wish) -> None:
-    heard, beside = Heard(), []
-    wish = corrected(rest, 50)
-    with Session(patient, None, heard, heard.faults.append) as session:
-        session.ask(corrected(rest, 10))
-        heard.settled(corrected(rest, 10))
-        session.look_at(wish.plan(), wish, beside.append)
-        assert [view.relaxed for view in beside] == [False]
-        until = time.monotonic() + WAIT
-        while len(beside) < 2 and time.monotonic() < until:
+    with Heard(patient) as session:
+        monkeypatch.setattr(session.sliders, "surgery", broken)
+        session.ask(session.corrected(1))
+        end = time.monotonic() + WAIT
+        while not session.faults and time.monotonic() < end:
             time.sleep(0.01)
-        session.ask(wish)
-        alone = heard.settled(wish)
-    assert beside[1].settled
-    assert beside[1].measures is not None
+    assert session.faults == ["ZeroDivisionError: as if"]
+
+
+def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: Patient) -> None:
+    beside: list[PlanView] = []
+    with Heard(patient) as session:
+        wish = session.corrected(50)
+        session.settled(session.corrected(10))
+        session.relax_beside(SpineSliders(patient.case).surgery(wish), beside.append)
+        end = time.monotonic() + WAIT
+        while not beside and time.monotonic() < end:
+            time.sleep(0.01)
+        alone = session.settled(wish)
+    assert beside[0].settled
+    assert beside[0].measures is not None
     tolerance = patient.options.simulation.relax.tolerance
-    assert np.linalg.norm(beside[1].skin - alone.skin, axis=1).max() <= 2.0 * tolerance
-    assert heard.faults == []
+    assert np.linalg.norm(beside[0].skin - alone.skin, axis=1).max() <= 2.0 * tolerance
+    assert session.faults == []
+
+
+def test_the_latest_is_taken_and_the_end_wakes_who_waits() -> None:
+    place: Latest[int] = Latest()
+    for value in range(1, 100):
+        place.put(value)
+    assert place.waits
+    assert place.take() == 99
+    assert not place.comes(0.0)
+    taken: list[int | None] = [0]
+    thread = threading.Thread(target=lambda: taken.append(place.take()))
+    thread.start()
+    place.close()
+    thread.join(10.0)
+    assert taken == [0, None]
+    place.put(1)
+    assert place.take() is None  # what was not taken before the end is not done
+
+
+def test_a_pause_ends_where_it_is_closed() -> None:
+    """The first value is there at once; who waits for the next one, however long that may be, hears of the end."""
+    place: Latest[int] = Latest(pause=1e6)
+    place.put(1)
+    assert place.take() == 1
+    place.put(2)
+    threading.Timer(0.05, place.close).start()
+    assert place.take() is None

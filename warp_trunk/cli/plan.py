@@ -114,12 +114,11 @@ class Plan:
         return report_ending(result)
 
     def _open_page(self) -> int:
-        from warp_trunk.live.opening import check_packages, plan_live
+        from warp_trunk.live.opening import plan_live
 
         if self.predict or self.aim is not None or self.within:
             other = "--predict" if self.predict else "--aim and --within"
             raise InputError(f"--live: predicts while you plan; leave {other} out")
-        check_packages()
         folder = self.out or self.case.resolve().with_name(f"{self.case.resolve().name}_plans")
         refuse_case(folder)
         with Progress() as progress:

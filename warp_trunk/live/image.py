@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,16 +14,6 @@ if TYPE_CHECKING:
 
 _REMEMBERED = 8
 """Number of the last relaxations from which the error of an image is estimated."""
-
-
-@dataclass(frozen=True, eq=False)
-class Image:
-    """A skin that is not relaxed."""
-
-    skin: np.ndarray
-    """Its vertices [mm], shape (vertices, 3)."""
-    error: float | None
-    """Estimated largest distance of a vertex from its equilibrium [mm]; None before the first relaxation."""
 
 
 class Images:
@@ -45,12 +34,17 @@ class Images:
         self._ratios: list[float] = []
         self._error = 0.0
 
-    def of(self, landmarks: Landmarks) -> Image:
-        """The image for landmarks after surgery."""
+    def of(self, landmarks: Landmarks) -> tuple[np.ndarray, float | None]:
+        """The image for landmarks after surgery.
+
+        Returns:
+            Its vertices [mm], shape (vertices, 3), and the estimated largest distance of a vertex from its
+            equilibrium [mm], None before the first relaxation.
+        """
         error = None
         if self._ratios:
             error = self._error + max(self._ratios) * self._added.way(landmarks.points)
-        return Image(self._carried(landmarks) + self._added.at(landmarks.points), error)
+        return self._carried(landmarks) + self._added.at(landmarks.points), error
 
     def learn(self, landmarks: Landmarks, skin: np.ndarray, error: float = 0.0) -> None:
         """Goes on from a skin (vertices, 3) that was relaxed for landmarks to an estimated error [mm]."""

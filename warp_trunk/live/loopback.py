@@ -64,7 +64,9 @@ class LoopbackServer(viser.ViserServer):
 
 
 def check_free(port: int) -> None:
-    """InputError where somebody listens on a port, or none may."""
+    """InputError where another program listens on a port, or the program of a user cannot."""
+    if not 1024 <= port <= 65535:
+        raise InputError(f"--port: must be from 1024 to 65535, not {port}; give 8137")
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
         try:

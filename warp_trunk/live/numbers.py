@@ -15,13 +15,13 @@ from warp_trunk.measures.rows import MISSING, number, skin_rows, spine_rows
 from warp_trunk.measures.table import as_html
 from warp_trunk.report.style import BEFORE, PLANS
 
-from .motion_wish import MotionPlan
+from .motion_plan import MotionPlan
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.measures import TrunkMeasures
 
-    from .session import PlanView, Refusal
+    from .session import PlanView
 
 NOTE = "A research simulation, not for clinical use."
 _BARS, _ROW = 210, 17
@@ -40,15 +40,15 @@ _BROKEN = "overflow-wrap:anywhere"
 """Of what may hold a path or the name of a plan: a panel is narrow, and what is wider is not seen."""
 
 
-def status_html(view: PlanView | None, refusal: Refusal | None) -> str:
+def status_html(view: PlanView | None, refusal: str) -> str:
     """The status of the view and its distance from the equilibrium, in words, or the reason why nothing is new.
 
     Its height does not change with what it says: the sliders below stay under the hand.
     """
     if view is None:
         said = _box("#777777", "Making the patient ready ...")
-    elif refusal is not None:
-        reason = escape(refusal.reason[:1].upper() + refusal.reason[1:])
+    elif refusal:
+        reason = escape(refusal[:1].upper() + refusal[1:])
         said = _box("#b00020", f"<b>Not possible.</b> {reason}. Shown is the last plan that is.")
     else:
         said = _box(*_kind(view))

@@ -10,9 +10,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warp_trunk.bone_motion.plan import plan_surgery
 from warp_trunk.errors import InputError
 from warp_trunk.run.patient import patient_of, with_mesh_given
+
+from .motion_plan import with_handles
+from .sliders import MotionSliders, SpineSliders, first_wish
 
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.plan import Plan
@@ -20,25 +22,8 @@ if TYPE_CHECKING:
     from warp_trunk.run.options import RunOptions
     from warp_trunk.run.progress import Progress
 
-PORT = 8137
-"""Where the page is when nothing else is asked for."""
 PACKAGES = ("threadpoolctl", "viser")
 """The packages of the extra `live`."""
-
-
-def check_packages() -> None:
-    """InputError where the extra is not installed."""
-    if missing := [name for name in PACKAGES if find_spec(name) is None]:
-        raise InputError(
-            f"--live: needs packages that are not installed ({', '.join(missing)}); "
-            "pip install 'warp-trunk[live]' (in a clone: uv sync --extra live)"
-        )
-
-
-def check_port(port: int) -> None:
-    """InputError for a port that no program of a user may have."""
-    if not 1024 <= port <= 65535:
-        raise InputError(f"--port: must be from 1024 to 65535, not {port}; give {PORT}")
 
 
 def plan_live(
@@ -47,8 +32,8 @@ def plan_live(
     options: RunOptions,
     progress: Progress,
     *,
+    port: int,
     plan: Plan | None = None,
-    port: int = PORT,
 ) -> str | None:
     """Opens the planning page and waits until it is to end: by its button, Ctrl-C, or a signal.
 
@@ -57,8 +42,8 @@ def plan_live(
         folder: where kept plans go.
         options: how the tissue is simulated.
         progress: receives the stages.
-        plan: where the sliders stand first; at rest when left out.
         port: where the page is, on this machine alone.
+        plan: where the sliders stand first; at rest when left out.
 
     Returns:
         What went wrong, in words, where that ended it.
@@ -67,31 +52,32 @@ def plan_live(
         InputError: the extra is not installed, the port is taken, the case cannot be planned, or what `patient_of`
             raises.
     """
-    check_packages()
+    if missing := [name for name in PACKAGES if find_spec(name) is None]:
+        raise InputError(
+            f"--live: needs packages that are not installed ({', '.join(missing)}); "
+            "pip install 'warp-trunk[live]' (in a clone: uv sync --extra live)"
+        )
     from .loopback import check_free
-    from .motion_wish import MotionPlanner, with_handles
     from .page import Page
-    from .wish import first_wish, spine_before
 
-    check_port(port)
     check_free(port)
-    if case.has_spine:  # what is impossible is refused before any work
-        plan_surgery(case, first_wish(spine_before(case.landmarks_before), plan).plan(plan))
-    else:
+    if not case.has_spine:
         if options.bones == "spline":
             raise InputError("--bones spline: needs a spine, and bones move by motions alone; leave it out")
         case = with_handles(case)
-        MotionPlanner(case).plan(case.motions)
+    sliders = SpineSliders(case, plan) if case.has_spine else MotionSliders(case)
+    sliders.surgery(first_wish(sliders))  # what is impossible is refused before any work
     case, given = with_mesh_given(case, options, progress)
     patient = patient_of(case, options, given, progress)
     with progress.stage("compile", "preparing the relaxation"):
         _ = patient.relaxer
-    with _ending_signals() as asked, Page(patient, folder, port, plan) as page:
+    with _ending_signals() as asked, Page(patient, sliders, folder, port) as page:
         progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
         while not (asked.is_set() or page.stopped.wait(0.2)):
             pass
-    for name in page.kept.new_names:
-        progress.message(f"Kept: {folder / name}")
+    for name in page.kept.views:
+        if name not in page.kept.earlier:
+            progress.message(f"Kept: {folder / name}")
     return page.failure
 
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.bone_motion.plan.record import rank
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .bones import BonePoses
-from .motion_wish import MotionPlan
+from .motion_plan import MotionPlan
 
 if TYPE_CHECKING:
     import viser
 
-    from warp_trunk.bone_motion.plan import PlannedSurgery
     from warp_trunk.case import Case
 
     from .session import PlanView
@@ -37,7 +37,7 @@ class Scene:
     def __init__(self, server: viser.ViserServer, case: Case) -> None:
         self._server, self._case = server, case
         self._poses = BonePoses(case)
-        self._surgery: PlannedSurgery | MotionPlan | None = None
+        self._surgery, self._planned = None, set[str]()
         scene, skin = server.scene, case.skin
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
@@ -77,10 +77,10 @@ class Scene:
         for name, (turn, shift) in self._poses.at(view.surgery.landmarks_after).items():
             self._bones[name].wxyz = turn
             self._bones[name].position = shift
-        planned = self._bones if isinstance(view.surgery, MotionPlan) else self._case.landmarks_before.vertebrae()
-        for bone in planned:
-            if bone in self._bones:
-                self._bones[bone].color = FUSED if view.wish.fuses(bone) else BONE
+        planned = _planned_bones(view)
+        for bone in self._bones.keys() & (planned ^ self._planned):
+            self._bones[bone].color = FUSED if bone in planned else BONE
+        self._planned = planned
 
     def show_before(self, shown: bool) -> None:
         """Shows the trunk before surgery in place of the plan."""
@@ -120,6 +120,14 @@ class Scene:
         if self.relief.visible:
             shown = self.before if self.before.visible else self.skin
             self.relief.points = relief_lines(shown.vertices, self._case.skin.faces)
+
+
+def _planned_bones(view: PlanView) -> set[str]:
+    """The bones that a plan moves on purpose: those of the fusion, or those of its motions."""
+    if isinstance(view.surgery, MotionPlan):
+        return set(view.surgery.motions)
+    upper, lower = rank(view.surgery.plan.uiv), rank(view.surgery.plan.liv)
+    return {level for level in view.surgery.landmarks_after.vertebrae() if upper <= rank(level) <= lower}
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:

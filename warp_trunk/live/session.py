@@ -1,37 +1,35 @@
-"""From a wish to what is shown: one thread plans and shows the image, one owns the model, one measures."""
+"""From a wish to its views: one thread plans and shows the image, one owns the model, one measures."""
 
 from __future__ import annotations
 
+import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from warp_trunk.bone_motion.plan import PlannedSurgery, Planner
+from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.run.warnings import curve_warnings
 
-from .image import Image, Images
-from .latest import Latest, worker
-from .motion_wish import MotionPlan, MotionPlanner, MotionWish
+from .image import Images
+from .motion_plan import MotionPlan
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
+from .sliders import Sliders, Wish
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
-    from warp_trunk.bone_motion.plan import Plan
-    from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures import TrunkMeasures
     from warp_trunk.run.patient import Patient
-
-    from .wish import Wish
 
 FIRST = {"cpu": 1.0, "cuda": 0.1}
 """Tolerance of a relaxation while sliders may still move, by the kind of device [mm]."""
@@ -39,6 +37,64 @@ REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
 PAUSE = 0.1
 """From one skin that is measured to the next [s]: measuring takes its time from planning and drawing."""
+T = TypeVar("T")
+_log = logging.getLogger("warp_trunk")
+
+
+class Latest(Generic[T]):
+    """A place for one value between two threads: a newer value replaces one that was not taken."""
+
+    def __init__(self, pause: float = 0.0) -> None:
+        """Empty; at least this time passes from one value to the next [s]."""
+        self._pause, self._taken = pause, -pause
+        self._changed = threading.Condition()
+        self._value: T | None = None
+        self.closed = False
+        """Whether nothing more is to be done."""
+
+    def put(self, value: T) -> None:
+        """Leaves a value, in place of one that was not taken."""
+        with self._changed:
+            self._value = value
+            self._changed.notify_all()
+
+    def take(self) -> T | None:
+        """Waits for a value and takes it; None when closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.closed, self._taken + self._pause - time.monotonic())
+            self._changed.wait_for(lambda: self.waits)
+            self._taken = time.monotonic()
+            value, self._value = self._value, None
+            return None if self.closed else value
+
+    def comes(self, seconds: float) -> bool:
+        """Whether a value comes, or it is closed, within so long [s]; the value stays."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self.waits, seconds)
+
+    @property
+    def waits(self) -> bool:
+        """Whether there is something to do that is newer than what was taken: a value, or the end."""
+        return self._value is not None or self.closed
+
+    def close(self) -> None:
+        """Ends every wait, now and later."""
+        with self._changed:
+            self.closed = True
+            self._changed.notify_all()
+
+
+def worker(name: str, work: Callable[[], None], report_error: Callable[[str], None]) -> threading.Thread:
+    """A thread, not started yet, that reports a fault of the program that ends it; the log has its trace."""
+
+    def guarded() -> None:
+        try:
+            work()
+        except Exception as error:
+            _log.exception("the planning page ends")
+            report_error(f"{type(error).__name__}: {error}")
+
+    return threading.Thread(target=guarded, name=name, daemon=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,98 +102,62 @@ class PlanView:
     """The view of a plan: its best result so far."""
 
     number: int
-    """Of its wish, from 1; views of one wish get better."""
-    wish: Wish | MotionWish
+    """Of its wish, from 1; views of one wish get better. 0 for a plan that no slider asked for."""
+    wish: Wish
     """Where the sliders stood."""
     surgery: PlannedSurgery | MotionPlan
     """The planned motion of each vertebra or bone."""
-    motions: Mapping[str, RigidTransform] | None
-    """Where the model has each bone; None of an image, and where the spline of the landmarks carries them."""
     skin: np.ndarray
     """Vertices of the skin [mm], shape (vertices, 3)."""
-    relaxed: bool
-    """Whether the tissue has come to rest there; else it is the spline's image."""
-    error: float | None
+    error: float | None = None
     """Estimated largest distance from the equilibrium [mm]; None where nothing is known of it."""
-    measures: TrunkMeasures | None
-    """Measures of a relaxed skin; None of an image, and while they are being taken."""
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     """Warnings, a sentence each."""
+    motions: Mapping[str, RigidTransform] | None = None
+    """Where the model has each bone; None of an image, and where the spline of the landmarks carries them."""
+    relaxed: bool = False
+    """Whether the tissue has come to rest there; else it is the spline's image."""
     settled: bool = False
     """Whether it is relaxed to the end."""
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """A wish that no spine can meet."""
-
-    wish: Wish | MotionWish
-    """Where the sliders stood."""
-    reason: str
-    """Why, and what is the nearest, in a sentence."""
-
-
-@dataclass(frozen=True, eq=False)
-class LateMeasures:
-    """Measures of a skin that was relaxed on the way to something newer."""
-
-    measures: TrunkMeasures
-    """The measures."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Job:
-    number: int
-    wish: Wish | MotionWish
-    surgery: PlannedSurgery | MotionPlan
-    warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Aside:
-    job: _Job
-    show: Callable[[PlanView], None]
+    measures: TrunkMeasures | None = None
+    """Measures of a relaxed skin; None of an image, and while they are being taken."""
 
 
 class Session:
-    """One patient's live plan. `ask` from any thread; the views are passed to `show`, one after another."""
+    """One patient's live plan. `ask` from any thread; what is to be shown stands in its attributes."""
 
     def __init__(
         self,
         patient: Patient,
-        base: Plan | None,
-        show: Callable[[PlanView | Refusal | LateMeasures], None],
+        sliders: Sliders,
+        changed: Callable[[], None],
         report_error: Callable[[str], None],
     ) -> None:
         """Nothing runs yet.
 
         Args:
             patient: made ready; the session owns her model from now on.
-            base: what a plan says beside the sliders.
-            show: gets every view and refusal; never of an older wish after a newer one.
+            sliders: what a wish means.
+            changed: called after `view`, `refusal` or `measures` changed, never twice at the same time.
             report_error: called if a thread ended by a fault of the program.
         """
-        self._patient, self._base = patient, base
-        self._on_view = show
-        self._wishes: Latest[Wish | MotionWish] = Latest()
-        self._jobs: Latest[_Job] = Latest()
+        self.view: PlanView | None = None
+        """The latest plan that is possible, as it is known."""
+        self.refusal = ""
+        """Why a newer wish cannot be met, and what is the nearest, in a sentence; else empty."""
+        self.measures: TrunkMeasures | None = None
+        """Measures of the skin relaxed last, which may be that of an older wish."""
+        self._patient, self._sliders, self._on_change = patient, sliders, changed
+        self._wishes: Latest[Wish] = Latest()
+        self._jobs: Latest[PlanView] = Latest()
         self._relaxed: Latest[PlanView] = Latest(PAUSE)
-        self._asides: deque[_Aside] = deque()
+        self._asides: deque[tuple[PlanView, Callable[[PlanView], None]]] = deque()
         self._images = Images(patient.case)
-        self._planner: Any = (Planner if patient.case.has_spine else MotionPlanner)(patient.case)
         self._on_gpu = patient.model.device.startswith("cuda")
         self._lock = threading.Lock()
-        self._newest = 0
-        self._current: _Job | None = None
-        self._shown: PlanView | None = None
-        self._threads = [
-            worker(name, work, report_error)
-            for name, work in (
-                ("planning", self._plan),
-                ("relaxing", self._relax),
-                ("measuring", self._measure),
-            )
-        ]
+        self._planned: PlanView | None = None
+        works = {"planning": self._plan, "relaxing": self._relax, "measuring": self._measure}
+        self._threads = [worker(name, work, report_error) for name, work in works.items()]
 
     def __enter__(self) -> Session:
         # planning solves small systems, for which threads of a linear algebra library only wait for each other
@@ -147,139 +167,106 @@ class Session:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._wishes.close()
-        self._jobs.close()
-        self._relaxed.close()
+        for place in (self._wishes, self._jobs, self._relaxed):
+            place.close()
         for thread in self._threads:
             thread.join()
         self._limits.restore_original_limits()
 
-    def ask(self, wish: Wish | MotionWish) -> None:
+    def ask(self, wish: Wish) -> None:
         """Asks for a plan, in place of what was asked for before."""
         self._wishes.put(wish)
 
-    def look_at(self, plan: Plan, wish: Wish, show: Callable[[PlanView], None]) -> None:
-        """Shows another plan beside that of the sliders: its image at once, its relaxed skin when they rest.
+    def relax_beside(self, surgery: PlannedSurgery, found: Callable[[PlanView], None]) -> None:
+        """Passes the relaxed and measured view of another surgery to `found`, when the sliders rest."""
+        self._asides.append((self._image(0, {}, surgery), found))
+        if self._planned is not None:
+            self._jobs.put(self._planned)  # wakes the solver thread
 
-        Args:
-            plan: what is asked.
-            wish: where the sliders would stand.
-            show: gets its views.
+    def _image(self, number: int, wish: Wish, surgery: Any) -> PlanView:
+        warnings = ()
+        if isinstance(surgery, PlannedSurgery):
+            curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
+            warnings = (*surgery.warnings, *curves)
+        return PlanView(number, wish, surgery, *self._images.of(surgery.landmarks_after), warnings)
 
-        Raises:
-            InputError: no spine can meet it.
-        """
-        job = _job(0, wish, self._planner.plan(plan))
-        with self._lock:
-            image = self._images.of(job.surgery.landmarks_after)
-        show(_view(job, image))
-        self._asides.append(_Aside(job, show))
-        if self._current is not None:
-            self._jobs.put(self._current)  # wakes the solver thread
+    def _show(self, view: PlanView) -> None:
+        if self.view is None or view.number > self.view.number:
+            self.refusal = ""
+        self.view = view
+        self._on_change()
 
     def _plan(self) -> None:
         while (wish := self._wishes.take()) is not None:
             try:
-                surgery = self._planner.plan(wish.plan(self._base))
+                surgery = self._sliders.surgery(wish)
             except InputError as error:
                 with self._lock:
-                    self._on_view(Refusal(wish, str(error).removeprefix("plan: ").removeprefix("motions: ")))
+                    self.refusal = str(error).removeprefix("plan: ").removeprefix("motions: ")
+                    self._on_change()
                 continue
             with self._lock:
-                self._newest += 1
-                self._current = job = _job(self._newest, wish, surgery)
+                number = 1 if self._planned is None else self._planned.number + 1
+                self._planned = job = self._image(number, wish, surgery)
                 if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
                     self._jobs.put(job)
-                self._show_current_image()
+                self._show(job)
             if not self._on_gpu:
                 self._jobs.put(job)
 
-    def _show_current_image(self) -> None:
-        job = self._current
-        if job is None:
-            return
-        image = self._images.of(job.surgery.landmarks_after)
-        self._show(_view(job, image))
-
-    def _show(self, view: PlanView) -> None:
-        self._shown = view
-        self._on_view(view)
-
     def _relax(self) -> None:
-        case = self._patient.case
-        tissue = LiveRelaxation(self._patient)
+        tissue, case = LiveRelaxation(self._patient), self._patient.case
         tolerance = self._patient.options.simulation.relax.tolerance
         first = max(FIRST["cuda" if self._on_gpu else "cpu"], tolerance)
+
+        def relaxed_to_the_end() -> Relaxed:
+            return tissue.relax(tolerance, confirm=True, newer=lambda: self._jobs.waits)
 
         while (job := self._jobs.take()) is not None:
             tissue.go(job.surgery.planned_case(case))
             try:
                 # not given up for a newer wish: while a slider is dragged there always is one
-                near = tissue.relax(first, confirm=False, newer=lambda: self._jobs.closed)
-                self._learn(job, near, settled=False)
+                self._learn(job, tissue.relax(first, confirm=False, newer=lambda: self._jobs.closed))
                 if not self._jobs.comes(REST):
-                    end = tissue.relax(tolerance, confirm=True, newer=lambda: self._jobs.waits)
-                    self._learn(job, end, settled=True)
-                    while self._asides and not self._jobs.waits:
-                        self._relax_aside(tissue, self._asides[0])
-                        self._asides.popleft()
+                    self._learn(job, relaxed_to_the_end(), settled=True)
+                while self._asides and not self._jobs.waits:
+                    other, found = self._asides[0]
+                    tissue.go(other.surgery.planned_case(case))
+                    found(self._measured(_relaxed_view(other, relaxed_to_the_end(), settled=True)))
+                    self._asides.popleft()
             except Interrupted:
                 continue
 
-    def _relax_aside(self, tissue: LiveRelaxation, aside: _Aside) -> None:
-        job, before = aside.job, self._patient.case.skin
-        tissue.go(job.surgery.planned_case(self._patient.case))
-        end = tissue.relax(
-            self._patient.options.simulation.relax.tolerance, confirm=True, newer=lambda: self._jobs.waits
-        )
-        view = _relaxed_view(job, end, settled=True)
-        measures = measure(Surface(end.skin, before.faces), _landmarks(job.surgery), before)
-        aside.show(replace(view, measures=measures))
-
-    def _learn(self, job: _Job, relaxed: Relaxed, *, settled: bool) -> None:
+    def _learn(self, job: PlanView, relaxed: Relaxed, *, settled: bool = False) -> None:
         """Shows a relaxed skin, or where sliders have moved on what it makes of their image; it is measured."""
         view = _relaxed_view(job, relaxed, settled=settled)
         with self._lock:
-            current = self._is_current(job)
-            if current:
-                self._show(view)
             self._images.learn(job.surgery.landmarks_after, relaxed.skin, relaxed.error)
-            if not current:
-                self._show_current_image()
+            latest = self._planned
+            if latest is None or latest.number == job.number:
+                self._show(view)
+            else:
+                skin, error = self._images.of(latest.surgery.landmarks_after)
+                self._show(replace(latest, skin=skin, error=error))
         self._relaxed.put(view)
 
     def _measure(self) -> None:
-        before = self._patient.case.skin
         while (view := self._relaxed.take()) is not None:
-            measures = measure(Surface(view.skin, before.faces), _landmarks(view.surgery), before)
+            measured = self._measured(view)
             with self._lock:
-                if self._shown is view:
-                    self._show(replace(view, measures=measures))
-                else:
-                    self._on_view(LateMeasures(measures))
+                self.measures = measured.measures
+                if self.view is view:
+                    self.view = measured
+                self._on_change()
 
-    def _is_current(self, job: _Job) -> bool:
-        return self._current is not None and self._current.number == job.number
-
-
-def _view(job: _Job, image: Image) -> PlanView:
-    return PlanView(job.number, job.wish, job.surgery, None, image.skin, False, image.error, None, job.warnings)
+    def _measured(self, view: PlanView) -> PlanView:
+        before = self._patient.case.skin
+        landmarks = NO_LANDMARKS if isinstance(view.surgery, MotionPlan) else view.surgery.landmarks_after
+        return replace(view, measures=measure(Surface(view.skin, before.faces), landmarks, before))
 
 
-def _relaxed_view(job: _Job, end: Relaxed, *, settled: bool) -> PlanView:
+def _relaxed_view(job: PlanView, end: Relaxed, *, settled: bool) -> PlanView:
     warnings = (*job.warnings, *end.warnings)
-    return PlanView(
-        job.number, job.wish, job.surgery, end.motions, end.skin, True, end.error, None, warnings, settled
+    return replace(
+        job, skin=end.skin, error=end.error, warnings=warnings, motions=end.motions, relaxed=True, settled=settled
     )
-
-
-def _landmarks(surgery: PlannedSurgery | MotionPlan) -> Landmarks:
-    """The landmarks with which a skin is measured."""
-    return NO_LANDMARKS if isinstance(surgery, MotionPlan) else surgery.landmarks_after
-
-
-def _job(number: int, wish: Wish | MotionWish, surgery: PlannedSurgery | MotionPlan) -> _Job:
-    if isinstance(surgery, MotionPlan):
-        return _Job(number, wish, surgery, ())
-    curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
-    return _Job(number, wish, surgery, (*surgery.warnings, *curves))

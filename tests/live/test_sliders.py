@@ -1,0 +1,100 @@
+"""From sliders to a plan or motions, and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from support.part_phantom import part_case
+from support.small_patient import curved_case
+from warp_trunk.bone_motion.plan import CurvePlan, Plan
+from warp_trunk.case.motions import Motion, Turn, rigid_motions
+from warp_trunk.errors import InputError
+from warp_trunk.live.motion_plan import with_handles
+from warp_trunk.live.sliders import MotionSliders, SpineSliders, first_wish
+from warp_trunk.measures import cobb_angles
+from warp_trunk.measures.apical import axial_rotation
+from warp_trunk.measures.spine import asis_axis, spine_of
+
+CASE = curved_case()
+REST = SpineSliders(CASE)
+MAJOR = max(cobb_angles(CASE.landmarks_before), key=lambda curve: curve.angle)
+CORRECTION, DEROTATION = f"correction {MAJOR.apex}", f"derotation {MAJOR.apex}"
+TURN = Turn(degrees=5.0, axis=(0.0, 0.0, 2.0), point=(0.0, -45.0, 100.0))
+MOTIONS = {"front": Motion(translation=(0.0, -4.0, 0.0), rotation=TURN), "left": Motion(follows={"front": 0.5})}
+
+
+def test_sliders_at_rest_move_nothing() -> None:
+    wish = first_wish(REST)
+    assert (wish["uiv"], wish["liv"]) == (MAJOR.upper, MAJOR.lower)
+    surgery = REST.surgery(wish)
+    assert surgery.landmarks_after is surgery.landmarks_before
+
+
+def test_a_slider_is_the_share_of_its_curve() -> None:
+    surgery = REST.surgery({**first_wish(REST), CORRECTION: 50, "kyphosis": 30})
+    curve = next(curve for curve in surgery.curves if curve.before == MAJOR)
+    assert curve.cobb_after == pytest.approx(MAJOR.angle / 2.0, abs=0.1)
+    assert surgery.measures["kyphosis T5-T12"][1] == pytest.approx(30.0, abs=0.1)
+    assert surgery.plan.curves[0].derotation is None  # 0 % asks for nothing
+
+
+def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:
+    wish = {**first_wish(REST), "uiv": "L1", "liv": "L4", CORRECTION: 50}
+    assert REST.plan(wish).curves == ()
+    assert {CORRECTION, DEROTATION} <= REST.without_effect(wish)
+    assert not {CORRECTION, DEROTATION} & REST.without_effect(first_wish(REST))
+
+
+def test_what_sliders_do_not_say_is_that_of_the_first_plan() -> None:
+    given = Plan(uiv="T3", liv="L2", balance="centre", sva_after=5.0, unfused="fixed")
+    sliders = SpineSliders(CASE, given)
+    plan = sliders.plan({**first_wish(sliders), CORRECTION: 10})
+    assert plan == replace(given, curves=plan.curves)
+    assert [c for c in plan.curves if c.correction] == [CurvePlan(MAJOR.apex, correction=0.1)]
+
+
+def test_sliders_begin_where_a_plan_is() -> None:
+    before = CASE.landmarks_before
+    turned = abs(axial_rotation(spine_of(before), asis_axis(before))[MAJOR.apex] or 0.0)
+    curve = CurvePlan(apex=MAJOR.apex, cobb_after=MAJOR.angle * 0.35, rotation_after=turned * 0.6)
+    wish = first_wish(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(curve,), kyphosis_T5_T12=31.4)))
+    assert (wish[CORRECTION], wish[DEROTATION], wish["kyphosis"]) == (65, 40, 31)
+    beside = CurvePlan(apex=MAJOR.upper, correction=0.5)  # another level of the curve
+    asked = first_wish(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(beside,))))
+    assert (asked[CORRECTION], asked[DEROTATION]) == (50, 0)
+    assert asked["kyphosis"] == first_wish(REST)["kyphosis"]
+
+
+@pytest.mark.parametrize(
+    "change", [{"uiv": "L4", "liv": "T4"}, {"uiv": "<b>"}, {CORRECTION: 500}, {"kyphosis": -3}]
+)
+def test_what_no_slider_says_is_refused_as_a_plan(change: dict) -> None:
+    """A browser can send anything."""
+    with pytest.raises(InputError):
+        REST.plan({**first_wish(REST), **change})
+
+
+def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
+    shift = RigidTransform.from_exp_coords([0.1, -0.2, 0.3, 4.0, 5.0, 6.0])
+    rows: tuple = tuple(map(tuple, shift.as_matrix().tolist()))
+    case = part_case(**MOTIONS, right=Motion(transform=rows, large=True))
+    sliders = MotionSliders(case)
+    wish = first_wish(sliders)
+    assert [wish[f"front {label}"] for label in ("Pitch °", "Roll °", "Yaw °")] == pytest.approx([0.0, 0.0, 5.0])
+    assert wish["left front"] == 50.0
+    assert sliders.motions(wish)["right"].large
+    given, found = rigid_motions(case.motions), rigid_motions(sliders.motions(wish))
+    for bone, motion in given.items():
+        np.testing.assert_allclose(found[bone].as_matrix(), motion.as_matrix(), atol=1e-6)
+
+
+def test_sliders_of_motions_at_zero_move_nothing_and_no_bone_passes_into_another() -> None:
+    sliders = MotionSliders(with_handles(part_case(**MOTIONS)))
+    still = dict.fromkeys(first_wish(sliders), 0.0)
+    assert not any(motion.as_exp_coords().any() for motion in sliders.surgery(still).bones.values())
+    with pytest.raises(InputError, match=r"'front' passes .* into 'core'"):
+        sliders.surgery({**still, "front Back mm": 35.0})
