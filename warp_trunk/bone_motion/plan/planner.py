@@ -19,7 +19,7 @@ from .least_motion import least_motion, limits_of, segments
 from .posture import Placed, posture_of
 from .record import rank
 from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
-from .targets import curves_of_plan, measured, targets_of
+from .targets import curves_of_plan, targets_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -63,7 +63,7 @@ class Planner:
         """Reads the spine; InputError as `plan_surgery`, for a faulty case."""
         self._before = before = case.landmarks_before
         posture = posture_of(before)
-        self._measured, self._films = measured(posture, before), bending_films(case)
+        self._posture, self._films = posture, bending_films(case)
         self._limits = limits_of(posture)
         self._curves = cobb_angles(before)
         self._flexibility = flexibility_of(self._curves, self._films)
@@ -76,14 +76,14 @@ class Planner:
         Raises:
             InputError: as `plan_surgery`, for a faulty plan.
         """
-        before, spine = self._before, self._measured
-        upper, lower = spine.row(plan.uiv), spine.row(plan.liv)
-        curves = curves_of_plan(self._curves, spine.posture.levels, plan, self._flexibility)
-        change = spine.posture.still
+        before, posture = self._before, self._posture
+        upper, lower = posture.row(plan.uiv), posture.row(plan.liv)
+        curves = curves_of_plan(self._curves, posture.levels, plan, self._flexibility)
+        change = posture.still
         if plan.moves:
-            free = np.full(len(spine.posture.levels), plan.unfused == "follow")
+            free = np.full(len(posture.levels), plan.unfused == "follow")
             free[upper:lower] = True
-            change = least_motion(spine, self._limits, targets_of(spine, plan, curves), free)
+            change = least_motion(self._limits, targets_of(posture, plan, curves), free)
         after = self._carried(change)
         there = spine_of(after)
         rotation = axial_rotation(there, self._across)
@@ -102,7 +102,7 @@ class Planner:
         before = self._before
         if not change.any():
             return before
-        points, placed = before.points.copy(), Placed(self._measured.posture, change)
+        points, placed = before.points.copy(), Placed(self._posture, change)
         own, owner, local = self._own
         points[own] = np.einsum("kij,kj->ki", placed.frames[owner], local) + placed.endplates[owner, 1]
         held, response = self._others
@@ -112,13 +112,13 @@ class Planner:
     @cached_property
     def _own(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The landmarks of vertebrae, the row of the vertebra of each, and where each is in its frame."""
-        posture, before = self._measured.posture, self._before
-        rows = {level: row for row, level in enumerate(posture.levels)}
+        still, before = self._limits.still, self._before
+        rows = {level: row for row, level in enumerate(self._posture.levels)}
         owners = np.array([rows.get(name.partition("_")[0], -1) for name in before.names])
         own = np.flatnonzero(owners >= 0)
         owner = owners[own]
-        arms = before.points[own] - self._measured.still.endplates[owner, 1]
-        return own, owner, np.einsum("kji,kj->ki", posture.frames[owner], arms)
+        arms = before.points[own] - still.endplates[owner, 1]
+        return own, owner, np.einsum("kji,kj->ki", still.frames[owner], arms)
 
     @cached_property
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
