@@ -84,15 +84,6 @@ def test_ribs_follow_against_the_pelvis_wherever_that_goes(number: int) -> None:
     np.testing.assert_allclose(alone.apply(head), TURN.apply(head), atol=1e-8)
 
 
-def test_shares_reach_the_ribs() -> None:
-    bones, before = straight()
-    few, many = (
-        bone_motions(bones, before, moved("T8_"), shares=RibShares(turn=turn))["rib_left_08"]
-        for turn in (0.0, 1.0)
-    )
-    assert np.linalg.norm(few.rotation.as_rotvec() - many.rotation.as_rotvec()) > 0.01
-
-
 def test_a_bone_without_landmarks_lies_as_near_to_the_spline_as_it_can() -> None:
     bones, before = straight()
     left_out = [name for name in before.names if not name.startswith("T8_")]

@@ -7,31 +7,32 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.rib_cage import ends, follow
-from warp_trunk.bone_motion.vertebra_motion import VertebraMotion, split
+from warp_trunk.bone_motion.vertebra_motion import Vertebra, split
 from warp_trunk.case.rib_shares import RibShares
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity import correct, impose
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, BONES, LANDMARKS = straight_trunk()
+NO_STERNUM = {name: bone for name, bone in BONES.items() if name != "sternum"}
 RIBS = [name for name in BONES if name.startswith("rib")]
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
-def motions_of(curve: SpineCurve) -> dict[str, VertebraMotion]:
+def vertebrae_of(curve: SpineCurve) -> dict[str, Vertebra]:
     return {
-        name: split(pose.motion, pose.before, pose.axis) for name, pose in vertebra_poses(LANDMARKS, curve).items()
+        name: Vertebra(pose.motion, np.array([pose.before, pose.axis]))
+        for name, pose in vertebra_poses(LANDMARKS, curve).items()
     }
 
 
-CURVED = motions_of(SpineCurve(cobb=40.0))
+CURVED = vertebrae_of(SpineCurve(cobb=40.0))
+UPRIGHT = np.array([np.zeros(3), [0.0, 0.0, 1.0]])
 
 
 def vertebra(rib: str) -> str:
@@ -44,7 +45,7 @@ def turned(motion: RigidTransform) -> float:
 
 
 def test_without_a_motion_nothing_moves() -> None:
-    still = motions_of(SpineCurve(cobb=0.0))
+    still = vertebrae_of(SpineCurve(cobb=0.0))
     for name, motion in follow(BONES, still, RibShares()).items():
         np.testing.assert_allclose(motion.apply(BONES[name].vertices), BONES[name].vertices, atol=1e-9)
 
@@ -55,25 +56,21 @@ def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
         head, _ = ends(BONES[rib].vertices, BONES[vertebra(rib)].vertices)
         there = CURVED[vertebra(rib)].motion.apply(head)
         np.testing.assert_allclose(motions[rib].apply(head), there, atol=1e-9)
-        R = motions[rib].rotation.as_matrix()
-        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
 
 
 def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
-    bones = {name: bone for name, bone in BONES.items() if name != "sternum"}
     shares = RibShares(turn=0.5, tilt=0.2, recovery=0.6, upper=0.0)
-    motions = follow(bones, CURVED, shares)
+    motions = follow(NO_STERNUM, CURVED, shares)
     for rib in ("rib_left_06", "rib_right_03"):
-        motion, moving = motions[rib], CURVED[vertebra(rib)]
+        motion, moving = motions[rib], split(*CURVED[vertebra(rib)])
         assert np.radians(turned(motion)) == pytest.approx(0.6 * 0.5 * moving.turn, rel=0.1)
         axis = motion.rotation.apply(vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis)
         assert np.arctan2(axis[0], axis[2]) == pytest.approx(0.6 * 0.2 * moving.tilt, abs=1e-9)
 
 
 def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> None:
-    bones = {name: BONES[name] for name in BONES if name != "sternum"}
-    way = {"T8": split(RigidTransform.from_translation([20.0, 0.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))}
-    whole, part = (follow(bones, way, RibShares(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
+    way = {"T8": Vertebra(RigidTransform.from_translation([20.0, 0.0, 0.0]), UPRIGHT)}
+    whole, part = (follow(NO_STERNUM, way, RibShares(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
     head, tip = ends(BONES["rib_left_08"].vertices, BONES["T8"].vertices)
     assert whole.apply(tip)[0] - tip[0] == pytest.approx(20.0, abs=1e-9)
     assert part.apply(head)[0] - head[0] == pytest.approx(20.0, abs=1e-9)
@@ -82,7 +79,7 @@ def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> N
 
 def test_cartilages_keep_their_length_within_a_tenth() -> None:
     for curve in (SpineCurve(cobb=40.0), SpineCurve(kind="double_major", cobb=40.0)):
-        motions = follow(BONES, motions_of(curve), RibShares())
+        motions = follow(BONES, vertebrae_of(curve), RibShares())
         sternum = BONES["sternum"].vertices
         for rib in RIBS:
             if int(rib[-2:]) <= 7:
@@ -93,17 +90,6 @@ def test_cartilages_keep_their_length_within_a_tenth() -> None:
                 assert abs(after - before) <= 0.1 * before + 0.011
 
 
-def test_neighbouring_ribs_keep_their_gaps() -> None:
-    motions = follow(BONES, CURVED, RibShares())
-    for side in ("left", "right"):
-        for number in range(1, 12):
-            pair = [f"rib_{side}_{k:02d}" for k in (number, number + 1)]
-            before = [BONES[rib].vertices for rib in pair]
-            after = [motions[rib].apply(points) for rib, points in zip(pair, before, strict=True)]
-            was, now = (KDTree(a).query(b)[0].min() for a, b in (before, after))
-            assert now > min(1.0, was)
-
-
 def test_seen_in_a_mirror_everything_moves_mirrored() -> None:
     bones = {
         name.replace("left", "?").replace("right", "left").replace("?", "right"): Surface(
@@ -111,12 +97,7 @@ def test_seen_in_a_mirror_everything_moves_mirrored() -> None:
         )
         for name, bone in BONES.items()
     }
-    seen = {
-        name: split(mirrored(moving.motion), pose.before @ MIRROR, pose.axis @ MIRROR)
-        for (name, moving), pose in zip(
-            CURVED.items(), vertebra_poses(LANDMARKS, SpineCurve(cobb=40.0)).values(), strict=True
-        )
-    }
+    seen = {name: Vertebra(mirrored(moving.motion), moving.axis @ MIRROR) for name, moving in CURVED.items()}
     here, there = follow(BONES, CURVED, RibShares()), follow(bones, seen, RibShares())
     for one, other in (("rib_left_06", "rib_right_06"), ("rib_right_11", "rib_left_11"), ("sternum", "sternum")):
         np.testing.assert_allclose(there[other].as_matrix(), mirrored(here[one]).as_matrix(), atol=1e-6)
@@ -127,37 +108,35 @@ def mirrored(motion: RigidTransform) -> RigidTransform:
     return RigidTransform.from_components(MIRROR @ motion.translation, rotation)
 
 
-def directly(degrees: float) -> dict[str, VertebraMotion]:
+def directly(degrees: float) -> dict[str, Vertebra]:
     """The motions of the curve, with so much of each vertebra's turn forced by screws."""
-    return {name: replace(moving, direct=np.radians(degrees)) for name, moving in CURVED.items()}
+    return {
+        name: moving._replace(coupled=split(*moving).turn - np.radians(degrees)) for name, moving in CURVED.items()
+    }
 
 
 @pytest.mark.parametrize("degrees", [-4.0, 4.0, 25.0])
 def test_where_screws_turn_a_vertebra_its_ribs_lag_within_the_facets(degrees: float) -> None:
-    bones = {name: bone for name, bone in BONES.items() if name != "sternum"}
-    motions = follow(bones, directly(degrees), RibShares())
+    motions = follow(NO_STERNUM, directly(degrees), RibShares())
     gaps = []
     for rib in RIBS:
         head, _ = ends(BONES[rib].vertices, BONES[vertebra(rib)].vertices)
         gaps.append(np.linalg.norm(motions[rib].apply(head) - CURVED[vertebra(rib)].motion.apply(head)))
-        R = motions[rib].rotation.as_matrix()
-        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     assert 0.5 < max(gaps) <= 3.0 + 1e-9
 
 
 def test_ribs_take_a_share_of_their_own_of_what_screws_turn() -> None:
-    bones = {name: bone for name, bone in BONES.items() if name != "sternum"}
     shares = RibShares(turn=0.6, recovery=0.5, direct=0.2)
     rib = "rib_left_06"
-    part, all_ = (follow(bones, motions, shares)[rib] for motions in (directly(5.0), CURVED))
+    part, all_ = (follow(NO_STERNUM, motions, shares)[rib] for motions in (directly(5.0), CURVED))
     assert turned(part) - turned(all_) == pytest.approx((0.2 - 0.5 * 0.6) * 5.0, abs=0.1)
-    whole = follow(bones, directly(5.0), replace(shares, direct=1.0))[rib]
+    whole = follow(NO_STERNUM, directly(5.0), replace(shares, direct=1.0))[rib]
     head, _ = ends(BONES[rib].vertices, BONES["T6"].vertices)
     np.testing.assert_allclose(whole.apply(head), CURVED["T6"].motion.apply(head), atol=1e-9)
 
 
 def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -> None:
-    bones = {name: bone for name, bone in BONES.items() if name != "sternum" and not name.endswith(("_07", "_09"))}
+    bones = {name: bone for name, bone in NO_STERNUM.items() if not name.endswith(("_07", "_09"))}
     level, some = (follow(bones, CURVED, RibShares(floating=share)) for share in (0.0, 0.5))
 
     def leaned(rib: str) -> float:
@@ -167,7 +146,7 @@ def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -
 
     assert leaned("rib_left_06") == pytest.approx(0.0, abs=1e-12)
     for rib, part in (("rib_left_08", 0.2), ("rib_left_11", 0.8), ("rib_right_12", 1.0)):
-        assert leaned(rib) == pytest.approx(part * 0.5 * CURVED[vertebra(rib)].tilt, abs=2e-3)
+        assert leaned(rib) == pytest.approx(part * 0.5 * split(*CURVED[vertebra(rib)]).tilt, abs=2e-3)
 
 
 @pytest.mark.parametrize("cobb", [40.0, 75.0])
@@ -194,15 +173,14 @@ def test_a_correction_puts_the_costal_margin_back_in_order(cobb: float) -> None:
 
 def test_outer_ends_of_the_highest_ribs_stay_more_level_than_t1() -> None:
     """A part of the tilt the other way makes up for the heads, which the tilt lifts by different heights."""
-    bones = {name: bone for name, bone in BONES.items() if name != "sternum"}
     tilt = RigidTransform.from_rotation(Rotation.from_euler("y", 8.0, degrees=True))
-    way = {"T1": split(tilt, bones["T1"].vertices.mean(axis=0), np.array([0.0, 0.0, 1.0]))}
+    way = {"T1": Vertebra(tilt, np.array([BONES["T1"].vertices.mean(axis=0), [0.0, 0.0, 1.0]]))}
 
     def uneven(upper: float) -> float:
-        motions = follow(bones, way, RibShares(upper=upper))
+        motions = follow(NO_STERNUM, way, RibShares(upper=upper))
         rise = []
         for side, sign in (("left", 1.0), ("right", -1.0)):
-            rib = bones[f"rib_{side}_01"].vertices
+            rib = BONES[f"rib_{side}_01"].vertices
             outer = rib[(sign * rib[:, 0]).argmax()]
             rise.append(motions[f"rib_{side}_01"].apply(outer)[2] - outer[2])
         return abs(rise[0] - rise[1])
@@ -210,21 +188,13 @@ def test_outer_ends_of_the_highest_ribs_stay_more_level_than_t1() -> None:
     assert uneven(-0.5) < 0.85 * uneven(0.0)
 
 
-def test_less_recovery_turns_the_ribs_less() -> None:
-    some, all_ = (follow(BONES, CURVED, RibShares(recovery=share)) for share in (0.6, 1.0))
-    for rib in ("rib_left_08", "rib_right_09"):
-        assert 0.5 < turned(some[rib]) / turned(all_[rib]) < 0.75
-
-
-def test_known_bones_are_given_back_and_lead_the_others() -> None:
+def test_known_bones_lead_the_others() -> None:
     known = {"sternum": RigidTransform.from_translation([0.0, -12.0, 0.0])}
     motions = follow(BONES, CURVED, RibShares(), known)
-    assert motions["sternum"] is known["sternum"]
+    assert "sternum" not in motions
     free = follow(BONES, CURVED, RibShares())
     _, tip = ends(BONES["rib_left_05"].vertices, BONES["T5"].vertices)
     assert np.linalg.norm(motions["rib_left_05"].apply(tip) - free["rib_left_05"].apply(tip)) > 1.0
-    rib = RigidTransform.from_translation([1.0, 2.0, 3.0])
-    assert follow(BONES, CURVED, RibShares(), {"rib_left_05": rib})["rib_left_05"] is rib
 
 
 def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
@@ -254,9 +224,3 @@ def test_what_lies_under_a_shoulder_blade_carries_it() -> None:
 def test_ribs_without_a_vertebra_are_left_out() -> None:
     bones = {name: bone for name, bone in BONES.items() if name != "T4"}
     assert "rib_left_04" not in follow(bones, CURVED, RibShares())
-
-
-@pytest.mark.parametrize(("share", "value"), [("turn", -0.1), ("recovery", 1.1), ("shift", np.nan)])
-def test_a_share_that_no_joint_has_is_refused(share: str, value: float) -> None:
-    with pytest.raises(InputError, match=f"'{share}' must be from"):
-        replace(RibShares(), **{share: value})

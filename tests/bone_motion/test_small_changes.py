@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.bone_motion.steps import ARM, adjoint_matrix, jacobian, shifted, way
-from warp_trunk.bone_motion.vertebra_motion import split
+from warp_trunk.bone_motion.steps import ARM, jacobian, shifted, way
 
 RNG = np.random.default_rng(4)
 MOTION = RigidTransform.from_components([20.0, -5.0, 8.0], Rotation.from_rotvec([0.2, -0.1, 0.3]))
-VERTEBRA = split(MOTION, np.array([3.0, 40.0, 1200.0]), np.array([0.1, -0.2, 1.0]), 0.05)
 
 
-@pytest.mark.parametrize("value", [0.7, RNG.normal(size=(4, 3)), MOTION, (1.0, MOTION), VERTEBRA])
+@pytest.mark.parametrize("value", [0.7, RNG.normal(size=(4, 3)), MOTION])
 def test_the_way_to_a_value_that_was_shifted_is_the_shift(value: object) -> None:
     by = 1e-4 * RNG.normal(size=len(way(value, value)))
     np.testing.assert_allclose(way(value, shifted(value, by)), by, atol=1e-9)
@@ -41,9 +39,3 @@ def test_derivatives_by_each_value_and_through_points_that_are_not_read() -> Non
     there = MOTION.apply(points[1])
     by_turn = np.transpose([np.cross(axis, there) for axis in np.eye(3)]) / ARM
     np.testing.assert_allclose(jacobian(moved, at, 0), 2.0 * np.hstack([by_turn, np.eye(3)]), atol=1e-8)
-
-
-def test_a_small_motion_before_another_one() -> None:
-    small = 1e-4 * RNG.normal(size=6)
-    after_all = way(MOTION, MOTION * shifted(RigidTransform.identity(), small))
-    np.testing.assert_allclose(adjoint_matrix(MOTION) @ small, after_all, atol=1e-10)

@@ -116,17 +116,3 @@ def mesh_of(bones: dict[str, Surface]) -> tuple[TrunkMesh, np.ndarray]:
     owner = np.repeat(np.arange(len(bones)), [len(some) for some in points])
     tets = np.empty((0, 4), dtype=np.int32)
     return TrunkMesh(np.vstack(points), tets, NO_FACES[:, 0], NO_FACES, owner, tuple(bones), NO_FACES), owner
-
-
-def test_a_step_that_changes_nothing_hands_its_value_on() -> None:
-    steps = RememberedSteps(BEFORE.points, AFTER.points)
-    first, second = (steps.rows(points, np.arange(3)) for points in (BEFORE.points, AFTER.points))
-    motion = steps.fit(first, second)
-    assert steps(lambda value: value, motion) is motion
-    weights = np.eye(6)
-    plain = RememberedSteps(BEFORE.points, AFTER.points)
-    same = plain.fit(*[plain.rows(points, np.arange(3)) for points in (BEFORE.points, AFTER.points)])
-    for one, other in zip(steps.adjoint([motion], [weights]), plain.adjoint([same], [weights]), strict=True):
-        np.testing.assert_array_equal(one, other)
-        assert one[:, :3].any()
-        assert not one[:, 3:].any()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
+from functools import partial
+from operator import methodcaller, mul
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +18,7 @@ from warp_trunk.geometry.spline import Spline, fit_spline
 
 from .rib_cage import ends, follow
 from .steps import Steps
-from .vertebra_motion import VertebraMotion, coupled_turns, split
+from .vertebra_motion import Vertebra, coupled_turns
 from .vertebra_smoothing import smooth_vertebrae
 
 if TYPE_CHECKING:
@@ -76,6 +78,8 @@ def bone_motions(
     Raises:
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
+    from scipy.spatial.transform import RigidTransform  # heavy
+
     steps = steps or Steps()
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
     landmarks_after = smooth_vertebrae(landmarks_before, landmarks_after, steps, expected=expected_error)
@@ -85,10 +89,22 @@ def bone_motions(
     for bone in bones:
         if bone not in motions and bone in VERTEBRAE:
             motions[bone] = steps.fit(bones[bone].vertices, steps.carried(spline, bones[bone].vertices))
-    frame = _leaning(bones, motions, steps) if pose == "bending" else _still(motions, pelvis)
-    coupled = coupled_turns(landmarks_before, landmarks_after, steps=steps) if pose == "surgery" else {}
-    shares = shares or RibShares()
-    motions |= _cage(bones, landmarks_before, motions, shares, frame=frame, coupled=coupled, steps=steps)
+    frame = next((motions[bone] for bone in _PELVIS if bone in motions), pelvis)
+    coupled: Mapping[str, float] = {}
+    if pose == "surgery":
+        coupled = coupled_turns(landmarks_before, landmarks_after, steps=steps)
+    else:
+        frame = _leaning(bones, motions, steps)
+    frame = RigidTransform.identity() if frame is None else frame
+    back = steps(methodcaller("inv"), frame)
+    against = {name: steps(mul, back, motion) for name, motion in motions.items()}
+    vertebrae = {
+        name: Vertebra(against[name], _axis(landmarks_before, name, bones[name], steps), coupled.get(name))
+        for name in VERTEBRAE
+        if name in bones
+    }
+    for name, motion in follow(bones, vertebrae, shares or RibShares(), against, steps=steps).items():
+        motions[name] = steps(mul, frame, motion)
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
         motions[bone] = _between_neighbours(bone, bones, motions, spline, steps)
     return {bone: motions[bone] for bone in bones}
@@ -144,14 +160,12 @@ def _between_neighbours(
         return by_spline
     joints = ends(vertices, bones[first].vertices)
     goals = [
-        steps(_moved, motions[first], joints[:1]),
-        steps(_moved, motions[second], joints[1:]) if second in motions else steps.carried(spline, joints[1:]),
+        steps(methodcaller("apply", joints[:1]), motions[first]),
+        steps(methodcaller("apply", joints[1:]), motions[second])
+        if second in motions
+        else steps.carried(spline, joints[1:]),
     ]
     return steps(_held_at_ends, by_spline, joints, *goals)
-
-
-def _moved(motion: RigidTransform, points: np.ndarray) -> np.ndarray:
-    return motion.apply(points)
 
 
 def _held_at_ends(motion: RigidTransform, joints: np.ndarray, *goals: np.ndarray) -> RigidTransform:
@@ -159,21 +173,13 @@ def _held_at_ends(motion: RigidTransform, joints: np.ndarray, *goals: np.ndarray
     return fit_rigid(motion.apply(joints), np.vstack(goals)) * motion
 
 
-def _still(motions: Mapping[str, RigidTransform], pelvis: RigidTransform | None) -> RigidTransform:
-    """The motion of the pelvis."""
-    from scipy.spatial.transform import RigidTransform  # heavy
-
-    found = next((motions[bone] for bone in _PELVIS if bone in motions), pelvis)
-    return RigidTransform.identity() if found is None else found
-
-
-def _leaning(bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], steps: Steps) -> RigidTransform:
+def _leaning(
+    bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], steps: Steps
+) -> RigidTransform | None:
     """The rigid motion in the coronal plane that is nearest to that of the middles of the thoracic vertebrae."""
-    from scipy.spatial.transform import RigidTransform  # heavy
-
-    levels = [level for level in _THORACIC if level in bones and level in motions]
+    levels = [level for level in _THORACIC if level in bones]
     if len(levels) < 2:
-        return RigidTransform.identity()
+        return None
     middles = np.array([bones[level].vertices.mean(axis=0) for level in levels])
     return steps(_in_coronal_plane, middles, *[motions[level] for level in levels])
 
@@ -189,47 +195,13 @@ def _in_coronal_plane(before: np.ndarray, *motions: RigidTransform) -> RigidTran
     return RigidTransform.from_components(way * [1.0, 0.0, 1.0], lean)
 
 
-def _cage(
-    bones: Mapping[str, Surface],
-    landmarks: Landmarks,
-    motions: Mapping[str, RigidTransform],
-    shares: RibShares,
-    *,
-    frame: RigidTransform,
-    coupled: Mapping[str, float],
-    steps: Steps,
-) -> dict[str, RigidTransform]:
-    """Motions of ribs, sternum and shoulder blades, of which some may be known already; shares are of what
-    vertebrae do against a frame."""
-    back = steps(_inverse, frame)
-    against = {name: steps.product(back, motion) for name, motion in motions.items()}
-    vertebrae = {
-        name: steps(_split, against[name], _body(landmarks, name, bones[name], steps), coupled.get(name))
-        for name in VERTEBRAE
-        if name in bones and name in against
-    }
-    followed = follow(bones, vertebrae, shares, against, steps=steps)
-    return {name: steps.product(frame, motion) for name, motion in followed.items()} | {
-        name: motions[name] for name in motions
-    }
-
-
-def _inverse(motion: RigidTransform) -> RigidTransform:
-    return motion.inv()
-
-
-def _body(landmarks: Landmarks, vertebra: str, bone: Surface, steps: Steps) -> np.ndarray:
-    """The upper and lower end of a vertebra's own axis through the centre of its body, shape (2, 3); of the bone
-    and vertical without landmarks."""
+def _axis(landmarks: Landmarks, vertebra: str, bone: Surface, steps: Steps) -> np.ndarray:
+    """The centre of a vertebra and its own axis, shape (2, 3); of the bone and vertical without landmarks."""
     ends = [f"{vertebra}_{end}_endplate" for end in ("superior", "inferior")]
     if set(ends) <= set(landmarks.names):
-        return steps.rows(landmarks.points, np.array([landmarks.index(end) for end in ends]))
-    return bone.vertices.mean(axis=0) + np.array([[0.0, 0.0, 0.5], [0.0, 0.0, -0.5]])
-
-
-def _split(motion: RigidTransform, ends: np.ndarray, coupled: float | None) -> VertebraMotion:
-    """`split` by the ends of a vertebra's own axis."""
-    return split(motion, 0.5 * (ends[0] + ends[1]), ends[0] - ends[1], coupled)
+        rows = steps.rows(landmarks.points, np.array([landmarks.index(end) for end in ends]))
+        return steps(partial(np.matmul, [[0.5, 0.5], [1.0, -1.0]]), rows)
+    return np.array([bone.vertices.mean(axis=0), [0.0, 0.0, 1.0]])
 
 
 def _neighbours(bone: str) -> tuple[str, str]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.engine.trunk_mesh import tet_volumes
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline, spread_centres
 
 if TYPE_CHECKING:
@@ -87,9 +86,8 @@ def spline_path(
         device: where the spline is evaluated, the model's: 'cpu' or 'cuda:N'.
 
     Raises:
-        InputError: names that differ, or landmarks on which no spline can be fitted (see `fit_spline`).
+        InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
-    _check_names(landmarks_before, landmarks_after)
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
     return BonePath(spline.displacement(nodes, device))
 
@@ -105,9 +103,6 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: 
         trunk: the mesh, whose nodes on bone know which bone that is.
         motions: of each bone of the mesh from before to after surgery (`bone_motions`).
         device: as in `spline_path`.
-
-    Raises:
-        InputError: a bone without a motion.
     """
     rigid_bones = _rigid_bones(trunk, motions)
     held = np.flatnonzero(trunk.prescribed)
@@ -117,29 +112,14 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: 
 
 
 def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> np.ndarray:
-    """How far each node on bone moves with its bone, 0 for all others, shape (nodes, 3) [mm].
-
-    InputError where a bone has no motion.
-    """
+    """How far each node on bone moves with its bone, 0 for all others, shape (nodes, 3) [mm]."""
     return BonePath(np.zeros_like(trunk.nodes), _rigid_bones(trunk, motions)).at(1.0)
 
 
 def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> RigidBones:
-    missing = [name for name in trunk.bone_names if name not in motions]
-    if missing:
-        raise InputError(f"rigid_path: 'motions' has none for the bone '{missing[0]}'; give one for each bone")
     nodes = np.flatnonzero(trunk.prescribed)
     screws = np.array([motions[name].as_exp_coords() for name in trunk.bone_names]).reshape(-1, 6)
     return RigidBones(nodes, trunk.nodes[nodes], trunk.bone[nodes], screws)
-
-
-def _check_names(before: Landmarks, after: Landmarks) -> None:
-    if before.names != after.names:
-        differ = sorted(set(before.names) ^ set(after.names)) or ["their order"]
-        raise InputError(
-            "bone path: landmarks before and after must have the same names in the same order; "
-            f"{', '.join(differ[:6])} differ"
-        )
 
 
 _APART = 15.0

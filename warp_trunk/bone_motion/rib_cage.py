@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from warp_trunk.geometry.rigid import fit_rigid, part_of
 
 from .steps import Steps
+from .vertebra_motion import split
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from warp_trunk.case.rib_shares import RibShares
     from warp_trunk.geometry.surface import Surface
 
-    from .vertebra_motion import VertebraMotion
+    from .vertebra_motion import Vertebra
 
 RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
 _TRUE_RIBS = 7
@@ -57,7 +59,7 @@ class _Rib:
 
 def follow(
     bones: Mapping[str, Surface],
-    vertebrae: Mapping[str, VertebraMotion],
+    vertebrae: Mapping[str, Vertebra],
     shares: RibShares,
     known: Mapping[str, RigidTransform] | None = None,
     *,
@@ -78,71 +80,42 @@ def follow(
             `T12`. A rib whose vertebra is missing here, or in `vertebrae`, is left out.
         vertebrae: how they move.
         shares: what of it reaches a rib.
-        known: motions of ribs, sternum and shoulder blades that are known; they are given back, and the others
-            follow them.
+        known: motions of ribs, sternum and shoulder blades that are known, which the others follow.
         growing: whether a curve grows, and bone and cartilage with it, as where it is imposed on straight
             anatomy: the highest and the floating ribs then keep their attitude as others do.
         steps: how steps are taken; just so when left out.
 
     Returns:
-        A motion for each rib that has a vertebra; for the sternum where three ribs reach it, and for each
-        shoulder blade that lies on three ribs [mm].
+        A motion for each other rib that has a vertebra; for the sternum where three ribs reach it, and for each
+        shoulder blade that lies on three ribs, where they are not known [mm].
     """
-    known, steps = known or {}, steps or Steps()
-    ribs = _ribs(bones, vertebrae)
+    known, steps, ribs = known or {}, steps or Steps(), _ribs(bones, vertebrae)
+    found = dict(known)
     depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in ribs.values()), default=1.0)
-    motions = {
-        name: known[name]
-        if name in known
-        else steps(_turned, vertebrae[rib.vertebra], rib, shares, depth, growing)
-        for name, rib in ribs.items()
-    }
-    found = _with_sternum(bones, ribs, motions, known, steps)
-    return found | _blades(bones, found, shares, known, steps)
-
-
-def _with_sternum(
-    bones: Mapping[str, Surface],
-    ribs: Mapping[str, _Rib],
-    motions: Mapping[str, RigidTransform],
-    known: Mapping[str, RigidTransform],
-    steps: Steps,
-) -> dict[str, RigidTransform]:
-    """The motions, that of the sternum among them, and of ribs 1 to 7 within reach of it."""
+    free = {name: rib for name, rib in ribs.items() if name not in found}
+    for name, rib in free.items():
+        found[name] = steps(partial(_turned, rib, shares, depth, growing), *vertebrae[rib.vertebra])
     true = {name: rib for name, rib in ribs.items() if rib.number <= _TRUE_RIBS}
-    if "sternum" not in bones or ("sternum" not in known and len(true) < 3):
-        return dict(motions)
-    tips = [rib.tip[None] for rib in true.values()]
-    sternum = known["sternum"] if "sternum" in known else steps(_as_one, tips, *[motions[name] for name in true])
-    found = {**motions, "sternum": sternum}
-    for name, rib in true.items():
-        if name not in known:
-            anchor = _nearest(bones["sternum"].vertices, rib.tip)
-            found[name] = steps(_reaching, motions[name], rib, anchor, sternum)
-    return found
-
-
-def _blades(
-    bones: Mapping[str, Surface],
-    motions: Mapping[str, RigidTransform],
-    shares: RibShares,
-    known: Mapping[str, RigidTransform],
-    steps: Steps,
-) -> dict[str, RigidTransform]:
-    """Of each shoulder blade that is known, or lies on three ribs."""
-    found = {}
+    if "sternum" in bones and ("sternum" in found or len(true) >= 3):
+        if "sternum" not in found:
+            tips = [rib.tip[None] for rib in true.values()]
+            found["sternum"] = steps(partial(_as_one, tips), *[found[name] for name in true])
+        vertices = bones["sternum"].vertices
+        for name, rib in free.items():
+            if name not in true:
+                continue
+            anchor = vertices[np.linalg.norm(vertices - rib.tip, axis=1).argmin()]
+            found[name] = steps(partial(_reaching, rib, anchor), found[name], found["sternum"])
     for side in ("left", "right"):
-        under = [name for number in _UNDER_SCAPULA if (name := f"rib_{side}_{number:02d}") in motions]
-        blade = f"scapula_{side}"
-        if blade in bones and blade in known:
-            found[blade] = known[blade]
-        elif blade in bones:
-            beneath = {name: _within(_REACH, bones[name].vertices, bones[blade].vertices) for name in under}
-            beneath = {name: points for name, points in beneath.items() if len(points)}
-            if len(beneath) >= 3:
-                carrying = [motions[name] for name in beneath]
-                found[blade] = steps(_ridden, list(beneath.values()), shares.scapula, *carrying)
-    return found
+        blade, under = f"scapula_{side}", [f"rib_{side}_{number:02d}" for number in _UNDER_SCAPULA]
+        if blade not in bones or blade in found:
+            continue
+        near = {rib: _within(_REACH, bones[rib].vertices, bones[blade].vertices) for rib in under if rib in ribs}
+        near = {rib: points for rib, points in near.items() if len(points)}
+        if len(near) >= 3:
+            ridden = steps(partial(_as_one, list(near.values())), *[found[rib] for rib in near])
+            found[blade] = steps(part_of, ridden, shares.scapula)
+    return {name: motion for name, motion in found.items() if name not in known}
 
 
 def _within(reach: float, points: np.ndarray, of: np.ndarray) -> np.ndarray:
@@ -165,7 +138,7 @@ def ends(vertices: np.ndarray, neighbour: np.ndarray) -> np.ndarray:
     return np.array([joint, vertices[far >= far.max() - _END].mean(axis=0)])
 
 
-def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, VertebraMotion]) -> dict[str, _Rib]:
+def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, Vertebra]) -> dict[str, _Rib]:
     found = {}
     for name, bone in bones.items():
         match = RIB.fullmatch(name)
@@ -176,10 +149,19 @@ def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, VertebraMotion])
     return found
 
 
-def _turned(vertebra: VertebraMotion, rib: _Rib, shares: RibShares, depth: float, growing: bool) -> RigidTransform:
+def _turned(
+    rib: _Rib,
+    shares: RibShares,
+    depth: float,
+    growing: bool,
+    motion: RigidTransform,
+    axis: np.ndarray,
+    coupled: float | None,
+) -> RigidTransform:
     """The rib's motion by its shares, before the sternum is taken into account."""
     from scipy.spatial.transform import RigidTransform  # heavy
 
+    vertebra = split(motion, axis, coupled)
     lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))
     turn = (
         shares.recovery * shares.turn * (vertebra.turn - vertebra.direct) + shares.direct * vertebra.direct + lag
@@ -194,7 +176,7 @@ def _turned(vertebra: VertebraMotion, rib: _Rib, shares: RibShares, depth: float
     return RigidTransform.from_components(goal - rotation.apply(rib.head), rotation)
 
 
-def _reaching(motion: RigidTransform, rib: _Rib, anchor: np.ndarray, sternum: RigidTransform) -> RigidTransform:
+def _reaching(rib: _Rib, anchor: np.ndarray, motion: RigidTransform, sternum: RigidTransform) -> RigidTransform:
     """The motion turned about the rib's head by as little as leaves its cartilage its length."""
     from scipy.spatial.transform import RigidTransform, Rotation  # heavy
 
@@ -217,12 +199,3 @@ def _as_one(points: list[np.ndarray], *motions: RigidTransform) -> RigidTransfor
     """The rigid motion nearest to those of some bodies together, by points of each."""
     after = [motion.apply(those) for motion, those in zip(motions, points, strict=True)]
     return fit_rigid(np.vstack(points), np.vstack(after))
-
-
-def _ridden(points: list[np.ndarray], share: float, *motions: RigidTransform) -> RigidTransform:
-    """A share of it."""
-    return part_of(_as_one(points, *motions), share)
-
-
-def _nearest(points: np.ndarray, to: np.ndarray) -> np.ndarray:
-    return points[np.linalg.norm(points - to, axis=1).argmin()]

@@ -8,7 +8,6 @@ where all bones go in all landmarks.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -37,10 +36,6 @@ class Steps:
     def fit(self, before: np.ndarray, after: np.ndarray) -> RigidTransform:
         """`fit_rigid`, of points (n, 3) [mm]."""
         return fit_rigid(before, after)
-
-    def product(self, second: RigidTransform, first: RigidTransform) -> RigidTransform:
-        """One motion after another."""
-        return second * first
 
     def rows(self, points: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Some of the landmarks, shape (rows, 3) [mm]; `points` are all landmarks before, or all after, or what a
@@ -84,14 +79,6 @@ class RememberedSteps(Steps):
             return [one.reshape(len(weight), -1) for one in both]
 
         return self._taken(super().fit(before, after), (before, after), pull_back)
-
-    def product(self, second: RigidTransform, first: RigidTransform) -> RigidTransform:
-        """Also remembers them; the derivative is known in closed form."""
-
-        def pull_back(weight: np.ndarray) -> list[np.ndarray]:
-            return [weight, weight @ adjoint_matrix(second)]
-
-        return self._taken(super().product(second, first), (second, first), pull_back)
 
     def rows(self, points: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Also remembers which they are."""
@@ -172,46 +159,21 @@ _OBLIQUE = np.array([0.7, 0.5, 0.3])
 
 
 def way(start: Any, end: Any) -> np.ndarray:
-    """The numbers that lead from one value to another one near it, shape (numbers,).
+    """The numbers that lead from a number, array or motion to another one near it, shape (numbers,).
 
     Those of a motion are the turn and the shift that lead on from it, about the origin: turn * ARM, shift [mm].
     """
     if isinstance(start, float | np.ndarray):
         return np.ravel(np.subtract(end, start))
-    if isinstance(start, dict):
-        return _joined([way(value, end[name]) for name, value in start.items()])
-    if is_dataclass(start):
-        return _joined([way(getattr(start, one.name), getattr(end, one.name)) for one in fields(start)])
-    if isinstance(start, tuple):
-        return _joined([way(*pair) for pair in zip(start, end, strict=True)])
     there = (end * start.inv()).as_exp_coords()
     return np.concatenate([ARM * there[:3], there[3:]])
 
 
 def shifted(value: Any, by: np.ndarray) -> Any:
     """The value to which these numbers lead (`way`)."""
-    if isinstance(value, float):
-        return value + float(by[0])
-    if isinstance(value, np.ndarray):
-        return value + by.reshape(value.shape)
-    if isinstance(value, dict):
-        return dict(zip(value, _each(tuple(value.values()), by), strict=True))
-    if is_dataclass(value):
-        names = [one.name for one in fields(value)]
-        parts = _each(tuple(getattr(value, name) for name in names), by)
-        return type(value)(**dict(zip(names, parts, strict=True)))
-    if isinstance(value, tuple):
-        return tuple(_each(value, by))
+    if isinstance(value, float | np.ndarray):
+        return value + (by.reshape(value.shape) if isinstance(value, np.ndarray) else float(by[0]))
     return type(value).from_exp_coords(np.concatenate([by[:3] / ARM, by[3:]])) * value
-
-
-def adjoint_matrix(motion: RigidTransform) -> np.ndarray:
-    """The numbers of a small motion after this one, by those of the same one before it, shape (6, 6)."""
-    turn, shift = motion.rotation.as_matrix(), motion.translation
-    found = np.zeros((6, 6))
-    found[:3, :3] = found[3:, 3:] = turn
-    found[3:, :3] = np.cross(shift, turn, axisb=0, axisc=0) / ARM
-    return found
 
 
 def jacobian(function: Callable[..., Any], values: Sequence[Any], which: int) -> np.ndarray:
@@ -236,16 +198,6 @@ def jacobian(function: Callable[..., Any], values: Sequence[Any], which: int) ->
         for column, row in enumerate(rows, start):
             found[:, column] = way(result(-STEP * row), result(STEP * row)) / (2.0 * STEP)
     return found
-
-
-def _each(values: tuple[Any, ...], by: np.ndarray) -> list[Any]:
-    """Each value shifted by its part of the numbers."""
-    ends = np.cumsum([len(way(value, value)) for value in values])
-    return [shifted(value, part) for value, part in zip(values, np.split(by, ends[:-1]), strict=True)]
-
-
-def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate(parts) if parts else np.empty(0)
 
 
 PathDerivative = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

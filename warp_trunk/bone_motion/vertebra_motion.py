@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,17 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
     from warp_trunk.case.landmarks import Landmarks
+
+
+class Vertebra(NamedTuple):
+    """A vertebra that leads its ribs."""
+
+    motion: RigidTransform
+    """Its motion, the pelvis at rest [mm]."""
+    axis: np.ndarray
+    """Its centre, and its own axis upward, of any length, before, shape (2, 3) [mm]."""
+    coupled: float | None = None
+    """The turn that comes with the change of its curve [rad]; all of the turn when left out."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +74,7 @@ class VertebraMotion:
         return self.motion.apply(self.middle + back.apply(point - self.middle))
 
 
-def split(
-    motion: RigidTransform, centre: np.ndarray, axis: np.ndarray, coupled: float | None = None
-) -> VertebraMotion:
+def split(motion: RigidTransform, axis: np.ndarray, coupled: float | None = None) -> VertebraMotion:
     """The parts of a vertebra's motion.
 
     With z the axis in the vertebra's own frame, its attitude is A = Ry(tilt) Rx(flexion) Rz(turn). Tilt and
@@ -74,12 +83,12 @@ def split(
 
     Args:
         motion: of the vertebra, the pelvis at rest [mm].
-        centre: a point in its middle, before, shape (3,) [mm].
-        axis: its own axis before, upward, shape (3,), of any length.
+        axis: its centre, and its own axis upward, of any length, before, shape (2, 3) [mm].
         coupled: the turn that comes with the change of its curve (`coupled_turn.coupled_turns`) [rad]; all of the
             turn when left out.
     """
-    before, after = _leaning(axis), _leaning(motion.rotation.apply(axis))
+    centre, upward = axis
+    before, after = _leaning(upward), _leaning(motion.rotation.apply(upward))
     turn = (_attitude(*after).inv() * motion.rotation * _attitude(*before)).as_rotvec()[2]
     return VertebraMotion(
         motion=motion,

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from warp_trunk.bone_motion.rib_cage import follow
-from warp_trunk.bone_motion.vertebra_motion import split
+from warp_trunk.bone_motion.vertebra_motion import Vertebra
 from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.preparation.deformity.guiding_points import guiding_points
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
@@ -59,7 +59,7 @@ def test_backs_of_ribs_go_back_on_the_convex_side_and_forward_on_the_other() -> 
 def test_ribs_grow_with_all_of_the_shares() -> None:
     poses = vertebra_poses(LANDMARKS, SpineCurve(cobb=60.0))
     before, after = guides(60.0, ("rib_right_08",))
-    moving = {name: split(pose.motion, pose.before, pose.axis) for name, pose in poses.items()}
+    moving = {name: Vertebra(pose.motion, np.array([pose.before, pose.axis])) for name, pose in poses.items()}
     cage = {name: BONES[name] for name in ("T8", "rib_right_08")}
     motion = follow(cage, moving, RibShares(recovery=1.0), growing=True)["rib_right_08"]
     np.testing.assert_allclose(after, motion.apply(before), atol=1e-9)

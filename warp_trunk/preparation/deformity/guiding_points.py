@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.bone_motion.rib_cage import follow
-from warp_trunk.bone_motion.vertebra_motion import split
+from warp_trunk.bone_motion.vertebra_motion import Vertebra
 from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.shoulders import upper_outline
@@ -103,7 +103,7 @@ def guiding_points(
         landmarks: points the spline already holds, (m, 3) [mm].
     """
     moving = {name: pose for name, pose in poses.items() if not pose.still}
-    vertebrae = {name: split(pose.motion, pose.before, pose.axis) for name, pose in poses.items()}
+    vertebrae = {name: Vertebra(pose.motion, np.array([pose.before, pose.axis])) for name, pose in poses.items()}
     motions = follow(bones, vertebrae, GROWTH, growing=True)
     before, after = [np.empty((0, 3))], [np.empty((0, 3))]
     for name, bone in bones.items():
