@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -48,8 +49,7 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
         marks.of_bone("T8").points.mean(axis=0) for marks in (planned.landmarks_before, planned.landmarks_after)
     ]
     np.testing.assert_allclose(t8["shift"], centres[1] - centres[0], atol=1e-9)
-    assert "T5-T12 right, planned" in said
-    assert "55.0 to 19.2" in said
+    assert re.search(r"Cobb angle T5 to T12 \[°\] +55 +19 ", said)
     assert f"warp-trunk simulate {folder / 'planned'}" in said
 
 
@@ -144,8 +144,5 @@ def test_prediction_tells_of_the_back(
     assert plan(folder, "predicted", "--plan", str(folder / "plan.toml"), *run) == 0
     said = capsys.readouterr().out
     assert (folder / "results" / "predicted" / "summary.json").is_file()
-    rows = {line[:32].strip(): line.split()[-3:] for line in said.splitlines() if "[" in line}
-    for name in ("largest thoracic rotation [°]", "largest hump [mm]", "right shoulder higher by [mm]"):
-        before, predicted, change = map(float, rows[name])
-        assert change == pytest.approx(predicted - before, abs=0.11)
-    assert float(rows["largest thoracic rotation [°]"][1]) < float(rows["largest thoracic rotation [°]"][0])
+    assert re.search(r"Rotation of the back \(BSR\), largest from T1 to T12 \[°\] +14 right +\d.* right +−", said)
+    assert re.search(r"Hump, largest \[mm\] +15 right", said)

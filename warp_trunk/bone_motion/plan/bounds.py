@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import number
 
-from .record import CurvePlan, Plan
+from .record import Plan
 
 TARGETS = ("correction", "derotation")
 """The targets of a curve that can be left open."""
@@ -28,17 +28,14 @@ class Bound:
     """Greatest share, 0 to 1."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for another target, a share out of range, or an empty range."""
-        where = f"--within {self.apex}"
+        """Raises InputError for another target, shares out of range, or an empty range."""
+        where = f"--within {self.apex}: '{self.target}'"
         if self.target not in TARGETS:
-            raise InputError(f"{where}: '{self.target}' must be {' or '.join(TARGETS)}; correct it")
-        for value in (self.low, self.high):
-            if not 0.0 <= value <= 1.0:  # nor is NaN
-                raise InputError(f"{where}: '{self.target}' must be shares from 0 to 1, not {value:g}; correct it")
-        if not self.low < self.high:
+            raise InputError(f"{where} must be {' or '.join(TARGETS)}; correct it")
+        if not 0.0 <= self.low < self.high <= 1.0:  # nor is NaN
             raise InputError(
-                f"{where}: '{self.target}' must go from a smaller share to a larger one, not from {self.low:g} to "
-                f"{self.high:g}; what is not to change needs no bound"
+                f"{where} must go from a smaller share to a larger one within 0 to 1, not from {self.low:g} to "
+                f"{self.high:g}; correct it, or leave out what is not to change"
             )
 
 
@@ -52,14 +49,13 @@ def bounds_of_text(text: str) -> tuple[Bound, ...]:
     found = []
     for part in parts:
         target, _, ends = part.partition("=")
-        low, _, high = ends.partition("..")
         try:
-            least, greatest = number(low), number(high)
+            low, high = map(number, ends.split(".."))
         except ValueError:
             raise InputError(
                 f"--within {text}: '{part}' must be a name, = and two numbers, as correction=0.5..0.8"
             ) from None
-        found.append(Bound(apex=apex, target=target.strip(), low=least, high=greatest))
+        found.append(Bound(apex=apex, target=target.strip(), low=low, high=high))
     if not found:
         raise InputError(f"--within {text}: bounds nothing; write what may change, as {apex},correction=0.5..0.8")
     return tuple(found)
@@ -69,9 +65,10 @@ def check_bounds(plan: Plan, bounds: Sequence[Bound]) -> None:
     """Raise InputError for no bounds, two of one share, or one of a share that the plan does not give."""
     if not bounds:
         raise InputError("--within: says nothing; give what may change, as T8,correction=0.5..0.8")
-    for place, bound in enumerate(bounds):
+    named = [(bound.apex, bound.target) for bound in bounds]
+    for bound in bounds:
         where = f"--within {bound.apex}: '{bound.target}'"
-        if any((one.apex, one.target) == (bound.apex, bound.target) for one in bounds[:place]):
+        if named.count((bound.apex, bound.target)) > 1:
             raise InputError(f"{where} is bounded twice; give each bound once")
         if _given(plan, bound) is None:
             raise InputError(
@@ -87,13 +84,11 @@ def shares_of(plan: Plan, bounds: Sequence[Bound]) -> tuple[float, ...]:
 
 def with_shares(plan: Plan, bounds: Sequence[Bound], shares: Sequence[float]) -> Plan:
     """The plan with other shares for its bounds."""
-    curves = list(plan.curves)
+    curves = {curve.apex: curve for curve in plan.curves}
     for bound, share in zip(bounds, shares, strict=True):
-        row = next(row for row, curve in enumerate(curves) if curve.apex == bound.apex)
-        curves[row] = replace(curves[row], **{bound.target: float(share)})
-    return replace(plan, curves=tuple(curves))
+        curves[bound.apex] = replace(curves[bound.apex], **{bound.target: float(share)})
+    return replace(plan, curves=tuple(curves.values()))
 
 
 def _given(plan: Plan, bound: Bound) -> float | None:
-    curve: CurvePlan | None = next((curve for curve in plan.curves if curve.apex == bound.apex), None)
-    return None if curve is None else getattr(curve, bound.target)
+    return next((getattr(curve, bound.target) for curve in plan.curves if curve.apex == bound.apex), None)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case import write_case
 from warp_trunk.case.case_writer import HEADER, refuse_case
-from warp_trunk.case.keys import is_number, refuse_unknown, shown
+from warp_trunk.case.keys import refuse_unknown
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import number, read_text
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 _MOST = 1_000_000
 """No plan.toml is longer than this [bytes]."""
-WORDS = ("apex", "uiv", "liv", "unfused", "balance")
-"""Keys whose values are text; all others are numbers."""
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -53,8 +51,7 @@ def read_plan(path: str | Path) -> Plan:
     if not (isinstance(curves, list) and all(isinstance(curve, dict) for curve in curves)):
         raise InputError(f"{path}: 'curve' must be tables, [[curve]] before each; correct it")
     try:
-        refuse_unknown(path, table, [*_keys(Plan)[:-1], "curve"], "")
-        _check_values(table)
+        refuse_unknown(path, table, [*_keys(Plan), "curve"], "")
         for key in ("uiv", "liv"):
             if key not in table:
                 raise InputError(f"'{key}' is missing; a plan says which levels are fused, so add it")
@@ -66,7 +63,6 @@ def read_plan(path: str | Path) -> Plan:
 
 def _curve(path: Path, table: dict[str, Any]) -> CurvePlan:
     refuse_unknown(path, table, _keys(CurvePlan), "curve.")
-    _check_values(table)
     if "apex" not in table:
         raise InputError("a curve has no 'apex'; name its apical vertebra")
     return CurvePlan(**table)
@@ -92,21 +88,13 @@ def curve_of_text(text: str) -> CurvePlan:
 
 
 def _keys(record: type) -> list[str]:
-    """Names of the fields, that of the curves last."""
-    return sorted((field.name for field in dataclasses.fields(record)), key=lambda name: name == "curves")
-
-
-def _check_values(table: dict[str, Any]) -> None:
-    for key, value in table.items():
-        if not (isinstance(value, str) if key in WORDS else is_number(value)):
-            raise InputError(
-                f"'{key}' must be {'text' if key in WORDS else 'a number'}, not {shown(value)}; correct it"
-            )
+    """Names of the fields that are written as keys."""
+    return [field.name for field in dataclasses.fields(record) if field.name != "curves"]
 
 
 def plan_text(plan: Plan) -> str:
     """The text of a plan.toml that `read_plan` reads back to the last bit."""
-    tables = [("", {name: getattr(plan, name) for name in _keys(Plan)[:-1]})]
+    tables = [("", {name: getattr(plan, name) for name in _keys(Plan)})]
     tables += [("\n[[curve]]\n", dataclasses.asdict(curve)) for curve in plan.curves]
     return "".join(
         head + "".join(f"{key} = {_value(value)}\n" for key, value in table.items() if value is not None)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.spline import spline_response
+from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after, vertebral_tilt
 from warp_trunk.measures.spine import asis_axis, spine_of
@@ -23,10 +22,8 @@ from .targets import curves_of_plan, targets_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.measures.spine import Spine
 
     from .record import Plan
-    from .targets import Curve
 
 _PELVIS = ("asis", "hip", "sacrum", "S1", "coccyx", "femur")
 """Bones that stay, by how their landmarks begin."""
@@ -87,93 +84,70 @@ class Planner:
         after = self._carried(change)
         there = spine_of(after)
         rotation = axial_rotation(there, self._across)
-        motions = self._curve_motions(curves, after, rotation)
+        angles = curves_after([curve.before for curve in curves], after)
+        motions = []
+        for curve, angle in zip(curves, angles, strict=True):
+            turned = self._turned(curve.before.apex if curve.plan is None else curve.plan.apex, rotation)
+            motions.append(
+                CurveMotion(curve.before, curve.plan is not None, angle or 0.0, turned, curve.flexibility)
+            )
+        seen = change * [1.0, 1.0, -1.0]  # a turn has the sign of axial rotation
+        moved = np.stack([there.centroids - self._spine.centroids, seen, segments(seen)], axis=1).tolist()
+        vertebrae = [
+            VertebraMotion(
+                level,
+                upper <= row <= lower,
+                tuple(shift),
+                tuple(turn),
+                tuple(segment),
+                self._turned(level, rotation),
+            )
+            for row, (level, (shift, turn, segment)) in enumerate(zip(there.levels, moved, strict=True))
+        ]
         return PlannedSurgery(
             plan=plan,
             landmarks_before=before,
             landmarks_after=after,
-            vertebrae=self._vertebrae(there, rotation, change, range(upper, lower + 1)),
-            curves=motions,
-            warnings=(*_open_ends(motions, plan), *_warnings(motions, beyond_reach(before, after, self._films))),
+            vertebrae=tuple(vertebrae),
+            curves=tuple(motions),
+            warnings=_warnings(motions, plan, beyond_reach(before, after, self._films)),
         )
+
+    def _turned(self, level: str, after: dict[str, float | None]) -> tuple[float, float]:
+        """Axial rotation of a vertebra before and after [degrees]."""
+        return self._rotation[level] or 0.0, after[level] or 0.0
 
     def _carried(self, change: np.ndarray) -> Landmarks:
         """Landmarks of vertebrae go with them, those of the pelvis stay, others by a spline through both."""
-        before = self._before
+        before, still = self._before, self._limits.still
         if not change.any():
             return before
         points, placed = before.points.copy(), Placed(self._posture, change)
-        own, owner, local = self._own
-        points[own] = np.einsum("kij,kj->ki", placed.frames[owner], local) + placed.endplates[owner, 1]
-        held, response = self._others
-        points[~held] += response @ (points[held] - before.points[held])
-        return Landmarks(before.names, points)
-
-    @cached_property
-    def _own(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The landmarks of vertebrae, the row of the vertebra of each, and where each is in its frame."""
-        still, before = self._limits.still, self._before
         rows = {level: row for row, level in enumerate(self._posture.levels)}
         owners = np.array([rows.get(name.partition("_")[0], -1) for name in before.names])
         own = np.flatnonzero(owners >= 0)
         owner = owners[own]
-        arms = before.points[own] - still.endplates[owner, 1]
-        return own, owner, np.einsum("kji,kj->ki", still.frames[owner], arms)
-
-    @cached_property
-    def _others(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which landmarks are of spine and pelvis, and how the others move with these (`spline_response`)."""
-        before = self._before
+        arms = points[own] - still.endplates[owner, 1]
+        turned = placed.frames[owner] @ (still.frames[owner].transpose(0, 2, 1) @ arms[:, :, None])
+        points[own] = turned[:, :, 0] + placed.endplates[owner, 1]
         held = np.array([name.startswith(_PELVIS) for name in before.names])
-        held[self._own[0]] = True
-        if held.all():
-            return held, np.empty((0, len(held)))
-        return held, spline_response(before.points[held], before.points[~held])
-
-    def _vertebrae(
-        self, there: Spine, rotation: dict[str, float | None], change: np.ndarray, fused: range
-    ) -> tuple[VertebraMotion, ...]:
-        seen = change * [1.0, 1.0, -1.0]  # a turn has the sign of axial rotation
-        moved = np.stack([there.centroids - self._spine.centroids, seen, segments(seen)], axis=1).tolist()
-        return tuple(
-            VertebraMotion(
-                level=level,
-                fused=row in fused,
-                shift=tuple(shift),
-                turn=tuple(turn),
-                segment=tuple(segment),
-                rotation=(self._rotation[level] or 0.0, rotation[level] or 0.0),
-            )
-            for row, (level, (shift, turn, segment)) in enumerate(zip(there.levels, moved, strict=True))
-        )
-
-    def _curve_motions(
-        self, curves: tuple[Curve, ...], after: Landmarks, rotation: dict[str, float | None]
-    ) -> tuple[CurveMotion, ...]:
-        angles = curves_after([curve.before for curve in curves], after)
-        found = []
-        for curve, angle in zip(curves, angles, strict=True):
-            apex = curve.before.apex if curve.plan is None else curve.plan.apex
-            turned = (self._rotation[apex] or 0.0, rotation[apex] or 0.0)
-            found.append(
-                CurveMotion(curve.before, curve.plan is not None, angle or 0.0, turned, curve.flexibility)
-            )
-        return tuple(found)
+        held[own] = True
+        if not held.all():
+            carried = fit_spline(before.points[held], points[held])
+            points[~held] = carried(points[~held])
+        return Landmarks(before.names, points)
 
 
-def _open_ends(curves: tuple[CurveMotion, ...], plan: Plan) -> tuple[str, ...]:
-    return tuple(
+def _warnings(curves: Sequence[CurveMotion], plan: Plan, beyond: dict[str, float]) -> tuple[str, ...]:
+    said = [
         f"the curve {curve.before.upper} to {curve.before.lower} is fused from {plan.uiv} to {plan.liv} only; "
         "its other segments are taken to follow as if they were fused"
         for curve in curves
         if curve.planned
         and plan.unfused == "follow"
         and not rank(plan.uiv) <= rank(curve.before.upper) < rank(curve.before.lower) <= rank(plan.liv)
-    )
-
-
-def _warnings(curves: tuple[CurveMotion, ...], beyond: dict[str, float]) -> tuple[str, ...]:
-    said = [
+    ]
+    said += [
         f"the curve {curve.before.upper} to {curve.before.lower} grows from {curve.before.angle:.1f} to "
         f"{abs(curve.cobb_after):.1f} degrees; plan it, or fuse other levels"
         for curve in curves

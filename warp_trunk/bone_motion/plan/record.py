@@ -11,11 +11,11 @@ from typing import Literal
 
 from warp_trunk.errors import InputError
 
-MOST_COBB = 120.0
-"""No curve is larger than this after surgery [degrees]."""
-MOST_OVER = 30.0
-"""No curve is planned further than this to the other side, nor its rotation [degrees]."""
 _RANGES = {
+    "correction": (0.0, 1.0, ""),
+    "cobb_after": (-30.0, 120.0, "degrees"),
+    "derotation": (0.0, 1.0, ""),
+    "rotation_after": (-30.0, 60.0, "degrees"),
     "kyphosis_T5_T12": (0.0, 90.0, "degrees"),
     "lordosis_L1_L5": (0.0, 90.0, "degrees"),
     "spontaneous": (0.0, 1.0, ""),
@@ -46,16 +46,11 @@ class CurvePlan:
 
     def __post_init__(self) -> None:
         """Raises InputError for a value out of range, or a target given twice."""
-        where = f"curve {self.apex}"
         _check_level(self.apex, "curve: 'apex'")
-        for share, after, most in (
-            ("correction", "cobb_after", MOST_COBB),
-            ("derotation", "rotation_after", 60.0),
-        ):
+        for share, after in (("correction", "cobb_after"), ("derotation", "rotation_after")):
             if getattr(self, share) is not None and getattr(self, after) is not None:
-                raise InputError(f"{where}: '{share}' and '{after}' say the same; give one of them")
-            _check_range(self, share, 0.0, 1.0, "", where=where)
-            _check_range(self, after, -MOST_OVER, most, "degrees", where=where)
+                raise InputError(f"curve {self.apex}: '{share}' and '{after}' say the same; give one of them")
+        _check_ranges(self, f"curve {self.apex}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,8 +91,7 @@ class Plan:
             raise InputError(
                 f"plan: 'uiv' must lie above 'liv', but {self.uiv} is not above {self.liv}; change them"
             )
-        for name, (low, high, unit) in _RANGES.items():
-            _check_range(self, name, low, high, unit, where="plan")
+        _check_ranges(self, "plan")
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise InputError(f"plan: '{name}' must be {' or '.join(allowed)}, not {getattr(self, name)!r}")
@@ -124,13 +118,16 @@ def _check_level(level: object, what: str) -> None:
         raise InputError(f"{what} must be a vertebra such as T4 or L1, not {level!r}; correct it")
 
 
-def _check_range(record: object, name: str, low: float, high: float, unit: str, *, where: str) -> None:
-    value = getattr(record, name)
-    if value is None:
-        return
-    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    if not number or not low <= value <= high:
-        cure = f"; the nearest is {min(max(value, low), high):g}" if number else ""
-        if number and high == 1.0 and 1.0 < value <= 100.0:  # a share
-            cure = f"; for {value:g} % write {value / 100.0:g}"
-        raise InputError(f"{where}: '{name}' must be {low:g} to {high:g} {unit}".rstrip() + f", not {value}{cure}")
+def _check_ranges(record: CurvePlan | Plan, where: str) -> None:
+    for name, (low, high, unit) in _RANGES.items():
+        value = getattr(record, name, None)
+        if value is None:
+            continue
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if not number or not low <= value <= high:
+            cure = f"; the nearest is {min(max(value, low), high):g}" if number else ""
+            if number and high == 1.0 and 1.0 < value <= 100.0:  # a share
+                cure = f"; for {value:g} % write {value / 100.0:g}"
+            raise InputError(
+                f"{where}: '{name}' must be {low:g} to {high:g} {unit}".rstrip() + f", not {value}{cure}"
+            )
