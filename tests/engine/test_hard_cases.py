@@ -3,197 +3,292 @@
 A claim of CONVERGED is checked against an equilibrium of an energy written apart (tests/support/reference.py).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pytest
+from search_false_claims import judge
 
-from support.hard_cases import (
-    Case,
-    Ending,
-    crushed,
-    end,
-    far_away,
-    flat_tet_on_top,
-    graded,
-    mirrored,
-    no_free_node,
-    noisy,
-    reference,
-    single_free_node,
-    straightened,
-    true_error,
-    turned_block,
-    turned_bone,
-    twisted,
-)
-from support.meshes import block, trunk
-from support.reference import volumes
-from warp_trunk.engine.build import build_model
-from warp_trunk.engine.relaxation import RelaxStatus
+from support.continuum import Continuum
+from support.meshes import block, block_with_bone, grid, rotate, rotation, single_tet, trunk
+from support.models import held_turned, increments, model_of, relax
+from support.reference import Reference, volumes
+from warp_trunk.engine.relaxation import Relaxation, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.errors import InputError
 
-CASES: dict[str, Callable[[], Case]] = {
-    "start with 10 % inverted": lambda: noisy(0.1),
+SLIDE = np.array([2.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A trunk and a motion, relaxed from a start or led along a path."""
+
+    trunk: TrunkMesh
+    displacement: np.ndarray
+    """Where the relaxation starts, or with increments where the path of the bones ends [mm]."""
+    count: int = 0
+    """Of increments."""
+    tissue: Tissue = field(default_factory=Tissue)
+    tolerance: float = 0.01
+    most_steps: int = 150
+    threads: int = 1
+    """Not as many as there are cores: each number of threads adds up in its own order, and rounds its own way."""
+    options: dict[str, Any] = field(default_factory=dict)
+    """Of the model: energy, precision, gravity."""
+
+    def end(self) -> tuple[Relaxation, np.ndarray]:
+        """How it ends, and where."""
+        options = {"precision": "float32", **self.options}
+        model = model_of(self.trunk, self.tissue, self.threads, **options)
+        limits = {"tolerance": self.tolerance, "max_steps": self.most_steps}
+        if not self.count:
+            return relax(model, self.displacement, **limits)
+        last = increments(model, self.displacement, self.count, **limits)[-1]
+        assert last.number == self.count
+        return last.relaxation, last.displacement
+
+
+def noisy(**options: Any) -> Case:
+    """A start with about a tenth of the tetrahedra inverted."""
+    mesh = block()
+    noise = np.random.default_rng(0).normal(size=mesh.nodes.shape) * ~mesh.prescribed[:, None]
+    scales = np.linspace(0.1, 20.0, 200)
+    inverted = [(volumes(mesh.nodes + s * noise, mesh.tets) <= 0.0).mean() for s in scales]
+    return Case(mesh, scales[int(np.argmin(np.abs(np.array(inverted) - 0.1)))] * noise, **options)
+
+
+def mirrored() -> Case:
+    """The tissue starts as its mirror image below the bone: every tetrahedron is inverted."""
+    mesh = block(jitter=0.0)
+    return Case(mesh, mesh.nodes * [0.0, 0.0, -2.0])
+
+
+def flat_tet_on_top(sliver: bool) -> Case:
+    """On the top face lies a tetrahedron with dihedral angles of 0.1 degree: on a square, or on a triangle."""
+    nodes, tets, _ = grid((2, 2, 2), 10.0)
+    height = 10.0 * np.tan(np.radians(0.1))
+    at = {tuple(position): number for number, position in enumerate((nodes / 10.0).astype(int).tolist())}
+    a, b, c, d = (at[position] for position in ((1, 1, 2), (2, 1, 2), (2, 2, 2), (1, 2, 2)))
+    if sliver:
+        nodes[d, 2] += height
+    else:
+        nodes = np.vstack([nodes, (nodes[a] + nodes[b] + nodes[c]) / 3.0 + [0.0, 0.0, height / 3.0]])
+        d = len(nodes) - 1
+    mesh = trunk(nodes, np.vstack([tets, [[a, b, c, d]]]), nodes[:, 2] == 0.0)
+    assert 0.0 < volumes(mesh.nodes, mesh.tets)[-1] < 3.0
+    return Case(mesh, np.where(mesh.prescribed[:, None], rotate(nodes, 20.0, (0.2, 0.1, 1.0)) - nodes, 0.0))
+
+
+def graded() -> Case:
+    """Edges from 0.001 to 17 mm in one mesh, 1 : 1e4 also within a tetrahedron; its steps need long solves."""
+    nodes, tets, _ = grid((3, 3, 3), 1.0)
+    where = np.array([0.0, 1e-3, 0.1, 10.0])
+    nodes = where[nodes.astype(int)]
+    mesh = trunk(nodes, tets, nodes[:, 2] == where[-1])
+    start = np.where(mesh.prescribed[:, None], [1.0, 0.0, 2.0], 0.0)
+    return Case(mesh, start, most_steps=40, options={"precision": "float64"})
+
+
+def turned_block(scale: float = 1.0, tissue: Tissue | None = None, away: float = 0.0, **options: Any) -> Case:
+    """The lowest face turns and slides by a few millimetres."""
+    mesh = block((2, 2, 3))
+    moved = rotate(mesh.nodes, 15.0, (1.0, 0.3, 1.0)) - mesh.nodes + SLIDE
+    start = scale * np.where(mesh.prescribed[:, None], moved, 0.0)
+    mesh = replace(mesh, nodes=scale * mesh.nodes + away)
+    return Case(mesh, start, tissue=tissue or Tissue(), tolerance=0.01 * scale, options=options)
+
+
+def twisted(count: int, **options: Any) -> Case:
+    """Both ends of a bar are bone; one is turned by 90 degrees about the bar, the tissue carried in proportion."""
+    mesh = block((2, 2, 4), jitter=0.1)
+    top = mesh.nodes[:, 2] > 35.0
+    mesh.bone[top] = 0
+    share = np.where(mesh.prescribed, top, mesh.nodes[:, 2] / 40.0)
+    path = np.stack([rotation(90.0 * s) @ (x - [10, 10, 0]) for s, x in zip(share, mesh.nodes, strict=True)])
+    return Case(mesh, path + np.array([10.0, 10.0, 0.0]) - mesh.nodes, count, **options)
+
+
+def turned_bone(count: int) -> Case:
+    """A bone inside turns by 90 degrees in its place, and no tissue is carried with it."""
+    mesh = block_with_bone((3, 3, 3), holes=((1, 1, 1),))
+    return Case(mesh, held_turned(mesh, 90.0), count)
+
+
+def crushed(count: int) -> Case:
+    """One bone is moved onto and through another: the tissue between has nowhere to go."""
+    mesh = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
+    return Case(mesh, np.where((mesh.bone == 1)[:, None], [-25.0, 0.0, 0.0], 0.0), count)
+
+
+def straightened() -> Case:
+    """A column of five bones, bent by 110 degrees at rest, becomes straight."""
+    straight = block_with_bone((3, 3, 9), size=10.0, holes=tuple((1, 1, z) for z in (0, 2, 4, 6, 8)))
+    radius = 90.0 / np.radians(110.0)
+    angle = straight.nodes[:, 2] / radius
+    arm = radius - (straight.nodes[:, 0] - 15.0)
+    bent = np.column_stack([radius - arm * np.cos(angle), straight.nodes[:, 1], arm * np.sin(angle)])
+    return Case(replace(straight, nodes=bent), straight.nodes - bent, 10, tolerance=0.02)
+
+
+def single_free_node() -> Case:
+    mesh = single_tet()
+    return Case(mesh, held_turned(mesh, 40.0, axis=(1.0, 1.0, 0.0)))
+
+
+def no_free_node() -> Case:
+    mesh = single_tet((0, 1, 2, 3))
+    return Case(mesh, np.zeros_like(mesh.nodes) + SLIDE)
+
+
+def stiff_and_far(
+    cells: Any, jitter: float, turn: float, axis: Any, shift: Any, noise: float, **options: Any
+) -> Case:
+    """A block with volume a hundred times as stiff as usual, turned and shifted far from a start with noise."""
+    mesh = block(cells, jitter=jitter)
+    start = noise * np.random.default_rng(1).normal(size=mesh.nodes.shape)
+    start = np.where(mesh.prescribed[:, None], rotate(mesh.nodes, turn, axis) + shift - mesh.nodes, start)
+    return Case(mesh, start, tissue=Tissue(theta=1000.0), options=options)
+
+
+def nu(ratio: float) -> Tissue:
+    return Tissue(poisson_ratio=ratio)
+
+
+BOTH: dict[str, Callable[[], Case]] = {
+    "start with 10 % inverted": noisy,
     "start with all inverted (mirrored)": mirrored,
     "sliver, 0.1 degree": lambda: flat_tet_on_top(sliver=True),
     "nearly flat tetrahedron, 0.1 degree": lambda: flat_tet_on_top(sliver=False),
     "edge lengths 1 : 1e4": graded,
-    "theta 0": lambda: turned_block(Tissue(theta=0.0)),
-    "theta 1e3": lambda: turned_block(Tissue(theta=1e3)),
-    "theta 1e5": lambda: turned_block(Tissue(theta=1e5)),
-    "theta 1e5, float64": lambda: turned_block(Tissue(theta=1e5), precision="float64"),
-    "epsilon 0": lambda: turned_block(Tissue(epsilon=0.0)),
-    "epsilon 0 and theta 0": lambda: turned_block(Tissue(epsilon=0.0, theta=0.0)),
     "gravity 1e3 m/s^2": lambda: turned_block(gravity=1e3),
     "gravity 1e5 m/s^2, collapse": lambda: turned_block(gravity=1e5),
-    "end turned 90 degrees, 1 increment": lambda: twisted(1),
-    "end turned 90 degrees, 20 increments": lambda: twisted(20),
-    "bone turned 90 degrees, 1 increment": lambda: turned_bone(1),
-    "bone turned 90 degrees, 20 increments": lambda: turned_bone(20),
-    "bones crush the tissue, 1 increment": lambda: crushed(1),
-    "bones crush the tissue, 10 increments": lambda: crushed(10),
+    "end turned 90 degrees": lambda: twisted(1),
+    "bone turned 90 degrees": lambda: turned_bone(1),
+    "bones crush the tissue": lambda: crushed(1),
     "110 degree curve, 10 increments": straightened,
     "a single free node": single_free_node,
     "no free node": no_free_node,
-    "metres taken for millimetres": lambda: turned_block(scale=1e-3, tolerance=1e-5),
-    "micrometres taken for millimetres": lambda: turned_block(scale=1e3, tolerance=10.0),
-    "float32, 10 m from the origin": far_away,
+    "metres taken for millimetres": lambda: turned_block(1e-3),
+    "micrometres taken for millimetres": lambda: turned_block(1e3),
+    "float32, 10 m from the origin": lambda: turned_block(away=1e4),
 }
-
-
-def two_pieces() -> TrunkMesh:
-    one = block((2, 2, 2))
-    nodes = np.vstack([one.nodes, one.nodes + 100.0])
-    return trunk(nodes, np.vstack([one.tets, one.tets + len(one.nodes)]), np.flatnonzero(one.prescribed))
-
-
-def not_a_number() -> TrunkMesh:
-    mesh = block((2, 2, 2))
-    mesh.nodes[5, 1] = np.nan
-    return mesh
-
-
-REFUSED: dict[str, Callable[[], TrunkMesh]] = {
-    "no prescribed node": lambda: replace(block((2, 2, 2)), bone=np.full(27, -1, dtype=np.int32)),
-    "a piece of tissue without bone": two_pieces,
-    "NaN in one coordinate": not_a_number,
+ITMSM: dict[str, Callable[[], Case]] = {
+    "theta 0": lambda: turned_block(tissue=Tissue(theta=0.0)),
+    "theta 1e3": lambda: turned_block(tissue=Tissue(theta=1e3)),
+    "theta 1e5": lambda: turned_block(tissue=Tissue(theta=1e5)),
+    "theta 1e5, float64": lambda: turned_block(tissue=Tissue(theta=1e5), precision="float64"),
+    "epsilon 0": lambda: turned_block(tissue=Tissue(epsilon=0.0)),
+    "epsilon 0 and theta 0": lambda: turned_block(tissue=Tissue(epsilon=0.0, theta=0.0)),
+    "end turned 90 degrees, 20 increments": lambda: twisted(20),
+    "bone turned 90 degrees, 20 increments": lambda: turned_bone(20),
+    "bones crush the tissue, 10 increments": lambda: crushed(10),
 }
-
-
+CONTINUUM: dict[str, Callable[[], Case]] = {
+    "nu 0": lambda: turned_block(tissue=nu(0.0)),
+    "nu 0.499": lambda: turned_block(tissue=nu(0.499)),
+    "nu 0.49, 10 % inverted": lambda: noisy(tissue=nu(0.49)),
+    "nu 0.49, end turned 90 degrees": lambda: twisted(1, tissue=nu(0.49)),
+    "nu 0.49, gravity": lambda: turned_block(tissue=nu(0.49), gravity=9.81),
+}
 NOT_CONVERGED = {
     "start with all inverted (mirrored)": RelaxStatus.STALLED,  # itmsm knows no inside
     "edge lengths 1 : 1e4": RelaxStatus.STEP_LIMIT,
     "gravity 1e5 m/s^2, collapse": RelaxStatus.STALLED,
-    "bones crush the tissue, 1 increment": RelaxStatus.STALLED,
+    "bones crush the tissue": RelaxStatus.STALLED,
     "bones crush the tissue, 10 increments": RelaxStatus.STALLED,
 }
-"""How the cases end that have no equilibrium within reach; all others converge."""
+"""How the cases end that have no equilibrium of itmsm within reach; all others converge."""
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [*BOTH, *ITMSM])
 def test_ends_in_a_true_way(name: str) -> None:
-    ending = check_ending(CASES[name]())
-    assert ending.relaxation.status is NOT_CONVERGED.get(name, RelaxStatus.CONVERGED)
+    ended, _ = check_ending({**BOTH, **ITMSM}[name]())
+    assert ended.status is NOT_CONVERGED.get(name, RelaxStatus.CONVERGED)
 
 
-CONTINUUM_CASES: dict[str, Callable[[], Case]] = {
-    **{
-        name: CASES[name]
-        for name in CASES
-        if not any(word in name for word in ("theta", "epsilon", "crush the tissue, 10", "degrees, 20"))
-    },
-    "nu 0": lambda: turned_block(Tissue(poisson_ratio=0.0)),
-    "nu 0.49": lambda: turned_block(Tissue(poisson_ratio=0.49)),
-    "nu 0.499": lambda: turned_block(Tissue(poisson_ratio=0.499)),
-    "nu 0.49, 10 % inverted": lambda: replace(noisy(0.1), tissue=Tissue(poisson_ratio=0.49)),
-    "nu 0.49, end turned 90 degrees": lambda: replace(twisted(1), tissue=Tissue(poisson_ratio=0.49)),
-    "nu 0.49, gravity": lambda: turned_block(Tissue(poisson_ratio=0.49), gravity=9.81),
-}
-
-
-INVERTED = {
-    "bones crush the tissue, 1 increment": 18,  # 30 at the start
-}
-"""Tetrahedra that have no room between bones, at most: several equilibria are near each other."""
-
-
-@pytest.mark.parametrize("name", CONTINUUM_CASES)
+@pytest.mark.parametrize("name", [*BOTH, *CONTINUUM])
 def test_a_continuum_ends_in_a_true_way(name: str) -> None:
     """Also from the mirror image of the trunk, which the energy itmsm cannot leave."""
-    ending = check_ending(replace(CONTINUUM_CASES[name](), energy="neo-hookean"))
+    case = {**BOTH, **CONTINUUM}[name]()
+    ended, _ = check_ending(replace(case, options={**case.options, "energy": "neo-hookean"}))
     if "collapse" in name:  # its end depends on last bits
         return
     if "1e4" in name:  # at its step limit or just before it
-        assert ending.relaxation.status in (RelaxStatus.CONVERGED, RelaxStatus.STEP_LIMIT)
+        assert ended.status in (RelaxStatus.CONVERGED, RelaxStatus.STEP_LIMIT)
         return
-    assert ending.relaxation.status is RelaxStatus.CONVERGED
-    assert ending.relaxation.inverted_tets <= INVERTED.get(name, 0)
+    assert ended.status is RelaxStatus.CONVERGED
+    assert ended.inverted_tets <= (18 if "crush" in name else 0)  # of 30 at the start: they have no room
 
 
-@pytest.mark.parametrize(("tolerance", "threads", "seed"), [(0.1, 1, 0), (0.03, 2, 1)])
-def test_nothing_is_claimed_of_a_collapse_that_is_not_so(tolerance: float, threads: int, seed: int) -> None:
+@pytest.mark.parametrize(("tolerance", "seed"), [(0.1, 0), (0.03, 1)])
+def test_nothing_false_is_claimed_of_a_collapse(tolerance: float, seed: int) -> None:
     """6 m down the softest direction is 1e9 times as soft as the stiffest, and rounding moves it by 0.2 mm."""
-    case = turned_block(gravity=1e5, tolerance=tolerance, threads=threads, energy="neo-hookean")
+    case = replace(turned_block(gravity=1e5, energy="neo-hookean"), tolerance=tolerance)
     noise = 0.1 * np.random.default_rng(seed).normal(size=case.displacement.shape)
-    moved = np.where(case.trunk.prescribed[:, None], 0.0, noise)
-    check_ending(replace(case, displacement=case.displacement + moved))
+    check_ending(replace(case, displacement=case.displacement + noise * ~case.trunk.prescribed[:, None]))
 
 
-def check_ending(case: Case) -> Ending:
-    """Ends finite and within its steps, claims nothing false, and the energy itmsm inverts nothing."""
-    ending = end(case)
-    relaxation = ending.relaxation
-    assert np.isfinite(ending.displacement).all()
-    assert np.isfinite(relaxation.energy.total)
-    assert relaxation.steps <= case.most_steps
-    assert case.energy != "itmsm" or ending.new_inversions == 0
-    assert relaxation.inverted_tets == pytest.approx(
-        (volumes(case.trunk.nodes + ending.displacement, case.trunk.tets) <= 0.0).sum(), abs=2
+def test_where_rounding_is_what_is_left() -> None:
+    axis = (-0.0017919600214437725, -0.35082665816423375, 0.7941607719015576)
+    shift = (21.702966378153917, -3.8584626479235666, 0.0)
+    check_ending(stiff_and_far((2, 2, 2), 0.1400503799722528, 0.0, axis, shift, 5.451708884559633, gravity=9.81))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_a_stiff_block_turned_by_100_degrees(threads: int) -> None:
+    """The way is long and rounding decides it: 0.0076 mm was once reported where 0.0195 was true."""
+    axis = (0.011054150710757549, 0.5415933947188338, 0.6950399929932437)
+    shift = (13.00318536053016, 6.965642410818148, -20.214036663682634)
+    turn, jitter = 100.66664620302748, 0.035040195324088516
+    case = stiff_and_far((2, 2, 3), jitter, turn, axis, shift, 0.15, precision="float64")
+    check_ending(replace(case, threads=threads))
+
+
+def check_ending(case: Case) -> tuple[Relaxation, np.ndarray]:
+    """Ends finite, within its steps and downhill, claims nothing false, and the energy itmsm inverts nothing."""
+    ended, displacement = case.end()
+    itmsm = case.options.get("energy") != "neo-hookean"
+    assert np.isfinite(displacement).all()
+    assert np.isfinite(ended.energy.total)
+    assert ended.steps <= case.most_steps
+    rest, before, after = (
+        volumes(case.trunk.nodes + u, case.trunk.tets) for u in (0.0, case.displacement, displacement)
     )
-    energies = [reference(case).energy(case.displacement), *(step.energy.total for step in relaxation.history)]
+    if itmsm and not case.count:
+        rounding = 1e-5 if case.options.get("precision") != "float64" else 0.0
+        assert not ((after / rest <= -rounding) & (before / rest > rounding)).any()
+    assert ended.inverted_tets == pytest.approx((after <= 0.0).sum(), abs=2)
+    reference = (Reference if itmsm else Continuum)(case.trunk, case.tissue, case.options.get("gravity", 0.0))
+    energies = [reference.energy(case.displacement), *(step.energy.total for step in ended.history)]
     assert (np.diff(energies[1:]) <= 1e-6 * np.abs(energies).max()).all()
-    if relaxation.status is RelaxStatus.CONVERGED:
-        assert relaxation.estimated_error <= case.tolerance
-        rounding = 1e-6 * np.abs(ending.displacement).max()
-        assert true_error(case, ending) <= 2.0 * relaxation.estimated_error + rounding
-    return ending
+    if ended.status is RelaxStatus.CONVERGED:
+        assert ended.estimated_error <= case.tolerance
+        rounding = 1e-6 * np.abs(displacement).max()
+        assert reference.error(displacement, 1e-4 * case.tolerance) <= 2.0 * ended.estimated_error + rounding
+    return ended, displacement
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_is_refused_in_one_line(name: str) -> None:
-    with pytest.raises(InputError) as caught:
-        build_model(REFUSED[name](), device="cpu", energy="itmsm", skin_rigidity=0.0)
-    assert 20 < len(str(caught.value)) < 300
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize("seed", range(20))
+def test_claims_of_random_motions_are_true(seed: int) -> None:
+    """Small blocks, anyhow jittered, turned, shifted and started; scripts/search_false_claims.py draws more."""
+    _, claims = judge(seed, None)
+    assert [claim for claim in claims if claim.false] == []
 
 
-@pytest.mark.parametrize("name", ["start with 10 % inverted", "bone turned 90 degrees, 1 increment", "theta 1e5"])
-@pytest.mark.parametrize("threads", [1, 2])
-def test_runs_are_equal_to_the_last_bit(name: str, threads: int) -> None:
-    one, two = (end(replace(CASES[name](), threads=threads)) for _ in range(2))
-    assert (one.displacement == two.displacement).all()
-    assert one.relaxation == two.relaxation
-
-
-@pytest.mark.parametrize("name", ["theta 1e3", "gravity 1e3 m/s^2", "end turned 90 degrees, 20 increments"])
+@pytest.mark.parametrize("name", ["theta 1e3", "end turned 90 degrees, 20 increments"])
 def test_threads_end_at_the_same_place(name: str) -> None:
-    one, two = (end(replace(CASES[name](), threads=threads)) for threads in (1, 2))
-    assert one.relaxation.status is two.relaxation.status
-    assert np.linalg.norm(one.displacement - two.displacement, axis=1).max() <= 4.0 * CASES[name]().tolerance
+    (one, here), (two, there) = (replace(ITMSM[name](), threads=threads).end() for threads in (1, 2))
+    assert one.status is two.status
+    assert np.linalg.norm(here - there, axis=1).max() <= 4.0 * ITMSM[name]().tolerance
 
 
-def test_scale_changes_nothing_but_the_unit() -> None:
-    """The same steps in metres, in millimetres and in micrometres."""
-    endings = {scale: end(turned_block(scale=scale, tolerance=0.01 * scale)) for scale in (1e-3, 1.0, 1e3)}
-    for scale, ending in endings.items():
-        assert ending.relaxation.status is RelaxStatus.CONVERGED
-        np.testing.assert_allclose(ending.displacement / scale, endings[1.0].displacement, atol=0.02)
-
-
-def test_distance_from_the_origin_changes_nothing() -> None:
-    near, far = end(turned_block()), end(far_away())
-    assert np.linalg.norm(near.displacement - far.displacement, axis=1).max() < 1e-4
+@pytest.mark.parametrize(("scale", "away", "bound"), [(1e-3, 0.0, 0.02), (1e3, 0.0, 0.02), (1.0, 1e4, 1e-4)])
+def test_unit_and_origin_change_nothing_else(scale: float, away: float, bound: float) -> None:
+    here, there = turned_block().end()[1], turned_block(scale, away=away).end()[1] / scale
+    assert np.linalg.norm(here - there, axis=1).max() < bound

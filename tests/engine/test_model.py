@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, grid, single_tet, trunk
-from warp_trunk.engine.build import build_model
+from support.models import model_of
 from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
+
+MESHES = pytest.mark.parametrize(
+    "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
+)
 
 
 def with_nodes(mesh: TrunkMesh, node: int, position: list[float]) -> TrunkMesh:
@@ -44,7 +48,7 @@ BAD: dict[str, tuple[TrunkMesh, dict[str, Any], str]] = {
     "weights": (BLOCK, {"weights": "area"}, "count or volume"),
     "rigidity": (BLOCK, {"skin_rigidity": -1.0}, "skin_rigidity"),
     "device": (BLOCK, {"device": "cuda:77"}, "device"),
-    "threads": (BLOCK, {"threads": -1}, "threads"),
+    "infinite rigidity": (BLOCK, {"skin_rigidity": np.inf}, "skin_rigidity"),
     "gravity": (BLOCK, {"gravity": np.nan}, "gravity"),
 }
 
@@ -53,11 +57,11 @@ BAD: dict[str, tuple[TrunkMesh, dict[str, Any], str]] = {
 def test_refuses(name: str) -> None:
     mesh, options, text = BAD[name]
     with pytest.raises(InputError, match=text) as caught:
-        build_model(mesh, **{"device": "cpu", "energy": "itmsm", "skin_rigidity": 0.0, **options})
+        model_of(mesh, **options)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["epsilon", "theta", "density", "youngs_modulus"])
+@pytest.mark.parametrize("name", ["epsilon", "theta", "density", "youngs_modulus", "poisson_ratio"])
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
 def test_refuses_tissue(name: str, value: float) -> None:
     with pytest.raises(InputError, match=name):
@@ -65,10 +69,7 @@ def test_refuses_tissue(name: str, value: float) -> None:
 
 
 def test_every_piece_with_three_bone_nodes_is_held() -> None:
-    assert (
-        build_model(two_blocks(3), device="cpu", energy="itmsm", skin_rigidity=0.0).free_nodes
-        == 2 * len(BLOCK.nodes) - 9 - 3
-    )
+    assert model_of(two_blocks(3)).free_nodes == 2 * len(BLOCK.nodes) - 9 - 3
 
 
 def test_a_corner_in_line_with_two_others_does_not_hold() -> None:
@@ -77,14 +78,12 @@ def test_a_corner_in_line_with_two_others_does_not_hold() -> None:
     in_line = (nodes[:, 1] == 0.0) & (nodes[:, 2] == 0.0)
     assert in_line.sum() == 3
     with pytest.raises(InputError):
-        build_model(trunk(nodes, tets, in_line), device="cpu", energy="itmsm", skin_rigidity=0.0)
+        model_of(trunk(nodes, tets, in_line))
 
 
-@pytest.mark.parametrize(
-    "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
-)
+@MESHES
 def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
-    model = build_model(mesh, device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0)
+    model = model_of(mesh)
     assert sorted(model.order) == list(range(len(mesh.nodes)))
     assert not mesh.prescribed[model.order[model.free]].any()
     assert mesh.prescribed[model.order[model.prescribed]].all()
@@ -95,23 +94,12 @@ def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
 
 def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) -> Itmsm:
     """Data of a trunk for the kernels of itmsm."""
-    model = build_model(
-        trunk,
-        tissue,
-        gravity=gravity,
-        device="cpu",
-        precision="float64",
-        threads=1,
-        energy="itmsm",
-        skin_rigidity=0.0,
-    )
+    model = model_of(trunk, tissue, gravity=gravity)
     assert isinstance(model.elements, Itmsm)
     return model.elements
 
 
-@pytest.mark.parametrize(
-    "mesh", [block(), block_with_bone(), single_tet()], ids=["block", "bone inside", "single"]
-)
+@MESHES
 def test_weights_count_every_edge_and_face_once(mesh: TrunkMesh) -> None:
     """The sum of 1 / |K| over the edges of all tetrahedra is the number of distinct edges (eq. 4.8, 4.9)."""
     elements = itmsm(mesh, Tissue(epsilon=0.25))
@@ -140,16 +128,9 @@ def test_alpha_by_hand() -> None:
     assert itmsm(single_tet(), tissue).alpha == 0.0
 
 
-@pytest.mark.parametrize(
-    "tissue", [Tissue(), Tissue(epsilon=0.0), Tissue(theta=0.0), Tissue(epsilon=0.0, theta=0.0)]
-)
+@pytest.mark.parametrize("tissue", [Tissue(), Tissue(epsilon=0.0), Tissue(theta=0.0)])
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_terms_follow_the_scene(tissue: Tissue, gravity: float) -> None:
-    model: Any = build_model(BLOCK, tissue, gravity=gravity, device="cpu", energy="itmsm", skin_rigidity=0.0)
-    used = {
-        "distance": True,
-        "area": tissue.epsilon > 0.0,
-        "volume": tissue.theta > 0.0,
-        "gravity": gravity != 0.0,
-    }
-    assert model.elements.terms == tuple(name for name in used if used[name])
+    model: Any = model_of(BLOCK, tissue, gravity=gravity)
+    used = {"area": tissue.epsilon, "volume": tissue.theta, "gravity": gravity}
+    assert model.elements.terms == ("distance", *(name for name in used if used[name]))

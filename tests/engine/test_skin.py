@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, rotate, rotation, with_skin
-from warp_trunk.bone_motion.bone_path import BonePath
-from warp_trunk.engine.build import build_model
-from warp_trunk.engine.energies.by_name import EnergyName
+from support.models import evaluated, increments, model_of, settle
 from warp_trunk.engine.linear import BlockMatrix
-from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.sag_free import sag_free
-from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
-from warp_trunk.engine.state import State
-from warp_trunk.errors import InputError
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 TRUNK = with_skin(block_with_bone((4, 4, 5), holes=((1, 2, 1), (2, 1, 3))))
-ENERGIES: tuple[EnergyName, ...] = ("itmsm", "neo-hookean")
+ENERGIES = ("itmsm", "neo-hookean")
 RIGIDITY = 30.0
 """Of a skin about as stiff as a cell of the tissue [N mm]."""
 
@@ -36,25 +33,19 @@ def dense(matrix: BlockMatrix) -> np.ndarray:
     return found.transpose(0, 2, 1, 3).reshape(3 * size, 3 * size)
 
 
-def settle(move: np.ndarray, energy: EnergyName) -> Increment:
-    model = build_model(TRUNK, energy=energy, skin_rigidity=RIGIDITY, precision="float64", device="cpu", threads=1)
-    *_, last = simulate(model, BonePath(move), SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-6)))
-    assert last.relaxation.status is RelaxStatus.CONVERGED
-    return last
+def skinned(trunk: TrunkMesh = TRUNK, **options: Any) -> Model:
+    return model_of(trunk, **{"threads": 1, "skin_rigidity": RIGIDITY, **options})
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("energy", ENERGIES)
-def test_the_matrix_is_that_of_differences_of_the_gradient(energy: EnergyName, threads: int) -> None:
-    model = build_model(
-        TRUNK, energy=energy, skin_rigidity=RIGIDITY, precision="float64", device="cpu", threads=threads
-    )
+def test_the_matrix_is_that_of_differences_of_the_gradient(energy: str, threads: int) -> None:
+    model = skinned(energy=energy, threads=threads)
     assert model.terms[-1] == "bending"
-    random, state = np.random.default_rng(1), State(model)
-    state.set_displacement(0.5 * random.normal(size=TRUNK.nodes.shape))
+    random = np.random.default_rng(1)
+    state = evaluated(model, 0.5 * random.normal(size=TRUNK.nodes.shape))
     matrix = BlockMatrix(state)
     matrix.assemble_true()
-    state.evaluate()
     assert state.energy().terms["bending"] > 0.1 * state.energy().total
     start, along = state.displacement.numpy().copy(), np.zeros((model.nodes, 3))
     along[model.free] = random.normal(size=(model.free_nodes, 3))
@@ -72,31 +63,23 @@ def test_the_matrix_is_that_of_differences_of_the_gradient(energy: EnergyName, t
 
 
 @pytest.mark.parametrize("energy", ENERGIES)
-def test_a_trunk_that_moves_as_a_whole_moves_rigidly(energy: EnergyName) -> None:
+def test_a_trunk_that_moves_as_a_whole_moves_rigidly_and_else_stays(energy: str) -> None:
     moved = TRUNK.nodes @ rotation(40.0, (1.0, 2.0, -0.5)).T + [5.0, -3.0, 20.0] - TRUNK.nodes
-    last = settle(moved, energy)
+    last = settle(skinned(energy=energy), moved, 2, tolerance=1e-6)
     np.testing.assert_allclose(last.displacement, moved, atol=1e-5)
     assert last.relaxation.energy.total < 1e-9
+    still = settle(skinned(energy=energy), 0.0 * moved, tolerance=1e-6)
+    assert np.abs(still.displacement).max() < 1e-12
 
 
 @pytest.mark.parametrize("energy", ENERGIES)
-def test_tissue_that_is_not_moved_stays(energy: EnergyName) -> None:
-    last = settle(np.zeros_like(TRUNK.nodes), energy)
-    assert np.abs(last.displacement).max() < 1e-12
-
-
-@pytest.mark.parametrize("energy", ENERGIES)
-def test_shortened_tissue_is_smoother_under_a_stiffer_skin(energy: EnergyName) -> None:
+def test_shortened_tissue_is_smoother_under_a_stiffer_skin(energy: str) -> None:
     """A block whose base is shortened by a fifth: angles between the triangles of its top change less and less."""
     trunk = with_skin(block((6, 6, 2), jitter=0.25))
     move = (trunk.nodes - trunk.nodes.mean(axis=0)) * [-0.2, 0.0, 0.0]
     bends = []
     for rigidity in (1e-6, 1.0, 30.0):
-        model = build_model(
-            trunk, energy=energy, skin_rigidity=rigidity, precision="float64", device="cpu", threads=1
-        )
-        *_, last = simulate(model, BonePath(move), SimulationOptions(increments=2))
-        assert last.relaxation.status is RelaxStatus.CONVERGED
+        last = settle(skinned(trunk, energy=energy, skin_rigidity=rigidity), move, 2)
         bends.append(last.relaxation.energy.terms["bending"] / rigidity)
     assert bends[1] < 0.9 * bends[0]
     assert bends[2] < 0.5 * bends[1]
@@ -104,51 +87,29 @@ def test_shortened_tissue_is_smoother_under_a_stiffer_skin(energy: EnergyName) -
 
 def test_the_scan_stands_under_gravity() -> None:
     """The skin, too, is at rest where gravity pulls the trunk into the scan from, and there bends."""
-    model = build_model(
-        TRUNK,
-        energy="neo-hookean",
-        skin_rigidity=RIGIDITY,
-        gravity=9.81,
-        precision="float64",
-        device="cpu",
-        threads=1,
-    )
-    hung = sag_free(model, tolerance=1e-7).model
+    hung = sag_free(skinned(energy="neo-hookean", gravity=9.81), tolerance=1e-7).model
     assert hung.scan is not None
     assert np.abs(hung.scan).max() > 0.01
-    *_, last = simulate(hung, BonePath(np.zeros_like(TRUNK.nodes)), SimulationOptions(increments=1))
+    last = settle(hung, np.zeros_like(TRUNK.nodes))
     assert np.abs(last.displacement).max() < 1e-5
     assert last.relaxation.energy.terms["bending"] > 1e-8
 
 
 @pytest.mark.parametrize("energy", ENERGIES)
 @pytest.mark.parametrize("rigidity", [RIGIDITY, 1e4])
-def test_the_distance_told_in_float32_is_not_below_the_true_one(energy: EnergyName, rigidity: float) -> None:
+def test_the_distance_reported_in_float32_is_not_below_the_true_one(energy: str, rigidity: float) -> None:
     """Relaxed as far as float32 goes, against float64, up to a skin that is far stiffer than the tissue."""
     move, found = 0.3 * (rotate(TRUNK.nodes, 12.0, (0.3, 1.0, 0.2)) - TRUNK.nodes), []
     for precision in ("float64", "float32"):
-        model = build_model(
-            TRUNK, energy=energy, skin_rigidity=rigidity, precision=precision, device="cpu", threads=1
-        )
-        options = SimulationOptions(increments=1, relax=RelaxOptions(tolerance=1e-6))
-        found.append(list(simulate(model, BonePath(move), options))[-1])
-    exact, told = found[0].displacement, found[1].relaxation.estimated_error
+        model = skinned(energy=energy, skin_rigidity=rigidity, precision=precision)
+        found += increments(model, move, tolerance=1e-6)
+    exact, reported = found[0].displacement, found[1].relaxation.estimated_error
     assert found[0].relaxation.status is RelaxStatus.CONVERGED
-    assert np.linalg.norm(found[1].displacement - exact, axis=1).max() < told < 0.01
+    assert np.linalg.norm(found[1].displacement - exact, axis=1).max() < reported < 0.01
 
 
-def test_a_scene_without_it_is_none_of_its_business() -> None:
-    plain = build_model(
-        replace(TRUNK, skin_faces=TRUNK.skin_faces[:0]), device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0
-    )
-    other = build_model(TRUNK, device="cpu", threads=1, energy="itmsm", skin_rigidity=0.0)
+def test_a_rigidity_of_zero_leaves_the_skin_out() -> None:
+    plain, other = model_of(replace(TRUNK, skin_faces=TRUNK.skin_faces[:0])), model_of(TRUNK)
     assert other.skin is None
     assert other.terms == plain.terms
     assert np.array_equal(other.stencils, plain.stencils)
-    assert Relaxer(other).state.model is other
-
-
-@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
-def test_refuses_a_rigidity_that_is_none(value: float) -> None:
-    with pytest.raises(InputError, match="skin_rigidity: must be"):
-        build_model(TRUNK, skin_rigidity=value, device="cpu", energy="itmsm")

@@ -10,15 +10,25 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from .reference import Reference, add_at
 
 
-def lame(tissue: Tissue) -> tuple[float, float]:
-    """Lame's mu and lambda [N/mm^2] of Young's modulus and Poisson's ratio."""
-    modulus, ratio = 1e-3 * tissue.youngs_modulus, tissue.poisson_ratio
+def lame(modulus: float, ratio: float) -> tuple[float, float]:
+    """Lame's mu and lambda of Young's modulus, in its unit, and Poisson's ratio."""
     return modulus / (2.0 + 2.0 * ratio), modulus * ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
+
+
+def stable(modulus: float, ratio: float) -> tuple[float, float]:
+    """mu and lambda of equation 14 for which it follows Hooke's law at rest."""
+    mu, lam = lame(modulus, ratio)
+    return 4.0 / 3.0 * mu, lam + 5.0 / 6.0 * mu
 
 
 def determinant(f: np.ndarray) -> np.ndarray:
     """Of matrices (..., 3, 3), complex ones too."""
     return (f[..., 0, :] * np.cross(f[..., 1, :], f[..., 2, :])).sum(axis=-1)
+
+
+def cofactor(f: np.ndarray) -> np.ndarray:
+    """Derivative of the determinant: the cross products of the rows, shape (..., 3, 3)."""
+    return np.stack([np.cross(f[..., i, :], f[..., k, :]) for i, k in ((1, 2), (2, 0), (0, 1))], axis=-2)
 
 
 def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray]:
@@ -30,32 +40,29 @@ def parts(f: np.ndarray, mu: float, bulk: float) -> tuple[np.ndarray, np.ndarray
     j, squares = determinant(f), (f * f).sum(axis=(-2, -1))
     alpha = 1.0 + mu / bulk - mu / (4.0 * bulk)
 
-    def atomic_write(squares: np.ndarray | float, j: np.ndarray | float) -> np.ndarray:
+    def whole(squares: np.ndarray | float, j: np.ndarray | float) -> np.ndarray:
         return 0.5 * mu * (squares - 3.0) + 0.5 * bulk * (j - alpha) ** 2 - 0.5 * mu * np.log(squares + 1.0)
 
     volume = 0.5 * bulk * (j - 1.0) ** 2
-    shape = atomic_write(squares, j) - atomic_write(3.0, 1.0) - volume
-    return shape, volume + bulk * crushing(j)
+    return whole(squares, j) - whole(3.0, 1.0) - volume, volume + bulk * crushing(j)
 
 
 def crushing(j: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """400 (1/2 - J)^4 of a volume below a half, or the derivative in 1/2 - J; complex ones too.
+    """400 (1/2 - J)^4 of a volume below a half, or a derivative in 1/2 - J; complex ones too.
 
     Below J = 1/5 it has its values there: 3.24, then 43.2 (1/5 - J) and 216 (1/5 - J)^2 more.
     """
     missing, under = np.where(np.real(j) < 0.5, 0.5 - j, 0.0), 0.2 - j
-    if derivative:
-        return np.where(np.real(under) > 0.0, 43.2 + 432.0 * under, 1600.0 * missing**3)
-    return np.where(np.real(under) > 0.0, 3.24 + 43.2 * under + 216.0 * under**2, 400.0 * missing**4)
+    below = (3.24 + 43.2 * under + 216.0 * under**2, 43.2 + 432.0 * under, 432.0 + 0.0 * under)[derivative]
+    above = (400.0 * missing**4, 1600.0 * missing**3, 4800.0 * missing**2)[derivative]
+    return np.where(np.real(under) > 0.0, below, above)
 
 
 def stress(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
     """First Piola stress, equation 18 of the same."""
     squares, alpha = (f * f).sum(axis=(-2, -1))[..., None, None], 1.0 + 0.75 * mu / bulk
-    rows = [np.cross(f[..., i, :], f[..., k, :]) for i, k in ((1, 2), (2, 0), (0, 1))]
     j = determinant(f)[..., None, None]
-    pressure = bulk * (j - alpha - crushing(j, 1))
-    return mu * (1.0 - 1.0 / (squares + 1.0)) * f + pressure * np.stack(rows, axis=-2)
+    return mu * (1.0 - 1.0 / (squares + 1.0)) * f + bulk * (j - alpha - crushing(j, 1)) * cofactor(f)
 
 
 class Continuum(Reference):
@@ -69,15 +76,14 @@ class Continuum(Reference):
         super().__init__(trunk, self.tissues[0], gravity)
         corners = trunk.nodes[self.tets]
         self.inverse = np.linalg.inv((corners[:, :3] - corners[:, 3:]).transpose(0, 2, 1))
-        mu, lam = np.array([lame(each) for each in self.tissues]).T[:, self.label]
-        self.mu, self.bulk = 4.0 / 3.0 * mu, lam + 5.0 / 6.0 * mu
+        moduli = [stable(1e-3 * each.youngs_modulus, each.poisson_ratio) for each in self.tissues]
+        self.mu, self.bulk = np.array(moduli).T[:, self.label]
 
     def gravity_of_nodes(self, gravity: float) -> np.ndarray:
         """Weight of each node [N]."""
         density = np.array([tissue.density for tissue in self.tissues])[self.label]
         kilograms = np.zeros(len(self.trunk.nodes))
-        for tet, mass in zip(self.tets, density * self.rest_volumes * 1e-9, strict=True):
-            kilograms[tet] += mass / 4.0
+        np.add.at(kilograms, self.tets.ravel(), np.repeat(density * self.rest_volumes * 1e-9 / 4.0, 4))
         return gravity * kilograms
 
     def deformation(self, displacement: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from scipy.optimize import root_scalar
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
+from .continuum import stable
 from .meshes import grid, trunk
 
 MODULUS = 1.0
@@ -47,10 +48,7 @@ class Exact:
 
 def constants(nu: float) -> tuple[float, float, float]:
     """mu, lambda and alpha of Smith, de Goes and Kim (2018), section 3.4, for the modulus and a Poisson ratio."""
-    shear = MODULUS / (2.0 * (1.0 + nu))
-    bulk = MODULUS / (3.0 * (1.0 - 2.0 * nu))
-    mu = 4.0 * shear / 3.0
-    lam = bulk + shear / 6.0  # bulk = Lamé's first constant + 2/3 shear
+    mu, lam = stable(MODULUS, nu)
     return mu, lam, 1.0 + mu / lam - mu / (4.0 * lam)
 
 

@@ -6,11 +6,9 @@ import subprocess
 import numpy as np
 import pytest
 
+from support.models import model_of, settle
 from support.small_trunk import small_case
-from warp_trunk.bone_motion.bone_path import BonePath, spline_path
-from warp_trunk.engine.build import build_model
-from warp_trunk.engine.relaxation import RelaxOptions
-from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.io.exchange import write_volume
 
@@ -34,13 +32,6 @@ def solved_by_calculix(folder, trunk, motion, tissue):
     return np.array([displacement[node] for node in range(len(trunk.nodes))])
 
 
-def solved_here(trunk, motion, tissue):
-    model = build_model(trunk, tissue, energy="neo-hookean", precision="float64", device="cpu", skin_rigidity=0.0)
-    options = SimulationOptions(increments=5, relax=RelaxOptions(tolerance=1e-6))
-    *_, last = simulate(model, BonePath(motion), options)
-    return last.displacement
-
-
 @pytest.mark.skipif(CCX is None, reason="CalculiX (ccx) is not installed; Debian has it as calculix-ccx")
 def test_the_two_laws_differ_by_the_square_of_the_motion(tmp_path):
     case, trunk = small_case()
@@ -51,7 +42,8 @@ def test_the_two_laws_differ_by_the_square_of_the_motion(tmp_path):
         folder = tmp_path / str(part)
         folder.mkdir()
         theirs = solved_by_calculix(folder, trunk, part * whole, tissue)
-        ours = solved_here(trunk, part * whole, tissue)
+        model = model_of(trunk, tissue, energy="neo-hookean")
+        ours = settle(model, part * whole, 5, tolerance=1e-6).displacement
         apart.append(np.abs(theirs - ours).max() / np.abs(ours).max())
     assert apart[0] < 0.01
     assert apart[1] == pytest.approx(0.5 * apart[0], rel=0.1)  # of the motion, so the square in mm

@@ -8,7 +8,7 @@ from skfem import Basis, ElementTetP1
 
 from support.equilibria import SOLVERS, Found
 from support.exact_solutions import Exact, affine, all_around, brick, hanging, pulled, sheared, swollen, the_ends
-from support.finite_elements.solid import tet_mesh
+from support.finite_elements import tet_mesh
 from support.meshes import rotation
 
 pytestmark = pytest.mark.parametrize("solver", SOLVERS)

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from support.meshes import block, block_with_bone, rotate
+from support.meshes import block, block_with_bone
+from support.models import held_turned, model_of, relax
 from support.reference import Reference
-from warp_trunk.engine.build import build_model
-from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
@@ -19,10 +18,7 @@ TISSUE = Tissue(epsilon=0.8, theta=6.0)
 def moved_block() -> tuple[TrunkMesh, np.ndarray]:
     """The held face turns by 20 degrees and slides; all nodes start where a spline would not put them."""
     trunk = block((3, 3, 3))
-    start = np.zeros_like(trunk.nodes)
-    held = trunk.prescribed
-    start[held] = rotate(trunk.nodes[held], 20.0) + np.array([4.0, -2.0, 3.0]) - trunk.nodes[held]
-    return trunk, start
+    return trunk, held_turned(trunk, 20.0, [4.0, -2.0, 3.0])
 
 
 def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
@@ -38,14 +34,8 @@ def moved_bone() -> tuple[TrunkMesh, np.ndarray]:
 def test_same_equilibrium(scene: Callable[[], tuple[TrunkMesh, np.ndarray]], gravity: float) -> None:
     trunk, start = scene()
     reference = Reference(trunk, TISSUE, gravity)
-    model = build_model(
-        trunk, TISSUE, gravity=gravity, precision="float64", device="cpu", energy="itmsm", skin_rigidity=0.0
-    )
-    relaxer = Relaxer(model, RelaxOptions(tolerance=1e-6))
-    relaxer.state.set_displacement(start)
-    relaxation = relaxer.relax()
+    relaxation, found = relax(model_of(trunk, TISSUE, gravity=gravity), start, tolerance=1e-6)
     assert relaxation.status is RelaxStatus.CONVERGED
-    found = relaxer.state.host_displacement()
     wanted = reference.downhill(start, 5000)
     assert reference.energy(wanted) < reference.energy(start)
     assert np.abs(wanted - start)[reference.free].max() > 1.0

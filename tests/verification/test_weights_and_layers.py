@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from support.meshes import block, grid, rotation, trunk
+from support.models import evaluated, half_and_half, model_of
 from support.reference import Reference, volumes
-from warp_trunk.engine.build import build_model
 from warp_trunk.engine.relaxation import Energy
-from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
@@ -21,14 +20,7 @@ STIFF = Tissue(epsilon=2.0, theta=20.0, youngs_modulus=35.0, density=1300.0)
 
 
 def energy_of(mesh: TrunkMesh, displacement: np.ndarray, tissue: Any, **options: Any) -> Energy:
-    state = State(
-        build_model(
-            mesh, tissue, device="cpu", precision="float64", **{"energy": "itmsm", "skin_rigidity": 0.0, **options}
-        )
-    )
-    state.set_displacement(displacement)
-    state.evaluate()
-    return state.energy()
+    return evaluated(model_of(mesh, tissue, **options), displacement).energy()
 
 
 def half_refined() -> TrunkMesh:
@@ -110,14 +102,8 @@ def test_energies_of_tissues(tissues: tuple[Tissue, ...], weights: str) -> None:
 
 def test_weight_of_tissues_in_newtons() -> None:
     """k_D / 2 [J] times the gradient along z is m g, with k_D of the first tissue."""
-    mesh = block((2, 2, 2))
-    mesh = replace(mesh, tissue=(np.arange(len(mesh.tets)) % 2).astype(np.int8))
-    state = State(
-        build_model(
-            mesh, (SOFT, STIFF), gravity=9.81, device="cpu", precision="float64", energy="itmsm", skin_rigidity=0.0
-        )
-    )
-    state.evaluate()
+    mesh = half_and_half(block((2, 2, 2)))
+    state = evaluated(model_of(mesh, (SOFT, STIFF), gravity=9.81), np.zeros_like(mesh.nodes))
     volume = volumes(mesh.nodes, mesh.tets) * 1e-9
     k_d = 5.0 * 5e3 * volume.sum() / len(Reference(mesh).edges)
     newtons = 0.5 * k_d * state.gradient.numpy().sum(axis=0)[2] * 1e3
@@ -127,12 +113,10 @@ def test_weight_of_tissues_in_newtons() -> None:
 def test_a_uniform_scene_uploads_no_constant_for_each_tetrahedron() -> None:
     mesh = block((2, 2, 2))
     labelled = replace(mesh, tissue=np.zeros(len(mesh.tets), dtype=np.int8))
-    itmsm: Any = build_model(labelled, SOFT, device="cpu", energy="itmsm", skin_rigidity=0.0).elements
-    continuum: Any = build_model(mesh, SOFT, energy="neo-hookean", device="cpu", skin_rigidity=0.0).elements
+    itmsm: Any = model_of(labelled, SOFT).elements
+    continuum: Any = model_of(mesh, SOFT, energy="neo-hookean").elements
     assert len(itmsm.theta) == len(itmsm.gravity_weight) == len(continuum.moduli) == 1
-    layers: Any = build_model(
-        labelled, (SOFT, STIFF), energy="neo-hookean", device="cpu", skin_rigidity=0.0
-    ).elements
+    layers: Any = model_of(labelled, (SOFT, STIFF), energy="neo-hookean").elements
     assert len(layers.moduli) == len(mesh.tets)
 
 
@@ -153,11 +137,5 @@ def test_refuses(label: int | None, tissue: Any, options: Any, text: str) -> Non
     if label is not None:
         mesh = replace(mesh, tissue=np.where(np.arange(len(mesh.tets)) == 3, label, 0).astype(np.int8))
     with pytest.raises(InputError, match=text) as caught:
-        build_model(mesh, tissue, device="cpu", **{"energy": "itmsm", "skin_rigidity": 0.0, **options})
+        model_of(mesh, tissue, **options)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("ratio", [-0.1, 0.5, np.nan])
-def test_refuses_a_poisson_ratio(ratio: float) -> None:
-    with pytest.raises(InputError, match="poisson_ratio"):
-        Tissue(poisson_ratio=ratio)

@@ -11,12 +11,11 @@ from scipy.sparse import bsr_array
 
 from support.continuum import Continuum
 from support.meshes import block_with_bone
+from support.models import evaluated, model_of
 from support.reference import Reference
-from warp_trunk.engine.build import build_model
-from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots, Preconditioner
 from warp_trunk.engine.multigrid import Multigrid
-from warp_trunk.engine.parallel import Launch, Parallel
+from warp_trunk.engine.parallel import Launch
 from warp_trunk.engine.state import State
 
 TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
@@ -48,13 +47,15 @@ class BlockJacobi:
         )
 
 
-def stretched(threads: int = 2) -> State:
-    """A block whose nodes are not at rest, evaluated, in float64."""
-    parallel = Parallel("cpu", threads, least_split=1)
-    state = State(build_model(TRUNK, device=parallel, precision="float64", energy="itmsm", skin_rigidity=0.0))
-    state.set_displacement(0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape))
-    state.evaluate()
-    return state
+NOISE = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
+
+
+def stretched(threads: int = 2) -> tuple[State, BlockMatrix]:
+    """A block whose nodes are not at rest, evaluated, in float64, and its projected Hessian."""
+    state = evaluated(model_of(TRUNK, threads=threads), NOISE)
+    matrix = BlockMatrix(state)
+    matrix.assemble_projected()
+    return state, matrix
 
 
 def on_host(matrix: BlockMatrix) -> bsr_array:
@@ -67,9 +68,7 @@ def on_host(matrix: BlockMatrix) -> bsr_array:
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_the_matrix_multiplies(threads: int) -> None:
-    state = stretched(threads)
-    matrix = BlockMatrix(state)
-    matrix.assemble_projected()
+    state, matrix = stretched(threads)
     rows = len(matrix.inverse_diagonal)
     vector = np.random.default_rng(2).normal(size=(rows, 3))
     p, q = (wp.array(vector, dtype=wp.vec3d, device="cpu") for _ in range(2))
@@ -82,9 +81,8 @@ def test_the_matrix_multiplies(threads: int) -> None:
 
 def test_the_matrix_follows_its_state() -> None:
     """The assembled matrix is the Hessian where the state is now, whatever was assembled before."""
-    state = stretched()
-    fresh, moved = BlockMatrix(state), BlockMatrix(state)
-    moved.assemble_projected()
+    state, moved = stretched()
+    fresh = BlockMatrix(state)
     state.set_displacement(np.zeros_like(TRUNK.nodes))
     assert (fresh.blocks.numpy()[0] == 0.0).all()
     moved.assemble_projected()
@@ -94,9 +92,7 @@ def test_the_matrix_follows_its_state() -> None:
 
 @pytest.mark.parametrize("make", [Multigrid, BlockJacobi])
 def test_solves_with_any_preconditioner(make: Any) -> None:
-    state = stretched()
-    matrix = BlockMatrix(state)
-    matrix.assemble_projected()
+    state, matrix = stretched()
     preconditioner: Preconditioner = make(matrix)
     solver = ConjugateGradient(matrix, preconditioner, state.gradient)
     solution = solver.solve(absolute=1e-9, relative=0.0)
@@ -110,10 +106,8 @@ def test_solves_with_any_preconditioner(make: Any) -> None:
 
 def test_reading_changes_nothing() -> None:
     """A second solve of the same system ends where the first did, to the last bit; the gradient stays."""
-    state = stretched()
+    state, matrix = stretched()
     gradient = state.gradient.numpy().copy()
-    matrix = BlockMatrix(state)
-    matrix.assemble_projected()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
     first = solver.solve(1e-6, 0.0, 0), solver.solution.numpy().copy()
     second = solver.solve(1e-6, 0.0, 0), solver.solution.numpy().copy()
@@ -124,26 +118,23 @@ def test_reading_changes_nothing() -> None:
 
 @pytest.mark.parametrize("energy", [Reference, Continuum])
 def test_the_true_curvature_is_that_of_numpy(energy: Any) -> None:
-    name: EnergyName = "itmsm" if energy is Reference else "neo-hookean"
-    state = State(build_model(TRUNK, energy=name, device="cpu", precision="float64", threads=2, skin_rigidity=0.0))
-    displacement = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
-    state.set_displacement(displacement)
+    name = "itmsm" if energy is Reference else "neo-hookean"
+    state = evaluated(model_of(TRUNK, energy=name), NOISE)
     matrix = BlockMatrix(state)
     matrix.assemble_projected()
     positive = matrix.inverse_diagonal.numpy()
     matrix.assemble_true()
     model, reference = state.model, energy(TRUNK)
     place = np.searchsorted(reference.free, model.order[model.free])
-    wanted = reference.hessian(displacement).reshape(len(place), 3, len(place), 3)[place][:, :, place]
+    wanted = reference.hessian(NOISE).reshape(len(place), 3, len(place), 3)[place][:, :, place]
     found = np.asarray(on_host(matrix).todense()).reshape(wanted.shape)
     np.testing.assert_allclose(found, wanted, atol=1e-9 * np.abs(wanted).max())
     np.testing.assert_array_equal(matrix.inverse_diagonal.numpy(), positive)
 
 
 def test_a_direction_of_negative_curvature_ends_a_solve() -> None:
-    state = stretched()
-    state.set_displacement(-0.8 * TRUNK.nodes * ~TRUNK.prescribed[:, None])  # pressed together
-    state.evaluate()
+    model = model_of(TRUNK)
+    state = evaluated(model, -0.8 * TRUNK.nodes * ~TRUNK.prescribed[:, None])  # pressed together
     matrix = BlockMatrix(state)
     matrix.assemble_projected()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
@@ -160,9 +151,7 @@ def test_a_direction_of_negative_curvature_ends_a_solve() -> None:
 
 
 def test_a_solution_that_grows_too_long_ends_a_solve() -> None:
-    state = stretched()
-    matrix = BlockMatrix(state)
-    matrix.assemble_projected()
+    state, matrix = stretched()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
     whole = solver.solve(1e-9, 0.0)
     part = solver.solve(1e-9, 0.0, most_length=0.5 * whole.length)

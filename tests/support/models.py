@@ -1,0 +1,89 @@
+"""Models of small trunks, and their states and equilibria, as most tests of the engine need them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.parallel import Parallel
+from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.state import State
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+
+from .meshes import rotate, rotation
+
+
+def split_launches(threads: int = 2) -> Parallel:
+    """That many threads on every machine, and also the smallest launch in a range for each of them.
+
+    So tiny meshes test the threads; and as each number of threads adds up in its own order, a test that rounding
+    decides is the same on machines with more cores.
+    """
+    return Parallel("cpu", threads, least_split=1)
+
+
+def model_of(trunk: TrunkMesh, tissue: Any = None, threads: int = 1, **options: Any) -> Model:
+    """A model, by default of itmsm without a skin that resists bending, in float64 on one CPU thread."""
+    options = {"energy": "itmsm", "skin_rigidity": 0.0, "precision": "float64", **options}
+    return build_model(trunk, tissue, **{"device": split_launches(threads), **options})
+
+
+def evaluated(model: Model, displacement: np.ndarray) -> State:
+    """The state of a model at a displacement of the nodes of its mesh (nodes, 3) [mm]."""
+    state = State(model)
+    state.set_displacement(displacement)
+    state.evaluate()
+    return state
+
+
+def gradient_of(state: State) -> np.ndarray:
+    """In the order of the mesh, shape (nodes, 3)."""
+    found = np.empty((len(state.model.order), 3))
+    found[state.model.order] = state.gradient.numpy()
+    return found
+
+
+def relax(model: Model, start: np.ndarray, **options: Any) -> tuple[Relaxation, np.ndarray]:
+    """How a relaxation from a displacement ends, and where [mm]; options by name."""
+    relaxer = Relaxer(model, RelaxOptions(**options))
+    relaxer.state.set_displacement(start)
+    return relaxer.relax(), relaxer.state.host_displacement()
+
+
+def increments(model: Model, displacement: np.ndarray, count: int = 1, **options: Any) -> list[Increment]:
+    """The increments of a simulation that leads the nodes on bone to their displacement; options by name."""
+    path = BonePath(displacement)
+    return list(simulate(model, path, SimulationOptions(increments=count, relax=RelaxOptions(**options))))
+
+
+def settle(model: Model, displacement: np.ndarray, count: int = 1, **options: Any) -> Increment:
+    """The last of the increments, which has converged."""
+    last = increments(model, displacement, count, **options)[-1]
+    assert last.relaxation.status is RelaxStatus.CONVERGED
+    return last
+
+
+def held_turned(trunk: TrunkMesh, degrees: float, shift: Any = 0.0, axis: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
+    """A start in which the nodes on bone are turned about their centroid and shifted; the others stay."""
+    held = trunk.prescribed
+    start = np.zeros_like(trunk.nodes)
+    start[held] = rotate(trunk.nodes[held], degrees, axis) + shift - trunk.nodes[held]
+    return start
+
+
+def half_and_half(trunk: TrunkMesh) -> TrunkMesh:
+    """The same, with every other tetrahedron of a second tissue."""
+    return replace(trunk, tissue=(np.arange(len(trunk.tets)) % 2).astype(np.int8))
+
+
+def bent_and_noisy(trunk: TrunkMesh) -> np.ndarray:
+    """A stretch and turn of some millimetres, and noise that inverts a few tetrahedra."""
+    bend = trunk.nodes @ (1.1 * rotation(25.0, (1.0, 2.0, 0.5))).T - trunk.nodes
+    return bend + np.random.default_rng(8).normal(scale=2.5, size=bend.shape)
