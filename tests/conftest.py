@@ -16,7 +16,11 @@ from warp_trunk.results import read_result
 
 
 def pytest_configure() -> None:
-    """Let one worker compile a module of kernels; the others wait and load it from Warp's cache."""
+    """Let one worker compile a module of kernels, while the others wait and load it from Warp's cache.
+
+    Each worker keeps to its share of the cores. Ranges of a launch wait for each other, so the threads of two
+    workers on the same cores made some tests forty times as slow.
+    """
     compile_module = Module._compile
 
     def once(self: Any, device: Any, folder: str, *more: Any, **options: Any) -> bool:
@@ -24,6 +28,10 @@ def pytest_configure() -> None:
             return compile_module(self, device, folder, *more, **options)
 
     Module._compile = once  # pyright: ignore[reportAttributeAccessIssue]
+    if (worker := os.environ.get("PYTEST_XDIST_WORKER")) and hasattr(os, "sched_setaffinity"):
+        cores, workers = sorted(os.sched_getaffinity(0)), int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+        if share := cores[int(worker.removeprefix("gw")) % len(cores) :: workers]:
+            os.sched_setaffinity(0, share)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

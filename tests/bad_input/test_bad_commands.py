@@ -7,10 +7,9 @@ import os
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from support.biplanar import biplanar
+from support.biplanar import biplanar, write_film
 from support.breaking import ply
 from support.no_meshing import forbid_meshing
 from support.report_results import write_small_result
@@ -258,9 +257,7 @@ def films(folder: Path) -> list[str]:
     """Two good films and their flags."""
     flags = []
     for flag, film in zip(("pa", "lateral"), biplanar(small_case().landmarks_before), strict=True):
-        rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
-        (folder / f"{flag}.csv").write_text("\n".join(["name,u,v", *rows]))
-        np.savetxt(folder / f"{flag}.txt", film.projection)
+        write_film(folder / f"{flag}.csv", folder / f"{flag}.txt", film)
         flags += [f"--{flag}", str(folder / f"{flag}.csv"), f"--{flag}-matrix", str(folder / f"{flag}.txt")]
     return flags
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.biplanar import biplanar
+from support.biplanar import biplanar, write_film
 from support.cohort_cases import turned_case
 from support.partial_scans import scan
 from support.phantoms import coarse_phantom
@@ -87,11 +87,10 @@ def write_films(folder: Path, marks: dict[str, Landmarks]) -> None:
     names = tuple(name for one in marks.values() for name in one.names)
     films = biplanar(Landmarks(names, np.vstack([one.points for one in marks.values()])))
     for view, film in zip(("pa", "lateral"), films, strict=True):
-        places = dict(zip(film.names, film.points.tolist(), strict=True))
         for prefix, one in marks.items():
-            rows = [f"{mark},{places[mark][0]!r},{places[mark][1]!r}" for mark in one.names]
-            (folder / f"{prefix}{view}.csv").write_text("\n".join(["name,u,v", *rows]))
-        np.savetxt(folder / f"{view}.txt", film.projection, fmt="%.17g")
+            rows = [film.names.index(name) for name in one.names]
+            part = dataclasses.replace(film, names=one.names, points=film.points[rows])
+            write_film(folder / f"{prefix}{view}.csv", folder / f"{view}.txt", part)
 
 
 @pytest.mark.parametrize("page", ["planning.md", "compare.md", "live.md"])

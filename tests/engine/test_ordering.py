@@ -39,14 +39,3 @@ def test_equal_points_are_no_trouble() -> None:
     order, bounds = bisect(np.zeros((64, 3)), 8)
     assert sorted(order) == list(range(64))
     assert (np.diff(bounds) == 8).all()
-
-
-def test_no_point() -> None:
-    order, bounds = bisect(np.empty((0, 3)), 1)
-    assert len(order) == 0
-    assert list(bounds) == [0, 0]
-
-
-def test_is_the_same_every_time() -> None:
-    one, two = bisect(POINTS, 37), bisect(POINTS.copy(), 37)
-    assert (one[0] == two[0]).all()

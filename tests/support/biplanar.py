@@ -1,5 +1,7 @@
 """A postero-anterior and a lateral film of landmarks, taken with sources 1800 mm from the films."""
 
+from pathlib import Path
+
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
@@ -19,3 +21,10 @@ def biplanar(landmarks: Landmarks, noise: float = 0.0, seed: int = 0) -> tuple[F
         places = project(P, landmarks.points)
         films.append(Film(view, landmarks.names, places + noise * rng.normal(size=places.shape), P))
     return films[0], films[1]
+
+
+def write_film(points: Path, matrix: Path, film: Film) -> None:
+    """The landmarks of a film and its projection, as triangulate reads them."""
+    rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
+    points.write_text("\n".join(["name,u,v", *rows]))
+    np.savetxt(matrix, film.projection, fmt="%.17g")
