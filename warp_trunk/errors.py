@@ -25,7 +25,7 @@ def expect(value: object, kind: type, name: str, cure: str) -> None:
 
 
 def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[float, float]) -> None:
-    """Raise InputError for a number among the fields of some options that is not within its range.
+    """Raise InputError for a number among the fields of some options that is not within its range, nor None.
 
     Args:
         options: the options.
@@ -35,5 +35,5 @@ def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[flo
     """
     for name, (least, most) in ranges.items():
         value = getattr(options, name)
-        if not least <= value <= most:  # nor is NaN
+        if value is not None and not least <= value <= most:  # nor is NaN
             raise InputError(f"{what}: '{name}' must be a number from {least:g} to {most:g}{unit}, not {value}")

@@ -5,7 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.preparation.reconstruction.films import Film, project, projection_matrix
+from warp_trunk.preparation.reconstruction.films import Film, project
+
+
+def projection_matrix(source: np.ndarray, origin: np.ndarray, across: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """The matrix (3, 4) of a focal spot and a flat film: its origin, and steps of 1 in u and in v [mm]."""
+    # source + s (X - source) = origin + u across + v up, for (u, v, 1) / s
+    inverse = np.linalg.inv(np.column_stack([across, up, origin - source]))
+    return np.column_stack([inverse, -inverse @ source])
 
 
 def biplanar(landmarks: Landmarks, noise: float = 0.0, seed: int = 0) -> tuple[Film, Film]:

@@ -173,7 +173,7 @@ def _fans(faces: np.ndarray, count: int) -> np.ndarray:
 
 
 def _at_edge(what: str, keys: np.ndarray, surface: Surface) -> str | None:
-    """What is wrong along edges (first * vertices + second), with the place of the first; None for none."""
+    """The fault along edges, given by first * vertices + second, with the place of the first; None for none."""
     if not keys.size:
         return None
     ends = surface.vertices[[keys[0] // len(surface.vertices), keys[0] % len(surface.vertices)]]

@@ -14,10 +14,13 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 
 from ..landmark_finder import find_landmarks
-from .guiding_points import guiding_points, guiding_skin
-from .spine_curve import VERTEBRAE, Curve, Pose, vertebra_poses
+from .guiding_points import PELVIS, guiding_points, guiding_skin
+from .measured_spine import MeasuredSpine
+from .spine_curve import VERTEBRAE, Pose, SpineCurve, vertebra_poses
 
-_PELVIS = ("hip_left", "hip_right", "sacrum")
+Curve = SpineCurve | MeasuredSpine
+"""A deformed spine that can be imposed on a straight one."""
+
 _GROWN = 30.0
 """How freely ribs and skin grow away from where the spine alone would take them: the nugget of the spline [mm].
 With it, ribs crowded on the concave side keep their gaps, and bend by 4 mm in the median."""
@@ -56,31 +59,24 @@ def impose(
         np.concatenate([np.zeros(len(landmarks.points)), freely, np.full(len(on_skin), _ON_SKIN)]),
     )
 
-    what = f"a curve {curve}"
     everything = np.vstack([skin.vertices, *(bone.vertices for bone in bones.values())])
     volume = np.linalg.det(spline.jacobian(everything))
     if volume.min() <= 0.0:
         x, y, z = everything[volume.argmin()]
-        raise InputError(
-            f"curve: {what} folds this trunk, at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the straight one; ask for less"
-        )
+        where = f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the straight one"
+        raise InputError(f"curve: a curve {curve} folds this trunk, {where}; ask for less")
 
-    carried = {}
-    for name, bone in bones.items():
-        if name in poses:
-            carried[name] = Surface(poses[name](bone.vertices), bone.faces)
-        elif name in _PELVIS:
-            carried[name] = bone
-        else:
-            carried[name] = Surface(spline(bone.vertices), bone.faces)
+    carried = {
+        name: bone if name in PELVIS else Surface(poses.get(name, spline)(bone.vertices), bone.faces)
+        for name, bone in bones.items()
+    }
     carried_skin = Surface(spline(skin.vertices), skin.faces)
     crossed = crossings(carried_skin)
     if len(crossed):
         x, y, z = carried_skin.vertices[carried_skin.faces[crossed[0, 0], 0]]
-        raise InputError(
-            f"curve: {what} makes this skin cross itself, at ({x:.0f}, {y:.0f}, {z:.0f}) mm; ask for less, "
-            "or repair the skin if it crosses itself when straight"
-        )
+        where = f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+        cure = "ask for less, or repair the skin if it crosses itself when straight"
+        raise InputError(f"curve: a curve {curve} makes this skin cross itself, {where}; {cure}")
     return carried_skin, carried, moved
 
 
@@ -102,12 +98,12 @@ def correct(straight: Landmarks, curve: Curve, fraction: float) -> Landmarks:
 
 
 def _move(landmarks: Landmarks, poses: Mapping[str, Pose]) -> Landmarks:
-    points = landmarks.points.copy()
-    for i, name in enumerate(landmarks.names):
-        pose = poses.get(name.split("_")[0])
-        if pose is not None:
-            points[i] = pose(points[i][None])[0]
-    return Landmarks(names=landmarks.names, points=points)
+    owners = (poses.get(name.split("_")[0]) for name in landmarks.names)
+    points = [
+        point if pose is None else pose(point[None])[0]
+        for pose, point in zip(owners, landmarks.points, strict=True)
+    ]
+    return Landmarks(landmarks.names, np.array(points))
 
 
 STRAIGHT = 5.0
@@ -160,16 +156,14 @@ def check_straight(bones: Mapping[str, Surface]) -> None:
     That line turns by 1 / `_TURN` of the Cobb angle, as curves of 4 to 60 degrees imposed on straight anatomy
     show, whose own line turns by 0.8 degrees.
     """
-    levels = [level for level in VERTEBRAE if level in bones]
-    if len(levels) < 3:
-        return  # what is missing is reported by the search for landmarks
-    middles = np.array(
-        [0.5 * (bones[level].vertices.min(axis=0) + bones[level].vertices.max(axis=0)) for level in levels]
-    )
-    up = middles[:-2] - middles[2:]
+    middles = [
+        0.5 * (bones[n].vertices.min(axis=0) + bones[n].vertices.max(axis=0)) for n in VERTEBRAE if n in bones
+    ]
+    if len(middles) < 3:
+        return  # the search for landmarks reports what is missing
+    up = np.array(middles[:-2]) - middles[2:]
     cobb = _TURN * float(np.ptp(np.degrees(np.arctan2(up[:, 0], up[:, 2]))))
     if cobb > STRAIGHT:
-        raise InputError(
-            f"bones: the spine must be straight, but has a curve of about {cobb:.0f} degrees, and {STRAIGHT:g} is "
-            "the most; plan the correction of a real curve with warp-trunk plan"
-        )
+        found = f"has a curve of about {cobb:.0f} degrees, and {STRAIGHT:g} is the most"
+        cure = "plan the correction of a real curve with warp-trunk plan"
+        raise InputError(f"bones: the spine must be straight, but {found}; {cure}")

@@ -48,10 +48,9 @@ def guiding_skin(
     after: list[np.ndarray] = []
     if all(pose.still for pose in poses.values()):
         return np.empty((0, 3)), np.empty((0, 3))
-    for level in _LUMBAR:
-        pose = poses[level]
+    for pose in (poses[level] for level in _LUMBAR):
+        c, s = np.cos(LUMBAR_SHARE * pose.rotation), np.sin(LUMBAR_SHARE * pose.rotation)
         for point in _behind(skin, pose.before):
-            c, s = np.cos(LUMBAR_SHARE * pose.rotation), np.sin(LUMBAR_SHARE * pose.rotation)
             x, y, z = point - pose.before
             before.append(point)
             after.append(pose.after + np.array([c * x - s * y, s * x + c * y, z]))
@@ -59,9 +58,9 @@ def guiding_skin(
     if outline is not None:
         way = poses["T1"].after - poses["T1"].before
         for left, higher in ((0, -0.5 * shoulders), (1, 0.5 * shoulders)):
-            for vertex in np.unique(outline.ends[left, :, 0]):
-                before.append(skin.vertices[vertex])
-                after.append(skin.vertices[vertex] + way + [0.0, 0.0, higher])
+            for vertex in skin.vertices[np.unique(outline.ends[left, :, 0])]:
+                before.append(vertex)
+                after.append(vertex + way + [0.0, 0.0, higher])
     return np.array(before).reshape(-1, 3), np.array(after).reshape(-1, 3)
 
 
@@ -82,7 +81,7 @@ def _behind(skin: Surface, centre: np.ndarray) -> list[np.ndarray]:
 
 GROWTH = RibShares(recovery=1.0)
 """A curve grows with all of the shares that surgery takes back in part."""
-_PELVIS = ("hip_left", "hip_right", "sacrum")
+PELVIS = ("hip_left", "hip_right", "sacrum")
 _POINTS_PER_BONE = 5
 _APART = 8.0
 """Guiding points nearer than this to another or a landmark are left out [mm]: they would ask for a shear."""
@@ -102,18 +101,23 @@ def guiding_points(
         poses: motion of each vertebra by name.
         landmarks: points the spline already holds, (m, 3) [mm].
     """
-    moving = {name: pose for name, pose in poses.items() if not pose.still}
     vertebrae = {name: Vertebra(pose.motion, np.array([pose.before, pose.axis])) for name, pose in poses.items()}
     motions = follow(bones, vertebrae, GROWTH, growing=True)
+    if all(pose.still for pose in poses.values()):
+        motions = dict.fromkeys(motions)
     before, after = [np.empty((0, 3))], [np.empty((0, 3))]
     for name, bone in bones.items():
-        if name not in motions and name not in _PELVIS:
-            continue
-        count = 14 if name in _PELVIS else _POINTS_PER_BONE
-        points = _spread(bone.vertices, bone.vertices.mean(axis=0), count)
-        before.append(points)
-        after.append(motions[name].apply(points) if name in motions and moving else points)
-    return _thin(np.vstack(before), np.vstack(after), landmarks)
+        if name in motions or name in PELVIS:
+            motion = motions.get(name)
+            points = _spread(bone.vertices, bone.vertices.mean(axis=0), 14 if name in PELVIS else _POINTS_PER_BONE)
+            before.append(points)
+            after.append(points if motion is None else motion.apply(points))
+    points, kept, taken = np.vstack(before), [], landmarks
+    for i, point in enumerate(points):
+        if np.linalg.norm(taken - point, axis=1).min(initial=np.inf) >= _APART:
+            kept.append(i)
+            taken = np.vstack([taken, point])
+    return points[kept], np.vstack(after)[kept]
 
 
 def _spread(vertices: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
@@ -124,13 +128,3 @@ def _spread(vertices: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
         gap = np.minimum(gap, np.linalg.norm(vertices - vertices[chosen[-1]], axis=1))
         chosen.append(int(gap.argmax()))
     return vertices[chosen]
-
-
-def _thin(before: np.ndarray, after: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    kept: list[int] = []
-    taken = landmarks
-    for i, point in enumerate(before):
-        if np.linalg.norm(taken - point, axis=1).min(initial=np.inf) >= _APART:
-            kept.append(i)
-            taken = np.vstack([taken, point])
-    return before[kept], after[kept]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.landmarks import VERTEBRAE, read_landmarks
 from warp_trunk.errors import InputError
 
 from .published_curves import LUMBOSACRAL
@@ -80,18 +79,17 @@ def read_measured_spine(path: str | Path) -> MeasuredSpine:
             than 8 levels in a row down to L5.
     """
     path = Path(path)
-    points = _read(path)
-    levels = [level for level in VERTEBRAE if f"{level}_body" in points]
+    marks = read_landmarks(path)
+    levels = [level for level in VERTEBRAE if f"{level}_body" in marks.names]
     if levels != list(VERTEBRAE[LEVELS - len(levels) :]) or len(levels) < FEWEST:
         found = ", ".join(levels) or "none"
         raise InputError(
-            f"{path}: needs at least {FEWEST} levels in a row down to L5, has {found}; give their points"
+            f"{path}: needs {FEWEST} or more levels in a row down to L5, has {found}; give their points"
         )
-    for level in levels:
-        for part in _POINTS:
-            if f"{level}_{part}" not in points:
-                raise InputError(f"{path}: '{level}_{part}' is missing; each level needs {', '.join(_POINTS)}")
-    body, left, right = (np.array([points[f"{level}_{part}"] for level in levels]) for part in _POINTS)
+    names = [[f"{level}_{part}" for level in levels] for part in _POINTS]
+    for name in (name for part in names for name in part if name not in marks.names):
+        raise InputError(f"{path}: '{name}' is missing; each level needs {', '.join(_POINTS)}")
+    body, left, right = (np.array([marks.point(name) for name in part]) for part in names)
     if not (np.diff(body[:, 2]) < 0.0).all():
         raise InputError(f"{path}: body centres must lie one above the other, T1 highest; give them in mm and LPS")
 
@@ -120,22 +118,3 @@ def read_measured_spine(path: str | Path) -> MeasuredSpine:
 _SMOOTH = 3000.0
 """Weight of the integrated squared curvature in the smoothing of a track [mm^3]: of errors that alternate from
 level to level it leaves a tenth, of a curve over seven levels 97 %."""
-
-
-def _read(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); give a table name,x,y,z") from None
-    points = {}
-    for number, row in enumerate(rows, start=2):
-        try:
-            point = np.array([float(row[axis]) for axis in "xyz"])
-            name = row["name"]
-        except (KeyError, TypeError, ValueError):
-            raise InputError(f"{path}, line {number}: must be name,x,y,z with numbers in mm, is {row}") from None
-        if not np.isfinite(point).all():
-            raise InputError(f"{path}, line {number}: '{name}' must have finite coordinates, has {point}")
-        points[name] = point
-    return points

@@ -8,6 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from warp_trunk.case.landmarks import VERTEBRAE
+
 Kind = Literal["thoracic", "thoracolumbar", "double_major"]
 
 
@@ -20,9 +22,12 @@ class PublishedCurve:
     main curve going up, shape (17,)."""
     ends: tuple[str, str]
     """Upper and lower end vertebra of the main curve."""
-    rotation: dict[str, tuple[float, float]]
-    """Axial rotation by level: the part of that of the main apex, and the part of that of the secondary curve.
-    Levels between follow smoothly."""
+    levels: tuple[str, ...]
+    """Levels at which axial rotation is given; those between follow smoothly."""
+    main: tuple[float, ...]
+    """Axial rotation at these levels over that of the main apex."""
+    opposite: tuple[float, ...]
+    """The same of the secondary curve."""
     secondary: Literal["upper", "lower"]
     """The secondary curve that rotates, above or below the main one."""
     rotation_per_cobb: float | None = None
@@ -43,17 +48,9 @@ CURVES: dict[Kind, PublishedCurve] = {
             *(0.407, 0.300, 0.167, 0.050, -0.027),
         ),
         ends=("T5", "T12"),
-        rotation={
-            "T1": (0.0, 0.0),
-            "T3": (0.13, 0.0),
-            "T5": (0.46, 0.0),
-            "T8": (1.0, 0.0),
-            "T9": (1.0, 0.0),
-            "T11": (0.6, 0.0),
-            "L1": (0.0, 0.0),
-            "L3": (0.0, 1.0),
-            "L5": (0.0, 0.3),
-        },
+        levels=("T1", "T3", "T5", "T8", "T9", "T11", "L1", "L3", "L5"),
+        main=(0.0, 0.13, 0.46, 1.0, 1.0, 0.6, 0.0, 0.0, 0.0),
+        opposite=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.3),
         secondary="lower",
         shoulder=7.0 / 58.0,
     ),
@@ -63,17 +60,9 @@ CURVES: dict[Kind, PublishedCurve] = {
             *(0.266, 0.034, -0.164, -0.255, -0.213),
         ),
         ends=("T5", "T11"),
-        rotation={
-            "T1": (0.0, 0.0),
-            "T3": (0.13, 0.0),
-            "T5": (0.46, 0.0),
-            "T8": (1.0, 0.0),
-            "T10": (0.6, 0.0),
-            "T12": (0.0, 0.0),
-            "L2": (0.0, 1.0),
-            "L4": (0.0, 0.5),
-            "L5": (0.0, 0.2),
-        },
+        levels=("T1", "T3", "T5", "T8", "T10", "T12", "L2", "L4", "L5"),
+        main=(0.0, 0.13, 0.46, 1.0, 0.6, 0.0, 0.0, 0.0, 0.0),
+        opposite=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.2),
         secondary="lower",
         shoulder=7.0 / 58.0,
     ),
@@ -83,16 +72,9 @@ CURVES: dict[Kind, PublishedCurve] = {
             *(0.018, 0.279, 0.460, 0.494, 0.363),
         ),
         ends=("T10", "L4"),
-        rotation={
-            "T1": (0.0, 0.0),
-            "T4": (0.0, 0.3),
-            "T7": (0.0, 1.0),
-            "T9": (0.0, 0.0),
-            "T12": (0.85, 0.0),
-            "L1": (1.0, 0.0),
-            "L3": (0.6, 0.0),
-            "L5": (0.1, 0.0),
-        },
+        levels=("T1", "T4", "T7", "T9", "T12", "L1", "L3", "L5"),
+        main=(0.0, 0.0, 0.0, 0.0, 0.85, 1.0, 0.6, 0.1),
+        opposite=(0.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         secondary="upper",
         rotation_per_cobb=0.32,
     ),
@@ -126,8 +108,6 @@ def tilts_of(curve: PublishedCurve, upper: float | None, lower: float | None) ->
         upper: Cobb angle of the curve above over that of the main one; that of the mean shape when left out.
         lower: the same of the curve below.
     """
-    from warp_trunk.case.landmarks import VERTEBRAE
-
     first, last = (VERTEBRAE.index(level) for level in curve.ends)
     mean = np.array(curve.tilt)
     tilt = mean / (mean[last] - mean[first])
@@ -143,8 +123,6 @@ def tilts_of(curve: PublishedCurve, upper: float | None, lower: float | None) ->
 
 def secondary_share(curve: PublishedCurve, tilt: np.ndarray) -> float:
     """Cobb angle of the secondary curve that rotates, over that of the main one."""
-    from warp_trunk.case.landmarks import VERTEBRAE
-
     first, last = (VERTEBRAE.index(level) for level in curve.ends)
     part = tilt[: first + 1] if curve.secondary == "upper" else tilt[last:]
     return float(np.ptp(part))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from warp_trunk.case.landmarks import VERTEBRAE
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.measures.sagittal import sagittal_angle
 from warp_trunk.measures.spine import spine_of
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures.spine import Spine
 
+    from .measured_spine import MeasuredSpine
+
 LEVELS = len(VERTEBRAE)
 
 
@@ -45,23 +47,6 @@ class SpineAngles:
     top: float | None = None
     """Where the middle of T1 comes to lie beside its place in the straight spine, along +x [mm]; where the tilts
     take it when left out."""
-
-
-class Curve(Protocol):
-    """A deformed spine that can be imposed on a straight one."""
-
-    def angles(self, straight: Spine) -> SpineAngles:
-        """The turns of each vertebra from the straight spine."""
-        ...
-
-    def corrected(self, fraction: float) -> Curve:
-        """The curve after a fraction in [0, 1] of Cobb angle and axial rotation is corrected."""
-        ...
-
-    @property
-    def shoulders(self) -> float:
-        """How much higher the right shoulder stands than the left [mm]."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,14 +84,12 @@ class SpineCurve:
 
     def __post_init__(self) -> None:
         for field, allowed in (("kind", tuple(CURVES)), ("direction", ("right", "left"))):
-            if getattr(self, field) not in allowed:
-                raise InputError(
-                    f"curve: '{field}' must be one of {', '.join(allowed)}, not {getattr(self, field)!r}"
-                )
-        for field, (least, most, unit) in _LIMITS.items():
-            value = getattr(self, field)
-            if value is not None and not least <= value <= most:
-                raise InputError(f"curve: '{field}' must be {least:g} to {most:g}{unit}, not {value}")
+            if (value := getattr(self, field)) not in allowed:
+                raise InputError(f"curve: '{field}' must be one of {', '.join(allowed)}, not {value!r}")
+        degrees = {"cobb": (0.0, 120.0), "apical_rotation": (0.0, 60.0), "kyphosis": (-20.0, 80.0)}
+        check_ranges(self, "curve", " degrees", **degrees, secondary_rotation=(-30.0, 60.0))
+        check_ranges(self, "curve", upper_share=(0.0, 1.0), lower_share=(0.0, 1.0))
+        check_ranges(self, "curve", " mm", t1_offset=(-100.0, 100.0))
 
     def __str__(self) -> str:
         return f"{self.kind} {self.cobb:g} degrees"
@@ -116,8 +99,7 @@ class SpineCurve:
         """Axial rotation of the apical vertebra, given or by default [deg]."""
         if self.apical_rotation is not None:
             return self.apical_rotation
-        ratio = CURVES[self.kind].rotation_per_cobb
-        if ratio is not None:
+        if (ratio := CURVES[self.kind].rotation_per_cobb) is not None:
             return ratio * self.cobb
         return thoracic_rotation(self.cobb, KYPHOSIS[0] if self.kyphosis is None else self.kyphosis)
 
@@ -156,17 +138,16 @@ class SpineCurve:
 
         side = -1.0 if self.direction == "right" else 1.0
         levels = np.arange(LEVELS)
-        parts = CURVES[self.kind].rotation
-        nodes = [VERTEBRAE.index(level) for level in parts]
-        main, secondary = np.array(list(parts.values())).T
-        turn = PchipInterpolator(nodes, self.rotation * main - self.secondary * secondary)(levels)
+        published = CURVES[self.kind]
+        nodes = [VERTEBRAE.index(level) for level in published.levels]
+        at_nodes = self.rotation * np.array(published.main) - self.secondary * np.array(published.opposite)
+        turn = PchipInterpolator(nodes, at_nodes)(levels)
         pitch = np.zeros(LEVELS)
         if self.kyphosis is not None:
             own = sagittal_angle(straight, "T5", "T12")
             if own is None:
                 raise InputError("landmarks: the kyphosis needs both endplates of T5 and T12; give them")
-            more = self.kyphosis - own
-            pitch = more * PchipInterpolator([0, 4, 11, 16], [1.0, 1.0, 0.0, 0.0])(levels)
+            pitch = (self.kyphosis - own) * PchipInterpolator([0, 4, 11, 16], [1.0, 1.0, 0.0, 0.0])(levels)
         return SpineAngles(
             tilt=side * np.radians(self.cobb * self._tilts()),
             pitch=np.radians(pitch),
@@ -176,17 +157,6 @@ class SpineCurve:
 
     def _tilts(self) -> np.ndarray:
         return tilts_of(CURVES[self.kind], self.upper_share, self.lower_share)
-
-
-_LIMITS = {
-    "cobb": (0.0, 120.0, " degrees"),
-    "apical_rotation": (0.0, 60.0, " degrees"),
-    "kyphosis": (-20.0, 80.0, " degrees"),
-    "secondary_rotation": (-30.0, 60.0, " degrees"),
-    "upper_share": (0.0, 1.0, ""),
-    "lower_share": (0.0, 1.0, ""),
-    "t1_offset": (-100.0, 100.0, " mm"),
-}
 
 
 def left_after(fraction: float) -> float:
@@ -244,7 +214,7 @@ class Pose:
         return (points - self.before) @ self.matrix.T + self.after
 
 
-def vertebra_poses(straight: Landmarks, curve: Curve) -> dict[str, Pose]:
+def vertebra_poses(straight: Landmarks, curve: SpineCurve | MeasuredSpine) -> dict[str, Pose]:
     """The motion of each vertebra T1 to L5 that gives a straight spine the curve.
 
     Body centres keep their distances along the spine, so that a curved spine is shorter. Each body turns with the
@@ -296,23 +266,14 @@ def vertebra_poses(straight: Landmarks, curve: Curve) -> dict[str, Pose]:
     poses = {}
     for name, (top_end, bottom), centre in zip(VERTEBRAE, ends, centres, strict=True):
         axis = (top_end - bottom) * [0.0, 1.0, 1.0]
-        at = [float(np.interp(centre[2], z, f)) for f in (tilts, pitches, turns, *way.T)]
-        poses[name] = Pose(
-            tilt=at[0],
-            pitch=at[1],
-            rotation=at[2],
-            axis=axis / np.linalg.norm(axis),
-            before=centre,
-            after=centre + np.array(at[3:]),
-        )
+        tilt, pitch, turn, *moved = (float(np.interp(centre[2], z, f)) for f in (tilts, pitches, turns, *way.T))
+        poses[name] = Pose(tilt, pitch, turn, axis / np.linalg.norm(axis), centre, centre + np.array(moved))
     return poses
 
 
 def _endplates(landmarks: Landmarks) -> np.ndarray:
     """Superior and inferior endplate centres of T1 to L5, shape (17, 2, 3)."""
-    where = {name: i for i, name in enumerate(landmarks.names)}
-    names = [[f"{bone}_{end}_endplate" for end in ("superior", "inferior")] for bone in VERTEBRAE]
-    missing = [name for pair in names for name in pair if name not in where]
-    if missing:
+    names = [f"{bone}_{end}_endplate" for bone in VERTEBRAE for end in ("superior", "inferior")]
+    if missing := [name for name in names if name not in landmarks.names]:
         raise InputError(f"landmarks: '{missing[0]}' is missing; a spine curve needs both endplates of T1 to L5")
-    return landmarks.points[[[where[name] for name in pair] for pair in names]]
+    return landmarks.points[[landmarks.index(name) for name in names]].reshape(LEVELS, 2, 3)

@@ -1,5 +1,5 @@
-"""A synthetic scoliotic trunk made of formulas, the case that comes with the package."""
+"""A synthetic trunk."""
 
-from .phantom import SIZE_RANGES, TrunkSize, phantom_case, straight_trunk
+from .phantom import phantom_case, straight_trunk
 
-__all__ = ["SIZE_RANGES", "TrunkSize", "phantom_case", "straight_trunk"]
+__all__ = ["phantom_case", "straight_trunk"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -56,20 +57,6 @@ def tube(
     return Surface(vertices, np.concatenate(faces).astype(np.int32))
 
 
-def along(curve: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors `side` and `up` across a tube along a curve, `up` as near as can be to the one given.
-
-    Args:
-        curve: points in order, shape (n, 3) [mm].
-        up: wanted direction, shape (3,), nowhere along the curve.
-    """
-    forward = np.gradient(curve, axis=0)
-    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    across = up - (forward @ up)[:, None] * forward
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    return np.cross(across, forward), across
-
-
 def rod(
     guide: np.ndarray,
     half_side: np.ndarray,
@@ -102,7 +89,11 @@ def rod(
     to_end = np.minimum(places, length[-1] - places)
     share = np.sqrt(1.0 - np.clip(1.0 - to_end / cap, 0.0, 1.0) ** 2)
     centres = np.stack([np.interp(places, length, column) for column in curve.T], axis=1)
-    side, across = along(centres, up)
+    forward = np.gradient(centres, axis=0)
+    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
+    across = up - (forward @ up)[:, None] * forward
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    side = np.cross(across, forward)
     widths = PchipInterpolator(chord, np.stack([half_side, half_up], axis=1))(np.interp(places, length, fine))
     return tube(centres, side, across, share * widths[:, 0], share * widths[:, 1], around=around)
 
@@ -122,30 +113,20 @@ def stack(half_loops: Sequence[np.ndarray]) -> Surface:
     starts = np.cumsum([0, *(len(loop) for loop in half_loops)])
     vertices = np.concatenate(half_loops)
     faces = []
-    for k in range(len(half_loops) - 1):
-        faces += _join(half_loops[k], half_loops[k + 1], int(starts[k]), int(starts[k + 1]))
+    for k, (upper, lower) in enumerate(pairwise(half_loops)):
+        i = j = 0
+        while i < len(upper) - 1 or j < len(lower) - 1:  # by the shorter diagonal at each step
+            step_up = np.linalg.norm(upper[i + 1] - lower[j]) if i < len(upper) - 1 else np.inf
+            step_down = np.linalg.norm(upper[i] - lower[j + 1]) if j < len(lower) - 1 else np.inf
+            one, other = starts[k] + i, starts[k + 1] + j
+            faces.append((one, one + 1, other) if step_up <= step_down else (one, other + 1, other))
+            i, j = (i + 1, j) if step_up <= step_down else (i, j + 1)
     left = np.array(faces)
     on_plane = vertices[:, 0] == 0.0
     mirror = np.arange(len(vertices))
     mirror[~on_plane] = len(vertices) + np.arange((~on_plane).sum())
     both = np.concatenate([vertices, vertices[~on_plane] * [-1.0, 1.0, 1.0]])
     return Surface(both, np.concatenate([left, mirror[left][:, ::-1]]).astype(np.int32))
-
-
-def _join(upper: np.ndarray, lower: np.ndarray, i0: int, j0: int) -> list[tuple[int, int, int]]:
-    """Triangles between two half loops, by the shorter diagonal at each step."""
-    i = j = 0
-    faces = []
-    while i < len(upper) - 1 or j < len(lower) - 1:
-        step_up = np.linalg.norm(upper[i + 1] - lower[j]) if i < len(upper) - 1 else np.inf
-        step_down = np.linalg.norm(upper[i] - lower[j + 1]) if j < len(lower) - 1 else np.inf
-        if step_up <= step_down:
-            faces.append((i0 + i, i0 + i + 1, j0 + j))
-            i += 1
-        else:
-            faces.append((i0 + i, j0 + j + 1, j0 + j))
-            j += 1
-    return faces
 
 
 def spaced(curve: np.ndarray, count: int) -> np.ndarray:

@@ -132,9 +132,9 @@ def _mounds(mounds: np.ndarray, x: np.ndarray, z: float) -> np.ndarray:
     return (height * np.exp(-(((x - side) / wide) ** 2) - ((z - top) / tall) ** 2)).sum(axis=0)
 
 
-def _thinned(loop: np.ndarray, least: int = 2) -> np.ndarray:
+def _thinned(loop: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(np.diff(loop, axis=0), axis=1).sum()
-    return spaced(loop, 1 + max(least, round(length / EDGE)))
+    return spaced(loop, 1 + max(2, round(length / EDGE)))
 
 
 def _cap(loop: np.ndarray) -> list[np.ndarray]:

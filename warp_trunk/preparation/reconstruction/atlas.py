@@ -80,14 +80,18 @@ def fit_atlas(
         InputError: landmarks of the atlas that the patient has not, that are off their bones or of another size,
             or on which nothing can be fitted.
     """
-    sources, targets = atlas.points, _same_landmarks(atlas, patient)
+    if missing := [name for name in atlas.names if name not in patient.names]:
+        which = f"'{missing[0]}'{f' and {len(missing) - 1} more are' if missing[1:] else ' is'} missing"
+        cure = "add what is missing, or remove it from those of the atlas"
+        raise InputError(f"fit_atlas: {which} among the patient's landmarks; {cure}")
+    sources, targets = atlas.points, np.array([patient.point(name) for name in atlas.names])
     owners = np.array([bone_of(name, bones) or "" for name in atlas.names])
     check_size("fit_atlas", sources, targets)
     rows = {bone: np.flatnonzero(owners == bone) for bone in bones}
-    for bone in bones:
-        if len(rows[bone]):
-            names = tuple(atlas.names[i] for i in rows[bone])
-            check_near("fit_atlas", names, sources[rows[bone]], bones[bone], f"'{bone}' of the atlas")
+    for bone, found in rows.items():
+        if len(found):
+            names = tuple(atlas.names[i] for i in found)
+            check_near("fit_atlas", names, sources[found], bones[bone], f"'{bone}' of the atlas")
     own = tuple(bone for bone in bones if _enough(sources[rows[bone]]))
 
     on_skin = np.empty((2, 0, 3)) if skins is None else _on_skin(*skins, sources, targets)
@@ -110,9 +114,8 @@ def fit_atlas(
     carried, depth = {}, {}
     for name, bone in bones.items():
         guides = none if name in own or name in _PELVIS else on_skin
-        carried[name] = Surface(
-            carry(rows[name] if name in own else everything, bone.vertices, guides), bone.faces
-        )
+        fitted = rows[name] if name in own else everything
+        carried[name] = Surface(carry(fitted, bone.vertices, guides), bone.faces)
     if skins is not None:
         outermost = SurfaceDistance(skins[1]).outermost([bone.vertices for bone in carried.values()])
         depth = {name: -out for name, (_, out) in zip(carried, outermost, strict=True)}
@@ -145,18 +148,6 @@ def _on_skin(of_atlas: Surface, of_patient: Surface, sources: np.ndarray, target
             np.append(np.ones(len(marks)), np.full(len(kept), nugget)),
         )
     return np.stack([of_atlas.vertices[kept], goals])
-
-
-def _same_landmarks(atlas: Landmarks, patient: Landmarks) -> np.ndarray:
-    """The patient's points of the atlas's landmarks, in their order; InputError where she lacks one."""
-    missing = [name for name in atlas.names if name not in patient.names]
-    if missing:
-        more = f" and {len(missing) - 1} more are" if len(missing) > 1 else " is"
-        raise InputError(
-            f"fit_atlas: '{missing[0]}'{more} missing among the patient's landmarks; add it, or remove it from "
-            "those of the atlas"
-        )
-    return patient.points[[patient.index(name) for name in atlas.names]]
 
 
 def _enough(points: np.ndarray) -> bool:

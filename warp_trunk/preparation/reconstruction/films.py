@@ -31,12 +31,7 @@ class Film:
     """P, shape (3, 4): a point X [mm, LPS] is seen at (p0, p1) / p2, where p = P (X, 1)."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for shapes that do not fit, or a projection without one source."""
-        if self.points.shape != (len(self.names), 2):
-            raise InputError(
-                f"{self.view}: points must have shape ({len(self.names)}, 2), one for each name, "
-                f"not {self.points.shape}"
-            )
+        """Raises InputError for a projection without one source."""
         check_projection(self.view, self.projection)
 
     def rows(self, names: tuple[str, ...]) -> np.ndarray:
@@ -50,9 +45,8 @@ def read_film(points: str | Path, projection: str | Path) -> Film:
     Raises:
         InputError: a file that is missing, cannot be read or breaks a rule.
     """
-    path = Path(points)
-    names, places = read_rows(path, _COLUMNS)
-    return Film(str(path), names, places, read_projection(projection))
+    names, places = read_rows(Path(points), _COLUMNS)
+    return Film(str(points), names, places, read_projection(projection))
 
 
 def read_projection(path: str | Path) -> np.ndarray:
@@ -79,38 +73,14 @@ def check_projection(where: str, matrix: np.ndarray) -> None:
         raise InputError(f"{where}: a projection is 3 by 4 finite numbers, not {matrix.shape}; calibrate again")
     spread = np.linalg.svd(matrix[:, :3] / np.linalg.norm(matrix[:, :3], axis=1, keepdims=True).clip(1e-300))[1]
     if not spread[2] > 1e-9 * spread[0]:
-        raise InputError(
-            f"{where}: the first three columns must be a regular matrix, so that there is one source; "
-            "calibrate again"
-        )
+        rule = "the first three columns must be a regular matrix, so that there is one source"
+        raise InputError(f"{where}: {rule}; calibrate again")
 
 
 def project(projection: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Where points (n, 3) [mm] are seen on a film, shape (n, 2)."""
     p = points @ projection[:, :3].T + projection[:, 3]
     return p[:, :2] / p[:, 2:]
-
-
-def projection_matrix(
-    source: np.ndarray, film_origin: np.ndarray, across: np.ndarray, up: np.ndarray
-) -> np.ndarray:
-    """The matrix of a source and a flat film, shape (3, 4).
-
-    Args:
-        source: the focal spot [mm], shape (3,).
-        film_origin: the point of the film where u = v = 0 [mm], shape (3,).
-        across: how far a step of 1 in u goes [mm], shape (3,).
-        up: how far a step of 1 in v goes [mm], shape (3,).
-
-    Raises:
-        InputError: a source in the plane of the film, or axes along one line.
-    """
-    # source + s (X - source) = film_origin + u across + v up, for (u, v, 1) / s
-    frame = np.column_stack([across, up, film_origin - source])
-    if not abs(np.linalg.det(frame)) > 1e-9 * np.prod(np.linalg.norm(frame, axis=0)):
-        raise InputError("projection: the source must lie off the film, and the film's axes across each other")
-    inverse = np.linalg.inv(frame)
-    return np.column_stack([inverse, -inverse @ source])
 
 
 _PARALLEL = 1e-4
@@ -142,14 +112,9 @@ def meeting_point(
     planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
     start, _, _, spread = np.linalg.lstsq(planes[:, :3], -planes[:, 3])
     if not spread[2] > _PARALLEL * spread[0]:
-        raise InputError(
-            f"triangulate: the rays of '{name}' are parallel; the films must be taken from different sides"
-        )
+        raise InputError(f"triangulate: the rays of '{name}' are parallel; take the films from different sides")
     if any(abs(P[2] @ [*start, 1.0]) <= _PARALLEL * np.abs(P[2] * [*start, 1.0]).max() for P in projections):
-        raise InputError(
-            f"triangulate: the rays of '{name}' meet in a source; the films must have different sources, so give "
-            "each its own projection"
-        )
+        raise InputError(f"triangulate: the rays of '{name}' meet in a source; give each film its own projection")
 
     def off(X: np.ndarray) -> np.ndarray:
         return np.concatenate([project(P, X[None])[0] - p for P, p in zip(projections, places, strict=True)])

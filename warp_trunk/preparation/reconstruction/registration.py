@@ -11,7 +11,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.spline import Spline, fit_spline
+from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ class Registration:
     """The skin, same vertices and faces, in the frame of the bones [mm]."""
     rigid: RigidTransform
     """From the frame of the scan to that of the bones."""
-    spline: Spline
-    """The remaining change of posture between scan and films."""
     names: tuple[str, ...]
     """The markers."""
     rigid_miss: np.ndarray
@@ -64,12 +62,9 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
         InputError: names that differ, markers off the skin or of another size, markers on which no spline can
             be fitted, or a map that folds the skin.
     """
-    differ = sorted(set(on_skin.names) ^ set(on_films.names))
-    if differ:
-        raise InputError(
-            f"register: markers on skin and films must have the same names, but {', '.join(differ[:4])} "
-            f"{'differs' if len(differ) == 1 else 'differ'}; name or remove them"
-        )
+    if differ := sorted(set(on_skin.names) ^ set(on_films.names)):
+        found = f"of {', '.join(differ[:4])} there is only one"
+        raise InputError(f"register: markers on skin and films must have the same names, but {found}; name both")
     targets = on_films.points[[on_films.index(name) for name in on_skin.names]]
     check_near("register", on_skin.names, on_skin.points, skin, "the skin")
     check_size("register", on_skin.points, targets)
@@ -80,14 +75,12 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
     if volume.min() <= 0.0:
         x, y, z = skin.vertices[volume.argmin()]
         nearest = int(np.linalg.norm(vertices[volume.argmin()] - markers, axis=1).argmin())
-        raise InputError(
-            f"register: the markers fold the skin, at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the scan near "
-            f"'{on_skin.names[nearest]}'; look for swapped or wrong markers there, or set a nugget"
-        )
+        where = f"at ({x:.0f}, {y:.0f}, {z:.0f}) mm of the scan near '{on_skin.names[nearest]}'"
+        cure = "look for swapped or wrong markers there, or set a nugget"
+        raise InputError(f"register: the markers fold the skin, {where}; {cure}")
     return Registration(
         skin=Surface(spline(vertices), skin.faces),
         rigid=rigid,
-        spline=spline,
         names=on_skin.names,
         rigid_miss=np.linalg.norm(markers - targets, axis=1),
         miss=np.linalg.norm(spline(markers) - targets, axis=1),
@@ -108,17 +101,13 @@ def check_near(what: str, names: tuple[str, ...], points: np.ndarray, surface: S
     off = np.abs(SurfaceDistance(surface).at(points))
     worst = int(np.argmax(off))
     if not off[worst] <= NEAR:
-        raise InputError(
-            f"{what}: '{names[worst]}' is {off[worst]:.0f} mm from {where}, {NEAR:g} mm is the most; "
-            "give both in mm and in one frame"
-        )
+        found = f"'{names[worst]}' is {off[worst]:.0f} mm from {where}, {NEAR:g} mm is the most"
+        raise InputError(f"{what}: {found}; give both in mm and in one frame")
 
 
 def check_size(what: str, sources: np.ndarray, targets: np.ndarray) -> None:
     """InputError, which begins with `what`, for points (n, 3) that spread far wider or less than their targets."""
     before, after = (np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) for p in (sources, targets))
     if not before / GROWTH <= after <= before * GROWTH:
-        raise InputError(
-            f"{what}: the points spread over {before:.3g} mm in one file and {after:.3g} mm in the other "
-            f"(root mean square), a ratio of {GROWTH:g} is the most; give both in mm"
-        )
+        found = f"the points spread over {before:.3g} mm in one file and {after:.3g} mm in the other"
+        raise InputError(f"{what}: {found}, a ratio of {GROWTH:g} is the most; give both in mm")
