@@ -11,8 +11,8 @@ from scipy.spatial.transform import RigidTransform
 from support.part_phantom import part_case
 from support.small_patient import curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan
-from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.bone_motion.plan.surgery import surgery_record
+from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.live.motion_plan import with_handles
 from warp_trunk.live.sliders import MotionSliders, SpineSliders, first_wish

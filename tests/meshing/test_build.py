@@ -12,7 +12,7 @@ from warp_trunk.geometry.surface_checks import crossings, manifold_fault
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.meshing import MeshOptions, build_trunk, make_trunk
 from warp_trunk.meshing.build import morton_order
-from warp_trunk.meshing.quality import mean_ratio
+from warp_trunk.meshing.tetrahedra import mean_ratio
 
 SKIN = sphere(100.0)
 BONES = {"upper": sphere(25.0, (0.0, 5.0, 22.0), 2), "lower": sphere(25.0, (0.0, 5.0, -22.0), 2)}

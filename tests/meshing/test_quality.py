@@ -2,7 +2,7 @@ import numpy as np
 
 from support.meshes import grid
 from warp_trunk.engine.trunk_mesh import tet_volumes
-from warp_trunk.meshing.quality import improve_quality, mean_ratio
+from warp_trunk.meshing.tetrahedra import improve_quality, mean_ratio
 
 
 def flattened():

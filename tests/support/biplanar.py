@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.preparation.reconstruction.films import Film, project
+from warp_trunk.preparation.reconstruction.triangulation import Film, project
 
 
 def projection_matrix(source: np.ndarray, origin: np.ndarray, across: np.ndarray, up: np.ndarray) -> np.ndarray:

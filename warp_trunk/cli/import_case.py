@@ -103,7 +103,7 @@ class Import:
         if self.body is not None:
             return read_body(self.body)
         if self.ct is not None:
-            from warp_trunk.preparation.label_maps.scan import body_in_scan
+            from warp_trunk.preparation.label_maps.skin import body_in_scan
 
             return body_in_scan(self.ct)
         return None

@@ -16,8 +16,7 @@ from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_
 
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
-from .quality import improve_quality
-from .tetrahedra import Tetrahedra, check_number, tetrahedralize
+from .tetrahedra import Tetrahedra, check_number, improve_quality, tetrahedralize
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@ import pytest
 
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.preparation.deformity import SpineCurve, impose
-from warp_trunk.preparation.deformity.guiding_points import guiding_skin
+from warp_trunk.preparation.deformity.deformity import guiding_skin
 from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 

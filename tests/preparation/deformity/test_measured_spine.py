@@ -57,18 +57,12 @@ def test_correction_leaves_its_part_and_the_profile(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("levels", "edit", "rule"),
     [
-        (VERTEBRAE[12:], "", "at least 8 levels"),
+        (VERTEBRAE[12:], "", "8 or more levels"),
         (VERTEBRAE[:12], "", "down to L5"),
-        (VERTEBRAE, "T4_body,1,two,3", "line 53"),
-        (VERTEBRAE, "T4_body,1,nan,3", "finite"),
-        (VERTEBRAE, "T4_body,1,2,9999", "one above the other"),
+        (VERTEBRAE[8:], "T8_body,0,0,9", "'T8_left_pedicle' is missing"),
+        (VERTEBRAE[8:], "T8_body,0,0,0\nT8_left_pedicle,1,0,0\nT8_right_pedicle,0,0,0", "one above the other"),
     ],
 )
 def test_bad_tables_are_refused(tmp_path: Path, levels: tuple[str, ...], edit: str, rule: str) -> None:
     with pytest.raises(InputError, match=rule):
         read_measured_spine(written(tmp_path, levels, edit))
-
-
-def test_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
-        read_measured_spine(tmp_path / "none.csv")

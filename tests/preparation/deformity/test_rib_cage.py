@@ -5,7 +5,7 @@ from scipy.spatial import KDTree
 from warp_trunk.bone_motion.rib_cage import follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebra
 from warp_trunk.case.rib_shares import RibShares
-from warp_trunk.preparation.deformity.guiding_points import guiding_points
+from warp_trunk.preparation.deformity.deformity import guiding_points
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 

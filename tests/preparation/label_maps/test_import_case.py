@@ -83,7 +83,12 @@ def test_every_form_of_a_label_map_gives_the_same_bones(made, files, tmp_path, f
 
 
 def test_surfaces_by_names_of_others(made, tmp_path):
-    names = {"T5": "fifth thoracic vertebra", "T6": "FMA9945", "T7": "vertebrae_T7", "hip_left": "Left hip bone"}
+    names = {
+        "T5": "fifth thoracic vertebra",
+        "T6": "T6 vertebra",
+        "T7": "vertebrae_T7",
+        "hip_left": "Left hip bone",
+    }
     for name, bone in bones().items():
         write_surface(tmp_path / f"{names.get(name, name)}.stl", bone)
     write_surface(tmp_path / "body.ply", made.case.skin)

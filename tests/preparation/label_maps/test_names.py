@@ -27,8 +27,6 @@ KNOWN = {
     "Right 7th rib": "rib_right_07",
     "left third costal cartilage": "costal_cartilage_left_03",
     "right hip bone": "hip_right",
-    "FMA9991": "T8",
-    "FMA8093_left fifth rib": "rib_left_05",
     "T8 vertebra": "T8",
     "T8": "T8",
     "rib_left_05": "rib_left_05",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.errors import InputError
-from warp_trunk.preparation.label_maps.scan import body_in_scan
+from warp_trunk.preparation.label_maps.skin import body_in_scan
 
 SPACING = np.array([2.0, 2.0, 3.0])
 SHAPE = (150, 130, 60)

@@ -1,17 +1,14 @@
 from functools import cache
-from itertools import product
 
 import numpy as np
 import pytest
 
-from warp_trunk.case import Case, check_case, read_case, write_case
+from warp_trunk.case import Case, check_case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface_checks import check_solid
 from warp_trunk.preparation.deformity import SpineCurve
-from warp_trunk.preparation.phantom import SIZE_RANGES, TrunkSize, phantom_case, straight_trunk
-
-CORNERS = [TrunkSize(height=h, width=w, depth=d) for h, w, d in product(*SIZE_RANGES.values())]
+from warp_trunk.preparation.phantom import phantom_case, straight_trunk
 
 
 @cache
@@ -19,11 +16,9 @@ def default_case() -> Case:
     return phantom_case()
 
 
-@pytest.mark.parametrize("size", [TrunkSize(), CORNERS[0], CORNERS[3], CORNERS[4], CORNERS[7]], ids=str)
-def test_every_size_is_solid_and_as_large_as_asked(size):
-    """Extreme sizes; all others are images of the same shape, see `straight_trunk`."""
-    skin, bones, landmarks = straight_trunk(size)
-    np.testing.assert_allclose(np.ptp(skin.vertices, axis=0), [size.width, size.depth, size.height])
+def test_it_is_solid_and_its_bones_lie_under_the_skin():
+    skin, bones, landmarks = straight_trunk()
+    np.testing.assert_allclose(np.ptp(skin.vertices, axis=0), [326.0, 225.0, 575.0])
     check_solid(skin, "skin")
     distance = SurfaceDistance(skin)
     for name, bone in bones.items():
@@ -50,15 +45,9 @@ def test_the_case_has_the_curve_it_says():
     )
 
 
-@pytest.mark.parametrize(
-    ("size", "curve"),
-    [
-        (CORNERS[0], SpineCurve(kind="double_major", cobb=70.0, direction="left")),
-        (CORNERS[-1], SpineCurve(kind="thoracolumbar", cobb=70.0)),
-    ],
-)
-def test_deformed_cases_pass_every_check(size, curve):
-    case = phantom_case(size, curve)
+@pytest.mark.parametrize("kind", ["double_major", "thoracolumbar"])
+def test_deformed_cases_pass_every_check(kind):
+    case = phantom_case(SpineCurve(kind=kind, cobb=70.0, direction="left"))
     check_case(case)
     distance = SurfaceDistance(case.skin)
     for name, bone in case.bones.items():
@@ -75,21 +64,6 @@ def test_no_curve_is_the_straight_trunk():
         np.testing.assert_allclose(case.bones[name].vertices, bone.vertices, atol=1e-9)
 
 
-def test_it_is_the_same_every_time_and_survives_its_folder(tmp_path):
-    case = default_case()
-    write_case(tmp_path, phantom_case())
-    back = read_case(tmp_path)
-    np.testing.assert_array_equal(back.skin.vertices, case.skin.vertices)
-    np.testing.assert_array_equal(back.planned_landmarks.points, case.planned_landmarks.points)
-    assert back.name == case.name
-
-
 def test_a_curve_that_is_too_strong_is_refused():
-    with pytest.raises(InputError, match=r"ask for (a smaller curve|less)"):
+    with pytest.raises(InputError, match="ask for less"):
         phantom_case(curve=SpineCurve(cobb=120.0))
-
-
-@pytest.mark.parametrize(("field", "value"), [("height", 399.0), ("width", 381.0), ("depth", float("nan"))])
-def test_sizes_out_of_range_are_refused(field, value):
-    with pytest.raises(InputError, match=f"phantom: '{field}' must be .* to .* mm, not {value}"):
-        TrunkSize(**{field: value})

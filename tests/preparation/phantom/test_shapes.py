@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from warp_trunk.geometry.surface_checks import check_solid, enclosed_volume
-from warp_trunk.preparation.phantom.shapes import along, rod, spaced, stack, tube
+from warp_trunk.preparation.phantom.bones import rod, tube
+from warp_trunk.preparation.phantom.skin import spaced, stack
 
 
 def test_a_tube_of_circles_is_a_cylinder_with_cones():
@@ -31,16 +32,6 @@ def test_rings_go_from_side_to_up():
     )
     corner = surface.vertices[1 + 1] / [4.0, 2.0, 1.0]
     assert corner[0] ** 4 + corner[1] ** 4 == pytest.approx(1.0)  # the superellipse of exponent 4
-
-
-def test_frames_are_square_and_right_handed():
-    t = np.linspace(0.0, 2.0, 40)
-    curve = np.stack([30.0 * np.cos(t), 30.0 * np.sin(t), 5.0 * t], axis=1)
-    side, up = along(curve, np.array([0.0, 0.0, 1.0]))
-    forward = np.gradient(curve, axis=0)
-    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    np.testing.assert_allclose(np.cross(side, up), forward, atol=1e-12)
-    assert (up[:, 2] > 0.9).all()
 
 
 def test_a_straight_rod_is_a_capsule():

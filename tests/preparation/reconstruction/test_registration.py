@@ -67,5 +67,5 @@ def test_a_fold_is_refused_and_placed() -> None:
 
 
 def test_names_must_be_the_same() -> None:
-    with pytest.raises(InputError, match="marker_0, sticker differ"):
+    with pytest.raises(InputError, match="of marker_0, sticker there is only one"):
         register_skin(SKIN, ON_SKIN, Landmarks(("sticker", *NAMES[1:]), ON_SKIN.points))

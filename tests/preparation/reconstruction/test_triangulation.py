@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.biplanar import biplanar
+from support.biplanar import biplanar, projection_matrix
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.preparation.reconstruction import Film, read_film, triangulate
-from warp_trunk.preparation.reconstruction.films import project, projection_matrix
+from warp_trunk.preparation.reconstruction.triangulation import project
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
 """Names of bones in other programs and here.
 
 Words are understood, not whole names, so that `vertebrae_T8` and `rib_left_1` of TotalSegmentator, "eighth
-thoracic vertebra" and "left first rib" of the Foundational Model of Anatomy (BodyParts3D), "T8 vertebra" of
-3D Slicer and `rib_left_01` of this program are all known.
+thoracic vertebra" and "left first rib" of BodyParts3D, "T8 vertebra" of 3D Slicer and `rib_left_01` of this
+program are all known.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 
@@ -38,26 +37,7 @@ _WHOLE = {
 }
 _NO_BONE = {"implant", "prosthesis", "muscle", "artery", "vein", "vena", "nerve", "disc", "disk", "body", "bodies"}
 """Words that make something else of a bone's name; a vertebra's body is no vertebra."""
-_FMA = (
-    *(9165, 9187, 9209, 9248, 9922, 9945, 9968, 9991, 10014, 10037, 10059, 10081),  # T1 to T12
-    *(13072, 13073, 13074, 13075, 13076),  # L1 to L5
-    *(7987, 8012, 8039, 8148, 8093, 8202, 8256, 8310, 8391, 8472, 8532, 8534),  # left ribs
-    *(7857, 7882, 7909, 7957, 8066, 8175, 8229, 8283, 8364, 8445, 8531, 8533),  # right ribs
-    *(16587, 16586, 13396, 13395, 13323, 13322, 16202, 12525),
-)
 _BOTH = ("left", "right")
-_BY_FMA = dict(
-    zip(
-        _FMA,
-        (
-            *VERTEBRAE,
-            *(f"rib_{side}_{n:02d}" for side in _BOTH for n in range(1, 13)),
-            *(f"{bone}_{side}" for bone in ("hip", "scapula", "clavicle") for side in _BOTH),
-            *("sacrum", "C7"),
-        ),
-        strict=True,
-    )
-)
 
 
 def known_name(text: str) -> str | None:
@@ -68,9 +48,6 @@ def known_name(text: str) -> str | None:
     """
     words = re.findall(r"[a-z]+|\d+", text.lower())
     plain = " ".join(words)
-    fma = re.search(r"\bfma (\d+)\b", plain)
-    if fma and int(fma[1]) in _BY_FMA:
-        return _BY_FMA[int(fma[1])]
     if plain in _WHOLE:
         return _WHOLE[plain]
     if words[-2:] == ["subcutaneous", "fat"] or words[:2] == ["subcutaneous", "adipose"]:

@@ -11,7 +11,7 @@ from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
-from ..landmark_finder.doubts import medians_of_neighbours
+from ..landmark_finder.find import medians_of_neighbours
 from .mask import Mask
 from .names import RIB
 

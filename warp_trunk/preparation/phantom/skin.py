@@ -5,13 +5,13 @@ All lengths are those of an adolescent girl, 575 mm from the hips to the neck; `
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from warp_trunk.geometry.surface import Surface
-
-from .shapes import spaced, stack
 
 EDGE = 12.5
 """Wanted edge length of the skin [mm]."""
@@ -143,3 +143,43 @@ def _cap(loop: np.ndarray) -> list[np.ndarray]:
     rings = round(np.ptp(loop[:, 1]) / 2.0 / EDGE)
     inner = [_thinned(centre + (loop - centre) * (1.0 - k / rings)) for k in range(1, rings)]
     return [*inner, centre[None]]
+
+
+def stack(half_loops: Sequence[np.ndarray]) -> Surface:
+    """A closed surface, its own mirror image in x = 0, from the left halves of loops.
+
+    Each half loop runs from behind (x = 0) by the left (x > 0) to the front (x = 0), and all have their
+    points in the order of the angle about a centre of their own. Neighbours are joined by triangles and the
+    first and the last may be single points, so loops that shrink to a point in one plane close an end.
+    Loops in planes one above the other give a surface that cannot cross itself: a slice between two planes
+    holds blends of their points in the order of their angles.
+
+    Args:
+        half_loops: points, each (n, 3) with n >= 2, or (1, 3) for an end [mm]; from the top down.
+    """
+    starts = np.cumsum([0, *(len(loop) for loop in half_loops)])
+    vertices = np.concatenate(half_loops)
+    faces = []
+    for k, (upper, lower) in enumerate(pairwise(half_loops)):
+        i = j = 0
+        while i < len(upper) - 1 or j < len(lower) - 1:  # by the shorter diagonal at each step
+            step_up = np.linalg.norm(upper[i + 1] - lower[j]) if i < len(upper) - 1 else np.inf
+            step_down = np.linalg.norm(upper[i] - lower[j + 1]) if j < len(lower) - 1 else np.inf
+            one, other = starts[k] + i, starts[k + 1] + j
+            faces.append((one, one + 1, other) if step_up <= step_down else (one, other + 1, other))
+            i, j = (i + 1, j) if step_up <= step_down else (i, j + 1)
+    left = np.array(faces)
+    on_plane = vertices[:, 0] == 0.0
+    mirror = np.arange(len(vertices))
+    mirror[~on_plane] = len(vertices) + np.arange((~on_plane).sum())
+    both = np.concatenate([vertices, vertices[~on_plane] * [-1.0, 1.0, 1.0]])
+    return Surface(both, np.concatenate([left, mirror[left][:, ::-1]]).astype(np.int32))
+
+
+def spaced(curve: np.ndarray, count: int) -> np.ndarray:
+    """`count` points at equal arc length along a polyline, ends kept, shape (count, 3)."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    places = np.linspace(0.0, length[-1], count)
+    points = np.stack([np.interp(places, length, column) for column in curve.T], axis=1)
+    points[0], points[-1] = curve[0], curve[-1]
+    return points

@@ -1,9 +1,8 @@
 """From clinical data to a case: films to landmarks, an atlas to bones, skin into the frame of the bones."""
 
 from .atlas import AtlasFit, fit_atlas
-from .films import Film, read_film, read_projection
 from .registration import Registration, register_skin
-from .triangulation import Triangulation, triangulate, write_triangulation
+from .triangulation import Film, Triangulation, read_film, read_projection, triangulate, write_triangulation
 
 __all__ = [
     "AtlasFit",

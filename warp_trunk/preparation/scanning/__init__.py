@@ -1,9 +1,8 @@
 """From the scans of digitizers to one closed skin."""
 
-from .alignment import Alignment, align_parts, moved
 from .closing import ClosedSkin, CloseOptions, close_skin
 from .cutting import CutPlane
-from .parts import check_parts
+from .parts import Alignment, align_parts, check_parts, moved
 
 __all__ = [
     "Alignment",
