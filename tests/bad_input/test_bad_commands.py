@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.biplanar import biplanar, write_film
-from support.breaking import ply
+from support.breaking import content, ply
 from support.no_meshing import forbid_meshing
 from support.report_results import write_small_result
 from support.small_case import small_case
@@ -21,16 +21,11 @@ from warp_trunk.io.surface_files import write_surface
 
 ARGUMENTS = [
     ("no increment", ["--increments", "0"], "increments: must be from 1 to 10000, not 0"),
-    ("too many increments", ["--increments", "1000000"], "from 1 to 10000, not 1000000"),
     ("too many tetrahedra", ["--tets", "100000000000"], "'tets' must be a number from 4 to 5e+07"),
     ("too few for the skin", ["--tets", "100", "--no-cache"], "100 were asked for", "fewer than", "; ask for"),
     ("tolerance NaN", ["--tolerance", "nan"], "tolerance: must be a positive number of mm, not nan"),
-    ("gravity 1e9", ["--gravity", "1e9"], "gravity: must be from 0 to 1000 m/s^2", "not 1e+09"),
     ("gravity upwards", ["--gravity", "-9.81"], "for it pulls down by itself, not -9.81; give 9.81"),
-    ("incompressible", ["--poisson-ratio", "0.5"], "'poisson_ratio' must be a number from 0 to 0.499"),
     ("negative threads", ["--threads", "-1", "--no-cache"], "threads: must be 0 (all cores) to 1024"),
-    ("no such device", ["--device", "cuda:99", "--no-cache"], "device", "cuda:99"),
-    ("a voxel of 1 nm", ["--bone-voxel", "1e-6"], "'bone_voxel' must be a number from 0.1"),
     ("no such mesh", ["--from-mesh", "nowhere.vtu"], "nowhere.vtu: there is no such file"),
     ("a mesh of another format", ["--from-mesh", __file__], "'.py' is not read as a mesh"),
     ("layers without labels", ["--layers", "mesh"], "mesh"),
@@ -63,67 +58,33 @@ def summary(change):
 
 
 RESULTS = [
-    ("no summary", lambda f: (f / "summary.json").unlink(), "summary.json: there is no such file"),
-    ("an empty summary", lambda f: (f / "summary.json").write_text(""), "summary.json: is not JSON"),
-    ("a deep summary", lambda f: (f / "summary.json").write_text('{"parameters": {"a": ' + "[" * 10**5),
+    ("report", "no summary", lambda f: (f / "summary.json").unlink(), "summary.json: there is no such file"),
+    ("report", "a deep summary", lambda f: (f / "summary.json").write_text('{"parameters": {"a": ' + "[" * 10**5),
      "is not JSON"),
-    ("of another version", summary(lambda s: s.pop("tissues")), "another version",
+    ("report", "of another version", summary(lambda s: s.pop("tissues")), "another version",
      "missing required field `tissues`"),
-    ("unknown status", summary(lambda s: s.update(status="FINE")), "'status' must be one of CONVERGED",
+    ("report", "unknown status", summary(lambda s: s.update(status="FINE")), "'status' must be one of CONVERGED",
      "not 'FINE'"),
-    ("no increment", summary(lambda s: s.update(increments=[])), "length >= 1 - at `$.increments`"),
-    ("true for a time", summary(lambda s: s["increments"][0].update(seconds=True)),
-     "Expected `float`, got `bool` - at `$.increments[0].seconds`"),
-    ("no skin", lambda f: (f / "predicted_skin.ply").unlink(), "predicted_skin.ply: is missing"),
-    ("skin cut off", lambda f: (f / "predicted_skin.ply").write_bytes(ply(10**9, 1)),
+    ("report", "no increment", summary(lambda s: s.update(increments=[])), "length >= 1 - at `$.increments`"),
+    ("report", "no skin", lambda f: (f / "predicted_skin.ply").unlink(), "predicted_skin.ply: is missing"),
+    ("report", "skin cut off", lambda f: (f / "predicted_skin.ply").write_bytes(ply(10**9, 1)),
      "predicted_skin.ply: cannot be read"),
-    ("other landmarks", lambda f: (f / "landmarks_after.csv").write_text("name,x,y,z\na,1,2,3\n"), "its 1 names"),
-    ("landmarks of noise", lambda f: (f / "landmarks_after.csv").write_bytes(b"\xff\xfe"), "no text in UTF-8"),
+    ("report", "other landmarks", lambda f: (f / "landmarks_after.csv").write_text("name,x,y,z\na,1,2,3\n"),
+     "its 1 names"),
+    ("export", "no mesh", lambda f: (f / "trunk.vtu").unlink(), "trunk.vtu: there is no such file"),
+    ("export", "mesh cut off", content("trunk.vtu", lambda b: b[:3000]), "trunk.vtu: cannot be read as a mesh"),
+    ("export", "entities", content("trunk.vtu", lambda b: b'<!DOCTYPE a [<!ENTITY b "b">]>' + b), "entities"),
+    ("export", "another program's", content("trunk.vtu", lambda b: b.replace(b"skin_vertex", b"something__")),
+     "as a trunk mesh (KeyError"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", RESULTS, ids=lambda row: row[0])
-def test_a_broken_result_is_not_reported(good_result, refused, tmp_path, row):
-    _, spoil, *fragments = row
+@pytest.mark.parametrize("row", RESULTS, ids=lambda row: row[1])
+def test_a_broken_result_is_neither_reported_nor_exported(good_result, refused, tmp_path, row):
+    command, _, spoil, *fragments = row
     folder = Path(shutil.copytree(good_result, tmp_path / "result"))
     spoil(folder)
-    refused(["report", str(folder), "--out", str(tmp_path / "report")], *fragments)
-    assert not (tmp_path / "report").exists()
-
-
-MESHES = [
-    ("missing", lambda f: f.unlink(), "trunk.vtu: there is no such file"),
-    ("empty", lambda f: f.write_bytes(b""), "trunk.vtu: cannot be read as a mesh"),
-    ("cut off", lambda f: f.write_bytes(f.read_bytes()[:3000]), "trunk.vtu: cannot be read as a mesh"),
-    ("with entities", lambda f: f.write_bytes(b'<!DOCTYPE a [<!ENTITY b "b">]>' + f.read_bytes()), "entities"),
-    ("of another program", lambda f: _swap(f, b"skin_vertex", b"something__"), "as a trunk mesh (KeyError"),
-    ("inside out", lambda f: _turn_round(f), "every tetrahedron must have a positive volume"),
-]
-
-
-def _swap(path, old, new):
-    assert old in path.read_bytes()
-    path.write_bytes(path.read_bytes().replace(old, new))
-
-
-def _turn_round(path):
-    import meshio
-
-    mesh = meshio.vtu.read(path)
-    mesh.points[:, 0] *= -1.0
-    field = path.read_bytes().split(b"<FieldData>")[1].split(b"</FieldData>")[0]
-    mesh.field_data.clear()
-    meshio.vtu.write(path, mesh)
-    inside = b"<UnstructuredGrid>"
-    path.write_bytes(path.read_bytes().replace(inside, inside + b"<FieldData>" + field + b"</FieldData>", 1))
-
-
-@pytest.mark.parametrize("row", MESHES, ids=lambda row: row[0])
-def test_a_broken_mesh_is_not_exported(good_result, refused, tmp_path, row):
-    _, spoil, *fragments = row
-    folder = Path(shutil.copytree(good_result, tmp_path / "result"))
-    spoil(folder / "trunk.vtu")
-    refused(["export", str(folder), "--out", str(tmp_path / "a.inp")], *fragments)
+    refused([command, str(folder), "--out", str(tmp_path / "out.inp")], *fragments)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["result"]
 
 
@@ -131,11 +92,6 @@ INCLUDES = [
     ("a.inp", "*HEADING\n*Include, input=secret.inp\n", "*INCLUDE, and other files are not opened"),
     ("a.xdmf", '<Xdmf><DataItem Format="HDF">secret.h5:/a</DataItem></Xdmf>', "data in other files"),
     ("a.msh", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 1000000000000 1 1\n", "cannot be read as a mesh"),
-    (
-        "a.vtk",
-        "# vtk DataFile Version 4.2\na\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 9999999999 double\n",
-        "mesh",
-    ),
 ]
 
 
@@ -148,31 +104,12 @@ def test_a_mesh_that_opens_others_or_fills_the_memory_is_refused(good_case, refu
     refused(["simulate", str(good_case), "--from-mesh", str(tmp_path / name), *out], name, fragment)
 
 
-SCANS = [
-    ("no transform", ["--transforms", "nowhere.txt"], "nowhere.txt: there is no such file"),
-    ("a transform that is a surface", ["--transforms", "skin.ply"], "skin.ply"),
-    ("a plane of words", ["--cut", "a,b,c,d,e,f"], "--cut"),
-    ("no such folder", ["--out", "no/such/skin.ply"], "there is no folder"),
-    ("a format that is not written", ["--out", "skin.xyzzy"], "skin.xyzzy"),
-]
-
-
 def completed(flags: list[str], needed: list[str]) -> list[str]:
     """The flags and those that a command needs, each with its value, where they do not give them."""
     missing = [
         [option, value] for option, value in zip(needed[::2], needed[1::2], strict=True) if option not in flags
     ]
     return [*flags, *(word for pair in missing for word in pair)]
-
-
-@pytest.mark.parametrize("row", SCANS, ids=lambda row: row[0])
-def test_broken_scans_are_refused(case, refused, monkeypatch, row):
-    _, flags, *fragments = row
-    monkeypatch.chdir(case)
-    before = sorted(case.iterdir())
-    refused(["close", "skin.ply", "skin.ply", "--out", "closed.ply"], "a file is given twice")
-    refused(["close", "skin.ply", *completed(flags, ["--out", "closed.ply"])], *fragments)
-    assert sorted(case.iterdir()) == before
 
 
 def test_a_result_goes_only_where_it_can_be_written(good_case, refused, tmp_path):
@@ -212,33 +149,26 @@ METRES = "landmarks in metres"
 PATIENT = ["--patient", "case/landmarks_after.csv"]
 OTHERS = [
     ("view", "a surface", ["case/skin.ply"], "skin.ply: is no recording"),
-    ("view", "a device", ["/dev/null"], "/dev/null: holds no recording.rrd"),
     ("measure", "TOML", ["case/case.toml", "--case", "case"], "'.toml' is not known"),
-    ("measure", "no case", ["case/skin.ply", "--case", "nowhere"], "nowhere: there is no such folder"),
     ("measure", "metres", ["metres.ply", "--case", "case"], "metres.ply: must lie where the skin of the case is"),
     ("make-case", "Cobb 1000", ["--skin", "case/skin.ply", "--cobb", "1000"], "'cobb' must be 0 to 120 degrees"),
-    ("make-case", "Cobb NaN", ["--skin", "case/skin.ply", "--cobb", "nan"], "'cobb' must be 0 to 120 degrees"),
     ("make-case", "no vertebra", ["--skin", "case/skin.ply"], "no landmarks on 'T7': no canal between"),
+    ("close", "the same file twice", ["case/skin.ply", "case/skin.ply"], "a file is given twice"),
+    ("close", "no transform", ["case/skin.ply", "--transforms", "none.txt"], "none.txt: there is no such file"),
+    ("close", "a transform that is a surface", ["case/skin.ply", "--transforms", "case/skin.ply"], "skin.ply"),
+    ("close", "no such folder", ["case/skin.ply", "--out", "no/such/skin.ply"], "there is no folder"),
     ("fit-atlas", "nugget inf", [*PATIENT, "--nugget", "inf"], "'nugget' must be 0 to"),
     ("fit-atlas", METRES, ["--patient", "metres.csv"], "a ratio of 2.5 is the most; give both in mm"),
     ("fit-atlas", "a file", [*PATIENT, "--out", "metres.csv"], "metres.csv: is a file"),
     ("register", "a skin in metres", ["--skin", "metres.ply"], "30 mm is the most; give both in mm"),
-    ("register", "no folder", ["--skin", "case/skin.ply", "--out", "no/such.ply"], "there is no folder"),
-    ("export", "no result", ["case", "--out", "a.vtu"], "summary.json: there is no such file"),
     ("export", "no ending", ["case", "--out", "a"], "cannot be written as ''"),
 ]  # fmt: skip
 NEEDS = {
+    "close": ["--out", "closed.ply"],
     "make-case": ["--bones", "case/bones", "--out", "out"],
     "fit-atlas": ["--bones", "case/bones", "--atlas", "case/landmarks_before.csv", "--out", "out"],
-    "register": [
-        "--on-skin",
-        "case/landmarks_before.csv",
-        "--on-films",
-        "case/landmarks_after.csv",
-        "--out",
-        "r.ply",
-    ],
-}
+    "register": ["--on-skin", "case/landmarks_before.csv", "--on-films", PATIENT[1], "--out", "r.ply"],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("row", OTHERS, ids=lambda row: f"{row[0]}, {row[1]}")
@@ -264,12 +194,8 @@ def films(folder: Path) -> list[str]:
 
 FILMS = [
     ("no film", "pa.csv", None, "pa.csv: there is no such file"),
-    ("no matrix", "lateral.txt", None, "lateral.txt: there is no such file"),
     ("a column less", "pa.csv", "name,u\na,1\n", "the first line must name the columns name,u,v"),
-    ("a matrix of words", "pa.txt", "a b c d\n" * 3, "pa.txt: cannot be read"),
-    ("two rows", "pa.txt", "1 2 3 4\n" * 2, "a projection is 3 by 4 finite numbers, not (2, 4)"),
     ("rows of other lengths", "pa.txt", "1 2 3 4\n1 2\n1 2 3 4\n", "pa.txt: cannot be read"),
-    ("1e300", "pa.txt", "1e300 0 0 0\n0 1 0 0\n0 0 1 0\n", "3 by 4 finite numbers"),
     ("no source", "pa.txt", "1 0 0 4\n1 0 0 4\n0 0 1 4\n", "must be a regular matrix"),
     ("other landmarks", "pa.csv", "name,u,v\na,1,2\n", "pa.csv"),
 ]

@@ -60,11 +60,6 @@ def header(line: str) -> Break:
     return text("case.toml", change)
 
 
-def layers(lines: str) -> Break:
-    """Lines under [layers] in case.toml."""
-    return text("case.toml", lambda old: f"{old}\n[layers]\n{lines}\n")
-
-
 def set_point(when: str, name: str, coordinates: str) -> Break:
     """Other coordinates of a landmark."""
 
@@ -72,11 +67,6 @@ def set_point(when: str, name: str, coordinates: str) -> Break:
         return "\n".join(f"{name},{coordinates}" if row.startswith(f"{name},") else row for row in old.split("\n"))
 
     return text(f"landmarks_{when}.csv", change)
-
-
-def both(*breaks: Break) -> Break:
-    """One after the other."""
-    return lambda folder: [spoil(folder) for spoil in breaks]
 
 
 def ply(vertices: int, faces: int, kind: str = "binary_little_endian", data: bytes = b"") -> bytes:

@@ -3,7 +3,6 @@
 The bone is called T10 and has no landmarks of its own, so that it goes where the spline of all landmarks does.
 """
 
-import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,58 +11,37 @@ from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.engine.relaxation import Energy, Relaxation, RelaxStatus
-from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.recording import Recording
 from warp_trunk.results import predicted_skin
 
-SHAPE = (5, 5, 7)
+from .meshes import grid, trunk, with_skin
+
+CELLS = (4, 4, 6)
 SIZE = np.array([300.0, 200.0, 420.0])
 LEVELS = ("T4", "T8", "T12", "L3")
 
 
-def box_mesh():
-    """Nodes, tetrahedra (six for each brick, all of one orientation) and boundary triangles of a box."""
-    grid = np.meshgrid(*[np.linspace(0, 1, n) for n in SHAPE], indexing="ij")
-    nodes = (np.stack(grid, axis=-1).reshape(-1, 3) - [0.5, 0.5, 0.0]) * SIZE
-    number = np.arange(len(nodes)).reshape(SHAPE)
-    tets = []
-    for cell in np.ndindex(*(n - 1 for n in SHAPE)):
-        for order in itertools.permutations(range(3)):
-            at, corners = np.array(cell), [number[cell]]
-            for axis in order:
-                at[axis] += 1
-                corners.append(number[tuple(at)])
-            tets.append(corners)
-    tets = np.array(tets)
-    p = nodes[tets]
-    flipped = np.linalg.det(p[:, 1:] - p[:, :1]) < 0.0
-    tets[flipped] = tets[flipped][:, [0, 1, 3, 2]]
-    faces = np.concatenate([tets[:, k] for k in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1])])
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    return nodes, tets.astype(np.int32), faces[first[count == 1]]
-
-
 def small_trunk():
     """The mesh, and its skin with vertices in an order of their own."""
-    nodes, tets, boundary = box_mesh()
-    skin_nodes, faces = np.unique(boundary, return_inverse=True)
-    order = np.random.default_rng(3).permutation(len(skin_nodes))
-    skin_nodes, faces = skin_nodes[order], np.argsort(order)[faces.reshape(-1, 3)]
+    nodes, tets, _ = grid(CELLS, 1.0)
+    nodes = (nodes / CELLS - [0.5, 0.5, 0.0]) * SIZE
     inside = (np.abs(nodes[:, 0]) < 1.0) & (np.abs(nodes[:, 1]) < 60.0)
-    bone = np.where(inside & (nodes[:, 2] > 1.0) & (nodes[:, 2] < 419.0), 0, -1).astype(np.int32)
-    triangles = np.concatenate([tets[:, k] for k in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1])])
-    trunk = TrunkMesh(
-        nodes=nodes,
-        tets=tets,
-        skin_nodes=skin_nodes.astype(np.int32),
-        skin_faces=faces.astype(np.int32),
-        bone=bone,
-        bone_names=("T10",),
-        bone_faces=triangles[(bone[triangles] == 0).all(axis=1)].astype(np.int32),
-    )
-    return trunk, Surface(nodes[skin_nodes], trunk.skin_faces)
+    mesh = with_skin(trunk(nodes, tets, inside & (nodes[:, 2] > 1.0) & (nodes[:, 2] < 419.0)))
+    order = np.random.default_rng(3).permutation(len(mesh.skin_nodes))
+    faces = np.argsort(order)[mesh.skin_faces].astype(np.int32)
+    triangles = np.concatenate([mesh.tets[:, k] for k in ([1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1])])
+    on_bone = triangles[mesh.prescribed[triangles].all(axis=1)]
+    skin_nodes = mesh.skin_nodes[order]
+    mesh = replace(mesh, skin_nodes=skin_nodes, skin_faces=faces, bone_names=("T10",), bone_faces=on_bone)
+    return mesh, Surface(nodes[skin_nodes], faces)
+
+
+def box_mesh():
+    """Its nodes, tetrahedra and boundary triangles, as plain arrays."""
+    mesh, _ = small_trunk()
+    return mesh.nodes, mesh.tets, mesh.skin_nodes[mesh.skin_faces]
 
 
 def small_landmarks():

@@ -8,7 +8,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.preparation.reconstruction import register_skin
 
 SKIN = sphere(150.0, (0.0, 0.0, 1000.0), 2)
-ROWS = np.arange(0, len(SKIN.vertices), 7)
+ROWS = np.arange(12, 42)  # spread evenly
 NAMES = tuple(f"marker_{i}" for i in range(len(ROWS)))
 ON_SKIN = Landmarks(NAMES, SKIN.vertices[ROWS])
 TURN, SHIFT = Rotation.from_rotvec([0.2, -0.1, 0.6]), np.array([30.0, -400.0, 12.0])
