@@ -65,10 +65,8 @@ def check_end(view: PlanView, alone: Patient) -> np.ndarray:
     """The view of a plan is that of a simulation on its own; returns how that moves the nodes."""
     planned = view.surgery.planned_case(alone.case)
     *_, last = simulate(alone.model, prepare_plan(alone, planned).bone_path, alone.options.simulation)
-    skin, tolerance = (
-        predicted_skin(planned, alone.trunk, last.displacement),
-        alone.options.simulation.relax.tolerance,
-    )
+    skin = predicted_skin(planned, alone.trunk, last.displacement)
+    tolerance = alone.options.simulation.relax.tolerance
     assert view.error is not None
     assert view.error <= tolerance
     assert np.linalg.norm(view.skin - skin.vertices, axis=1).max() <= 2.0 * tolerance

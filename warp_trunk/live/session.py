@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -159,7 +159,7 @@ class Session:
         works = {"planning": self._plan, "relaxing": self._relax, "measuring": self._measure}
         self._threads = [worker(name, work, report_error) for name, work in works.items()]
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> Self:
         # planning solves small systems, for which threads of a linear algebra library only wait for each other
         self._limits = threadpool_limits(1)
         for thread in self._threads:
