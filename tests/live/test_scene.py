@@ -66,7 +66,7 @@ def test_lines_of_a_sphere_are_its_circles() -> None:
         assert abs(around / (2.0 * np.pi * np.sqrt(98.0**2 - (STEP * number) ** 2)) - 1.0) < 0.01
     assert depth.min() > 0.45 * 98.0  # its front and its flank have none
     drawn = relief_lines(vertices.astype(np.float32), faces)  # as the page has it
-    np.testing.assert_allclose(drawn - np.float32([0.0, 0.6, 0.0]), ends, atol=1e-3)
+    np.testing.assert_allclose(drawn - np.array([0.0, 0.6, 0.0], np.float32), ends, atol=1e-3)
 
 
 def test_a_corner_on_a_plane_leaves_no_hole_and_no_nan() -> None:
