@@ -10,7 +10,7 @@ import pytest
 from support.breaking import content, header, instead, ply, set_point, shape, text
 from support.small_case import small_case
 from support.synthetic import sphere
-from warp_trunk.cli.simulation import crossings_written
+from warp_trunk.cli.simulate import crossings_written
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface, write_surface

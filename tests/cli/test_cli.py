@@ -18,8 +18,7 @@ from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.cli import main
 from warp_trunk.cli.arguments import ONLY_IN_PYTHON
 from warp_trunk.cli.output import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
-from warp_trunk.cli.simulation import COMMON
-from warp_trunk.cli.view import find_recording
+from warp_trunk.cli.simulate import COMMON
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
@@ -30,6 +29,7 @@ from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.recording import viewer
 from warp_trunk.results import prepare_folder
+from warp_trunk.results.result import find_recording
 from warp_trunk.run.options import RunOptions
 
 

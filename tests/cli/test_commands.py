@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from warp_trunk.cli import main
-from warp_trunk.cli.arguments import ONLY_IN_PYTHON, whole_number
+from warp_trunk.cli.arguments import ONLY_IN_PYTHON
 from warp_trunk.cli.commands import COMMANDS, load
 from warp_trunk.cli.output import BAD_INPUT, next_command
 
@@ -90,12 +90,12 @@ TYPOS = [
     (["simulate"], ["PATH"]),
     (["simulate", "case", "--out"], ["--out"]),
     (["simulate", "case", "--tets", "1e5x"], ["--tets", "'1e5x'"]),
-    (["simulate", "case", "--increments", "2.5"], ["--increments", "not a whole number: '2.5'"]),
+    (["simulate", "case", "--increments", "2.5"], ["--increments", "2.5"]),
     (["simulate", "case", "--poisson-ratio", "much"], ["--poisson-ratio", "'much'"]),
     (["simulate", "case", "--bones", "folow"], ["'folow'", "--bones", "'follow', 'spline'"]),
     (["simulate", "case", "--layers", "deep"], ["'deep'", "--layers", "'depth'"]),
     (["simulate", "case", "--tets", "5", "--tets=6"], ["--tets: is given more than once"]),
-    (["simulate", "case", "--tets", "1e9"], ["warp-trunk: mesh: 'tets' must be a number from 4 to 5e+07"]),
+    (["simulate", "case", "--tets", "1000000000"], ["warp-trunk: mesh: 'tets' must be a number from 4 to 5e+07"]),
     (["simulate", "case", "--theta", "nan"], ["warp-trunk: tissue: 'theta' must be a finite number"]),
     (["simulate", "case", "another"], ["another"]),
     *(
@@ -112,12 +112,6 @@ def test_a_typo_is_told_in_one_line(arguments, said, capsys):
     assert line.startswith("warp-trunk: ")
     assert [part for part in said if part not in line] == [], line
     assert not set(line) & set("╭│─\x1b")
-
-
-def test_whole_numbers_may_have_an_exponent(capsys):
-    assert [whole_number(text) for text in ("7", "1e5", "2.0")] == [7, 100_000, 2]
-    assert main(["simulate", "no/such/case", "--tets", "1e5"]) == BAD_INPUT
-    assert "no/such/case: there is no such folder" in capsys.readouterr().err
 
 
 def test_a_file_in_place_of_a_case_folder_is_said_to_be_one(tmp_path, capsys):

@@ -17,7 +17,6 @@ import rerun as rr
 from support.no_meshing import forbid_meshing
 from support.small_trunk import boned_case, box_mesh
 from warp_trunk.case import Case
-from warp_trunk.cli.view import find_recording
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.errors import InputError
@@ -25,6 +24,7 @@ from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures.rows import sided
 from warp_trunk.results import Result, read_result
+from warp_trunk.results.result import find_recording
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress

@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import is_dataclass, replace
+from functools import partial
 from types import NoneType
 from typing import Any, get_args, get_type_hints
 
@@ -20,7 +21,6 @@ from tyro.constructors import (
 )
 
 from warp_trunk.errors import InputError
-from warp_trunk.io.file_access import number
 
 ONLY_IN_PYTHON = frozenset({"weights", "rest", "radius_edge_ratio", "smallest_dihedral", "largest_dihedral"})
 """Fields that only studies need; they are no options of a command."""
@@ -70,14 +70,6 @@ def _message(said: str) -> str:
     return "; ".join(" ".join(part) for part in parts[1:] if part and part[0] not in ("For", "Argument"))
 
 
-def whole_number(text: str) -> int:
-    """A whole number, also one written as 1e5 or 2.0; ValueError for any other text."""
-    value = number(text)
-    if not value.is_integer():  # nor is infinity or NaN
-        raise ValueError(f"not a whole number: '{text}'")
-    return int(value)
-
-
 def _given_twice(command: Any, words: Sequence[str]) -> str | None:
     """The first option that is given again, though it is not one that may be repeated."""
     hints = get_type_hints(command, include_extras=True)
@@ -90,7 +82,6 @@ def _given_twice(command: Any, words: Sequence[str]) -> str | None:
 def _registry(command: Any, common: frozenset[str] | None = None) -> ConstructorRegistry:
     """How fields become options; without those that only Python has, and, where given, without the less common."""
     registry = ConstructorRegistry()
-    registry.primitive_rule(_whole_numbers)
     registry.primitive_rule(_may_be_left_out)
     being_described: set[Any] = set()  # tyro is asked for the fields of a class from within the rule for it
 
@@ -103,7 +94,7 @@ def _registry(command: Any, common: frozenset[str] | None = None) -> Constructor
         being_described.remove(info.type)
         if not isinstance(found, StructConstructorSpec):
             return None
-        fields = [replace(field, helptext=_flowing(field.helptext)) for field in found.fields]
+        fields = [replace(field, helptext=partial(_flowing, field.helptext)) for field in found.fields]
         for place, field in enumerate(fields):
             rare = common is not None and info.type is not command and field.name not in common
             if field.name in ONLY_IN_PYTHON or (rare and not is_dataclass(field.type)):
@@ -113,27 +104,10 @@ def _registry(command: Any, common: frozenset[str] | None = None) -> Constructor
     return registry
 
 
-def _flowing(text: str | Callable[[], str | None] | None) -> Callable[[], str | None]:
-    """A help text as one paragraph, found only when it is shown; tyro keeps the line breaks of some docstrings."""
-
-    def found() -> str | None:
-        known = text() if callable(text) else text
-        return known and " ".join(known.split())
-
-    return found
-
-
-def _whole_numbers(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:
-    """Whole numbers may be written as 1e5, too."""
-    if info.type is not int:
-        return None
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="INT",
-        instance_from_str=lambda words: whole_number(words[0]),
-        is_instance=lambda value: isinstance(value, int),
-        str_from_instance=lambda value: [str(value)],
-    )
+def _flowing(text: str | Callable[[], str | None] | None) -> str | None:
+    """A help text as one paragraph; tyro keeps the line breaks of some docstrings."""
+    known = text() if callable(text) else text
+    return known and " ".join(known.split())
 
 
 def _may_be_left_out(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:

@@ -1,27 +1,29 @@
-"""warp-trunk cohort"""
+"""Commands about many cases: warp-trunk cohort and calibrate."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Literal
 
 from tyro.conf import Positional
 
-from warp_trunk.case.tissue_file import read_tissue_file
+from warp_trunk.case import Case, read_checked_case
+from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.tissue_file import constant_of, read_tissue_file
+from warp_trunk.cohort.calibration.calibrate import calibrate
+from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
+from warp_trunk.cohort.calibration.one_fit import FitJob
+from warp_trunk.cohort.calibration.report import calibration_text, check_file, write_calibration
+from warp_trunk.cohort.calibration.rounds import FitCase
 from warp_trunk.cohort.cluster import connected
 from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.cohort.tables import cohort_text, write_cohort
-from warp_trunk.cohort.working import case_folders, check_out, work
+from warp_trunk.cohort.working import CPU_THREADS, case_folders, check_out, work
+from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
 
-from .output import INCOMPLETE, OK
-from .simulation import SimulationArguments
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
+from .output import INCOMPLETE, OK, next_command
+from .simulate import SimulationArguments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,15 +40,14 @@ class Cohort(SimulationArguments):
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:8786), whose workers see the same folders."""
 
-    def run(self, arguments: Sequence[str]) -> int:
-        """Works on what is missing and writes tables and page."""
+    def run(self, arguments: list[str]) -> int:
+        """Simulates the missing cases and writes tables and page."""
         folders = case_folders(self.folder)
         left_over = check_out(self.out, self.folder, [folder.name for folder in folders])
         if self.tissue_file is not None:
             read_tissue_file(self.tissue_file)  # refused here, and not by every case
-        options = CohortOptions(
-            run=self.options, align_pelvis=self.align_pelvis, refine=partial(refined_by, self, tuple(arguments))
-        )
+        refine = partial(refined_by, self, arguments)
+        options = CohortOptions(run=self.options, align_pelvis=self.align_pelvis, refine=refine)
         with Progress() as progress:
             for name in left_over:
                 progress.message(f"{self.out / name}: is of no case in {self.folder}, and left out")
@@ -56,12 +57,74 @@ class Cohort(SimulationArguments):
             with progress.stage("report", "writing tables and page"):
                 cohort = write_cohort(self.out, [one.row for one in done])
         print(cohort_text(cohort))
-        print(
-            f"\nOpen {self.out / 'cohort.html'} in a browser; the tables are cohort.csv and cohort.json beside it"
-        )
+        page = self.out / "cohort.html"
+        print(f"\nOpen {page} in a browser; the tables are cohort.csv and cohort.json beside it")
         return OK if cohort.complete else INCOMPLETE
 
 
-def refined_by(command: SimulationArguments, arguments: tuple[str, ...], case: Case) -> Case:
+def refined_by(command: SimulationArguments, arguments: list[str], case: Case) -> Case:
     """The case with the constants that the command line gives; a function, so that it travels to workers."""
     return command.refined(case, arguments)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(SimulationArguments):
+    """Fit constants of tissue and ribs to patients whose actual skin is known."""
+
+    folder: Positional[Path]
+    """Folder of case folders, each with an actual skin."""
+    free: tuple[str, ...]
+    """Constants to fit: poisson_ratio, epsilon, theta, fat.youngs_modulus, ribs.recovery, ..."""
+    out: Path
+    """File to write, such as tissue.toml; a page and a JSON file are written beside it."""
+    pose: Literal["all", "surgery", "bending"] = "all"
+    """Pose of the cases that are used; bending cases calibrate a patient's own tissue before surgery."""
+    priors: bool = True
+    """Use the priors of --bands where the data do not determine a constant."""
+    workers: int = 0
+    """Number of cases that are simulated at the same time; 0 is as many as fit this machine."""
+    scheduler: str | None = None
+    """Address of a running Dask scheduler (tcp://host:8786)."""
+
+    def run(self, arguments: list[str]) -> int:
+        """Finds the constants and writes them."""
+        refuse_case(self.out)
+        check_file(self.out)
+        options = CohortOptions(run=replace(self.options, threads=self.options.threads or CPU_THREADS))
+        with Progress() as progress:
+            cases = self._cases(options, arguments, progress)
+            with connected(self.workers, self.scheduler, self.options.device) as client:
+                progress.message(f"{len(cases)} cases; Dask's dashboard: {client.dashboard_link}")
+                calibration = calibrate(client, cases, cases[0].job.free, progress, priors=self.priors)
+            page = write_calibration(self.out, calibration)
+        print(calibration_text(calibration))
+        print(f"\nUse it: {next_command('simulate', 'CASE', '--tissue-file', self.out)}; open {page} in a browser")
+        return OK if calibration.converged and not calibration.left_out else INCOMPLETE
+
+    def _cases(self, options: CohortOptions, arguments: list[str], progress: Progress) -> list[FitCase]:
+        """The cases that take part, each checked."""
+        found, free = [], ()
+        for folder in case_folders(self.folder):
+            case, _ = read_checked_case(folder, align=self.align_pelvis)
+            study = case.study
+            if self.pose not in ("all", study.pose):
+                continue
+            if case.actual_skin is None:
+                progress.message(f"{folder}: has no actual skin, and takes no part")
+                continue
+            case = self.refined(case, arguments)
+            check_free(self.free, case, options.run)
+            free = free or tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in self.free)
+            refine = partial(refined_by, self, arguments)
+            place, run, align = folder.resolve(), options.run, self.align_pelvis
+            job = FitJob(folder=place, options=run, align_pelvis=align, refine=refine, free=free)
+            patient = study.patient or folder.name
+            found.append(
+                FitCase(name=folder.name, patient=patient, pose=study.pose, virtual=study.virtual, job=job)
+            )
+        if not found:
+            after = "" if self.pose == "all" else f" after {self.pose}"
+            raise InputError(
+                f"{self.folder}: no case with an actual skin{after} to calibrate on; add actual_skin.ply"
+            )
+        return found

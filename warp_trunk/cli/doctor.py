@@ -1,14 +1,11 @@
 """warp-trunk doctor"""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from warp_trunk.run.doctor import examine
 
-from .output import NOT_READY, OK
+from .output import NOT_CONVERGED, OK
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +15,7 @@ class Doctor:
     results: Path = Path("results")
     """Folder for results."""
 
-    def run(self, arguments: Sequence[str]) -> int:
+    def run(self, arguments: list[str]) -> int:
         """Prints what was found; status 1 where something is missing without which nothing runs."""
         ready = True
         for finding in examine(self.results):
@@ -28,4 +25,4 @@ class Doctor:
             if finding.cure:
                 print(f"{'':<8}{'':<20}-> {finding.cure}")
         print("\nReady." if ready else "\nNot ready: see the lines marked MISSING.")
-        return OK if ready else NOT_READY
+        return OK if ready else NOT_CONVERGED

@@ -1,9 +1,6 @@
 """From films, markers and an atlas to bones and skin: warp-trunk triangulate, register and fit-atlas."""
 
-from __future__ import annotations
-
 import csv
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -23,8 +20,7 @@ from warp_trunk.preparation.reconstruction import (
     write_triangulation,
 )
 
-from .inputs import read_bones
-from .output import OK, mean_and_largest
+from .output import OK, mean_and_largest, read_bones
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +42,7 @@ class Triangulate:
     noise: float | None = None
     """Standard deviation of a coordinate on the films [their units]; estimated by default."""
 
-    def run(self, arguments: Sequence[str]) -> int:
+    def run(self, arguments: list[str]) -> int:
         """Writes the landmarks and says how well they are known."""
         check_place(self.out)
         first, second = read_film(self.pa, self.pa_matrix), read_film(self.lateral, self.lateral_matrix)
@@ -77,15 +73,11 @@ class Register:
     nugget: float = 0.0
     """Smoothing: variance of the markers over the slope of the variogram [mm]; 0 interpolates."""
 
-    def run(self, arguments: Sequence[str]) -> int:
+    def run(self, arguments: list[str]) -> int:
         """Writes the skin and prints the rigid and the elastic part of its motion."""
         check_written(self.out)
-        skin, on_skin, on_films = (
-            read_surface(self.skin),
-            read_landmarks(self.on_skin),
-            read_landmarks(self.on_films),
-        )
-        found = register_skin(skin, on_skin, on_films, self.nugget)
+        on_skin, on_films = read_landmarks(self.on_skin), read_landmarks(self.on_films)
+        found = register_skin(read_surface(self.skin), on_skin, on_films, self.nugget)
         write_surface(self.out, found.skin)
         turned = np.degrees(found.rigid.rotation.magnitude())
         centre = on_skin.points.mean(axis=0)
@@ -125,16 +117,15 @@ class FitAtlas:
     nugget: float = 0.0
     """Smoothing: variance of the landmarks over the slope of the variogram [mm]; 0 interpolates."""
 
-    def run(self, arguments: Sequence[str]) -> int:
+    def run(self, arguments: list[str]) -> int:
         """Writes the bones and prints the cross-validation error of the landmarks."""
         if self.out.exists() and not self.out.is_dir():
             raise InputError(f"{self.out}: is a file; give the name of a folder")
         atlas, patient = read_landmarks(self.atlas), read_landmarks(self.patient)
-        if (self.skin is None) != (self.atlas_skin is None):
+        files = [file for file in (self.atlas_skin, self.skin) if file is not None]
+        if len(files) == 1:
             raise InputError("--skin and --atlas-skin: one is of no use without the other; give both or neither")
-        skins = None
-        if self.skin is not None and self.atlas_skin is not None:
-            skins = read_surface(self.atlas_skin), read_surface(self.skin)
+        skins = (read_surface(files[0]), read_surface(files[1])) if files else None
         fit = fit_atlas(read_bones(self.bones), atlas, patient, self.drift, self.nugget, skins=skins)
         self.out.mkdir(parents=True, exist_ok=True)
         for name, bone in fit.bones.items():
@@ -146,10 +137,8 @@ class FitAtlas:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["name", "error", "error_left_out"])
             writer.writerows(zip(fit.names, fit.miss.tolist(), fit.left_out.tolist(), strict=True))
-        print(
-            f"{len(fit.bones)} bones written to {self.out}: {len(fit.own)} by their own landmarks, "
-            f"{len(fit.bones) - len(fit.own)} by those of all bones"
-        )
+        own, others = len(fit.own), len(fit.bones) - len(fit.own)
+        print(f"{len(fit.bones)} bones written to {self.out}: {own} by their own landmarks, {others} by all")
         print(f"Landmarks are missed by {mean_and_largest(fit.miss, fit.names)}")
         if np.isfinite(fit.left_out).any():
             print(f"Left out one at a time: {mean_and_largest(fit.left_out, fit.names)}")

@@ -1,7 +1,5 @@
 """warp-trunk import"""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,14 +15,14 @@ from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source
-from warp_trunk.preparation.label_maps.mask import Mask
 from warp_trunk.preparation.label_maps.sources import read_body, read_tissue
 from warp_trunk.run.progress import Progress
 
-from .inputs import cut_planes
-from .output import INCOMPLETE, OK, next_command
+from .output import INCOMPLETE, OK, cut_planes, next_command
 
 PICTURE, CONFIDENCE = "landmarks_before.png", "landmarks_confidence.csv"
+MOST_NAMES = 12
+"""Number of names of a list that are printed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,96 +59,73 @@ class Import:
     options: Annotated[ImportOptions, tyro.conf.arg(name="")] = field(default_factory=ImportOptions)
     """How surfaces are made."""
 
-    def run(self, arguments: Sequence[str]) -> int:
-        """Writes the case folder, and says what is doubtful and what is missing."""
+    def run(self, arguments: list[str]) -> int:
+        """Writes the case folder, and prints what is doubtful and what is missing."""
         refuse_case(self.out)
         if self.body is not None and self.ct is not None:
             raise InputError("--ct: the skin is made of --body, which is given too; leave one of them out")
-        cuts = cut_planes(self.cut, self.cut_above, self.cut_below)
+        cuts = tuple(cut_planes(self.cut, self.cut_above, self.cut_below))
         with Progress() as progress:
             with progress.stage("load", f"reading {self.segmentation}"):
                 source = read_source(self.segmentation, self.labels)
-                body = self._body()
+                body = None if self.body is None else read_body(self.body)
+                if self.ct is not None:
+                    from warp_trunk.preparation.label_maps.skin import body_in_scan
+
+                    body = body_in_scan(self.ct)
                 tissue = None if self.tissue is None else read_tissue(self.tissue)
-            made = import_case(
-                source,
-                body,
-                self.out.resolve().name,
-                self.options,
-                tissue=tissue,
-                cuts=tuple(cuts),
-                stage=progress.stage,
-            )
+            name, stage = self.out.resolve().name, progress.stage
+            made = import_case(source, body, name, self.options, tissue=tissue, cuts=cuts, stage=stage)
             with progress.stage("write", f"writing {self.out}"):
-                self._write(made)
-        _tell(made, source.left_over, source.empty)
-        try:
-            warnings = check_case(made.case)
-        except InputError as error:
-            print(
-                f"warp-trunk: {self.out}: not yet a case that surgery can be planned on: {error}", file=sys.stderr
-            )
-            return INCOMPLETE
-        for warning in warnings:
-            print(f"warp-trunk: warning: {warning}", file=sys.stderr)
-        print(f"Case '{made.case.name}' of {len(made.case.bones)} bones written to {self.out}")
+                write_case(self.out, made.case)
+                _write_landmarks(self.out, made)
+        said, doubts = _report(made, source.left_over, source.empty)
+        print("\n".join(said))
         example = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.65")
         plan = next_command("plan", self.out, "--out", "planned", *example)
-        print(f"Look at {self.out / PICTURE}, then plan: {plan}")
-        return INCOMPLETE if made.found.unsure else OK
-
-    def _body(self) -> Mask | None:
-        if self.body is not None:
-            return read_body(self.body)
-        if self.ct is not None:
-            from warp_trunk.preparation.label_maps.skin import body_in_scan
-
-            return body_in_scan(self.ct)
-        return None
-
-    def _write(self, made: Imported) -> None:
-        write_case(self.out, made.case)
-        rows = ["vertebra,left_right_differ_mm,off_curve_deg,body_height_mm"]
-        rows += [
-            f"{name},{v.asymmetry:.2f},{v.off_curve:.1f},{v.height:.1f}"
-            for name, v in made.found.vertebrae.items()
-        ]
-        with atomic_write(self.out / CONFIDENCE) as unfinished:
-            unfinished.write_text("\n".join(rows) + "\n", encoding="utf-8")
-        if made.found.vertebrae:
-            from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
-
-            picture = landmark_picture(made.case.bones, made.found, made.case.skin)
-            with atomic_write(self.out / PICTURE) as unfinished:
-                unfinished.write_bytes(picture)
+        try:
+            doubts += [f"warning: {warning}" for warning in check_case(made.case)]
+            print(f"Case '{made.case.name}' of {len(made.case.bones)} bones written to {self.out}")
+            print(f"Look at {self.out / PICTURE}, then plan: {plan}")
+            status = INCOMPLETE if made.found.unsure else OK
+        except InputError as error:
+            doubts.append(f"{self.out}: not yet a case that surgery can be planned on: {error}")
+            status = INCOMPLETE
+        for doubt in doubts:
+            print(f"warp-trunk: {doubt}", file=sys.stderr)
+        return status
 
 
-def _tell(made: Imported, left_over: Sequence[str], empty: Sequence[str]) -> None:
-    """Prints what was done to bones and where the body was cut; on stderr what is doubtful or not found."""
-    changes = [abs(shape.change) for shape in made.shapes.values()]
-    if changes:
-        print(
-            f"{len(changes)} bones drawn from voxels; smoothing changed no volume by more than "
-            f"{100 * max(changes):.2f} %"
-        )
-    for plane in made.cuts:
-        print(f"The body is cut flat at {plane}")
+def _write_landmarks(folder: Path, made: Imported) -> None:
+    """Writes how sure each vertebra is, and a picture of the landmarks."""
+    found = made.found.vertebrae
+    rows = [f"{name},{v.asymmetry:.2f},{v.off_curve:.1f},{v.height:.1f}\n" for name, v in found.items()]
+    with atomic_write(folder / CONFIDENCE) as unfinished:
+        head = "vertebra,left_right_differ_mm,off_curve_deg,body_height_mm\n"
+        unfinished.write_text(head + "".join(rows), encoding="utf-8")
+    if found:
+        from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
+
+        with atomic_write(folder / PICTURE) as unfinished:
+            unfinished.write_bytes(landmark_picture(made.case.bones, made.found, made.case.skin))
+
+
+def _report(made: Imported, left_over: Sequence[str], empty: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Lines on what was made, and lines on what is doubtful or was not found."""
+    said = []
+    if made.shapes:
+        most = 100.0 * max(abs(shape.change) for shape in made.shapes.values())
+        drawn = f"{len(made.shapes)} bones drawn from voxels"
+        said.append(f"{drawn}; smoothing changed no volume by more than {most:.2f} %")
+    said += [f"The body is cut flat at {plane}" for plane in made.cuts]
     if made.fat is not None:
         low, middle, high = np.percentile(made.fat, (5, 50, 95))
-        print(
+        said.append(
             f"Fat under the skin: {middle:.1f} mm in the median, {low:.1f} to {high:.1f} mm at nine of ten of "
             f"{len(made.fat)} points; simulate takes it for its layers"
         )
-    if left_over:
-        print(f"Not taken, as they are no bones of the trunk: {_some(left_over)}")
-    if empty:
-        print(f"Without a voxel: {_some(empty)}")
-    for note in made.notes:
-        print(f"warp-trunk: {note}", file=sys.stderr)
-    for name, why in made.found.unsure.items():
-        print(f"warp-trunk: {name}: no landmarks: {why}", file=sys.stderr)
-
-
-def _some(names: Sequence[str], most: int = 12) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    for what, names in (("Not taken, as they are no bones of the trunk", left_over), ("Without a voxel", empty)):
+        if names:
+            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+            said.append(f"{what}: {', '.join(names[:MOST_NAMES])}{more}")
+    return said, [*made.notes, *(f"{name}: no landmarks: {why}" for name, why in made.found.unsure.items())]

@@ -1,8 +1,5 @@
 """warp-trunk measure"""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -41,7 +38,7 @@ class Measure:
     out: Path | None = None
     """Folder for measures.json and measures.csv, or their name without ending; by default beside the skin."""
 
-    def run(self, arguments: Sequence[str]) -> int:
+    def run(self, arguments: list[str]) -> int:
         """Prints the measures and writes them."""
         file = skin_file(self.skin, finished=self.case is None)
         stem = self.out or file.with_name(f"{file.stem}_measures")
@@ -52,11 +49,8 @@ class Measure:
         with Progress() as progress:
             with progress.stage("load", f"reading {file}"):
                 case = patient_of(file, self.case)
-                skin = read_skin(file, self.case)
-                actual = None if self.against is None else read_skin(self.against, self.case)
-                check_place(file, skin, case)
-                if self.against is not None and actual is not None:
-                    check_place(self.against, actual, case)
+                skin = read_skin(file, self.case, case)
+                actual = None if self.against is None else read_skin(self.against, self.case, case)
             with progress.stage("measure", "measuring"):
                 record, text = judged(case, file, skin, actual, self.when)
         print(text)
@@ -84,62 +78,49 @@ def patient_of(file: Path, folder: Path | None) -> Case:
     Raises:
         InputError: neither is there, or the folder is of another patient than the result.
     """
-    own = None
-    if (file.parent / SUMMARY).is_file():
-        result = read_result(file.parent)
-        before, after = result.landmarks_before, result.landmarks_after
-        own = Case(result.summary.case, result.skin_before, {}, before, after)
-    if folder is None:
-        if own is None:
+    case = None if folder is None else read_case(folder)
+    if not (file.parent / SUMMARY).is_file():
+        if case is None:
             raise InputError(f"{file}: does not lie in a result, which holds its landmarks; give --case CASE")
-        return own
-    case = read_case(folder)
-    if own is None:
         return case
-    mine, its = own.landmarks_before, case.landmarks_before
-    if mine.names != its.names or np.abs(mine.points - its.points).max() > 1e-3:
-        raise InputError(
-            f"{folder}: is not the case of the result {file.parent}: their landmarks before surgery differ; "
-            "leave --case out, the result holds its own landmarks"
-        )
-    return own
+    result = read_result(file.parent)
+    before, after = result.landmarks_before, result.landmarks_after
+    if case is not None:
+        its = case.landmarks_before
+        if before.names != its.names or np.abs(before.points - its.points).max() > 1e-3:
+            raise InputError(
+                f"{folder}: is not the case of the result {file.parent}: their landmarks before surgery differ; "
+                "leave --case out, the result holds its own landmarks"
+            )
+    return Case(result.summary.case, result.skin_before, {}, before, after)
 
 
-def read_skin(path: Path, case_folder: Path | None) -> Surface:
-    """A skin of the patient in LPS and mm, closed and oriented outward.
+def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
+    """A skin of the patient in LPS and mm.
 
     Raises:
-        InputError: it cannot be read, or it is open or inside out.
+        InputError: it cannot be read, is open or inside out, lies elsewhere than the skin of the case, or is of
+            another size.
     """
     surface = read_surface(path)
     if case_folder is not None and case_folder.resolve() in path.resolve().parents:
         header = read_header(case_folder / "case.toml")
         surface = header.axes.surface_to_lps(surface, header.units)
     fault = manifold_fault(surface)
+    if fault is None and (volume := enclosed_volume(surface)) <= 0.0:
+        fault = f"it encloses {volume / 1000.0:.3g} cm3"
     if fault is not None:
         raise InputError(
-            f"{path}: a skin must be closed to be measured, but {fault}; close it with warp-trunk close"
+            f"{path}: a skin must be closed to be measured, and its triangles counterclockwise seen from outside, "
+            f"but {fault}; close it with warp-trunk close, or flip its triangles"
         )
-    volume = enclosed_volume(surface)
-    if volume <= 0.0:
-        raise InputError(
-            f"{path}: triangles must be counterclockwise seen from outside, they hold {volume / 1000:.3g} cm3; "
-            "turn them round"
-        )
-    return surface
-
-
-def check_place(path: Path, surface: Surface, case: Case) -> None:
-    """Raise InputError where a surface lies elsewhere than the skin of the case, or is of another size."""
     (low, high), (own_low, own_high) = (
         (one.vertices.min(axis=0), one.vertices.max(axis=0)) for one in (surface, case.skin)
     )
-    if (
-        (low > own_high).any()
-        or (high < own_low).any()
-        or not 0.5 < (high[2] - low[2]) / (own_high[2] - own_low[2]) < 2
-    ):
+    apart = (low > own_high).any() or (high < own_low).any()
+    if apart or not 0.5 < (high[2] - low[2]) / (own_high[2] - own_low[2]) < 2.0:
         raise InputError(
             f"{path}: must lie where the skin of the case is, z {own_low[2]:.0f} to {own_high[2]:.0f} mm, "
             f"but has z {low[2]:.0f} to {high[2]:.0f}; give it in mm and LPS axes, registered to the case"
         )
+    return surface

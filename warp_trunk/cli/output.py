@@ -1,20 +1,24 @@
-"""Output of commands, and their exit statuses."""
+"""What commands share: exit statuses, lines to print, bones and planes to read."""
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warp_trunk.errors import InputError
+
 if TYPE_CHECKING:
     import numpy as np
 
+    from warp_trunk.geometry.surface import Surface
+    from warp_trunk.preparation.scanning import CutPlane
+
 OK, NOT_CONVERGED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit statuses; INCOMPLETE where a command did what it could and named what it could not."""
-NOT_READY = NOT_CONVERGED
-"""Exit status of `doctor` if something essential is missing."""
 
 
 def next_command(*words: str | Path) -> str:
@@ -24,8 +28,41 @@ def next_command(*words: str | Path) -> str:
 
 
 def mean_and_largest(errors: np.ndarray, names: Sequence[str] = (), unit: str = "mm") -> str:
-    """Mean and largest of errors, shape (n,), and the name of the largest; NaN are passed over."""
+    """Mean and largest of errors, shape (n,), and the name of the largest; NaN are ignored."""
     import numpy as np  # --help does without it
 
     worst = f" ({names[int(np.nanargmax(errors))]})" if names else ""
     return f"mean {np.nanmean(errors):.2f}, largest {np.nanmax(errors):.2f} {unit}{worst}"
+
+
+def read_bones(folder: Path) -> dict[str, Surface]:
+    """Surfaces by the names of their files, sorted.
+
+    Raises:
+        InputError: no such folder, no surface in it, or one that cannot be read.
+    """
+    from warp_trunk.io.surface_files import read_surface, surface_files
+
+    files = surface_files(folder) if folder.is_dir() else {}
+    if not files:
+        raise InputError(f"{folder}: there is no such folder with surfaces; give each bone as <name>.ply in it")
+    return {name: read_surface(path) for name, path in files.items()}
+
+
+def cut_planes(texts: Sequence[str], above: float | None, below: float | None) -> list[CutPlane]:
+    """The planes of --cut, --cut-above and --cut-below; InputError for a text that is no point and normal."""
+    from warp_trunk.preparation.scanning import CutPlane
+
+    planes = []
+    for text in texts:
+        try:
+            numbers = [float(word) for word in text.split(",")]
+            x, y, z, nx, ny, nz, radius = numbers if len(numbers) == 7 else [*numbers, math.inf]
+        except ValueError:  # too few or too many of them, too
+            raise InputError(
+                f"--cut: must be x,y,z,nx,ny,nz or x,y,z,nx,ny,nz,radius, not '{text}'; "
+                "give a point, a normal and how far the cut reaches"
+            ) from None
+        planes.append(CutPlane((x, y, z), (nx, ny, nz), radius))
+    ends = ((above, 1.0), (below, -1.0))
+    return planes + [CutPlane((0.0, 0.0, z), (0.0, 0.0, up)) for z, up in ends if z is not None]

@@ -1,9 +1,6 @@
 """warp-trunk plan"""
 
-from __future__ import annotations
-
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -25,7 +22,7 @@ from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 
 from .output import NOT_CONVERGED, OK, next_command
-from .simulation import COMMON, crossings_written, report_ending
+from .simulate import COMMON, crossings_written, report_ending
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +70,7 @@ class Plan:
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
     """How it is simulated."""
 
-    def run(self, arguments: Sequence[str]) -> int:
+    def run(self, arguments: list[str]) -> int:
         """Writes the planned case and prints what the plan asks for, or opens the planning page."""
         if self.options.live:
             return self._open_page()

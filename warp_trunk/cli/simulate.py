@@ -1,33 +1,92 @@
-"""warp-trunk simulate, and warp-trunk demo"""
+"""warp-trunk simulate and demo, and what every command that simulates shares."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.plan_file import plan_files
 from warp_trunk.case import Case, read_checked_case
+from warp_trunk.case.tissue_file import read_tissue_file, with_constants
 from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.meshing import MeshOptions
+from warp_trunk.io.surface_files import write_surface
+from warp_trunk.meshing import CrossingError, MeshOptions
 from warp_trunk.preparation.phantom import phantom_case
-from warp_trunk.recording import load_rerun
 from warp_trunk.results import Result
+from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of, with_mesh_given
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
-from .output import next_command
-from .simulation import COMMON, SimulationArguments, crossings_written, report_ending
+from .arguments import parse
+from .output import NOT_CONVERGED, OK, next_command
+
+COMMON = frozenset({"bands", "device", "from_mesh", "gravity", "increments", "layers", "live", "tets", "threads"})
+"""The simulation options that `--help` shows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationArguments:
+    """How cases are simulated."""
+
+    common: ClassVar[frozenset[str]] = COMMON
+    options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
+    """How the case is simulated."""
+    align_pelvis: bool = False
+    """Move the data after surgery onto the pelvis before it, if they are in another frame."""
+    tissue_file: Path | None = None
+    """Constants of tissue and ribs that override those of case.toml, as `calibrate` writes them (tissue.toml)."""
+    tissue: Tissue = field(default_factory=Tissue)
+    """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
+
+    def refined(self, case: Case, arguments: list[str]) -> Case:
+        """A case with the constants of the tissue file, and over them those that the words of the command give."""
+        if self.tissue_file is not None:
+            case = with_constants(case, read_tissue_file(self.tissue_file))
+        options = {word.partition("=")[0].removeprefix("--").replace("-", "_") for word in arguments}
+        if options.isdisjoint(constant.name for constant in fields(Tissue)):
+            return case
+        given = parse(type(self), arguments, replace(self, tissue=case.tissue))
+        return replace(case, tissue=given.tissue)
+
+
+def report_ending(result: Result, name: str = "") -> int:
+    """Print how a run ended, with its name among several, and two commands to paste; return the exit status."""
+    print(plain(result, name))
+    print("The report, for the browser and the printer, and the viewer:")
+    print(next_command("report", result.folder))
+    if result.recording is not None:
+        print(next_command("view", result.folder))
+    return OK if result.converged else NOT_CONVERGED
+
+
+@contextmanager
+def crossings_written(folder: Path) -> Iterator[None]:
+    """Writes the triangles of a CrossingError to `crossings.ply` in a folder, and names the file in its text.
+
+    Raises:
+        InputError: in place of the CrossingError.
+    """
+    try:
+        yield
+    except CrossingError as error:
+        path = folder / "crossings.ply"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_surface(path, error.triangles)
+        except OSError:
+            raise error from None
+        raise InputError(f"{error}; look at the triangles that cross in {path}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,62 +105,46 @@ class Simulate(SimulationArguments):
     """Plan that overrides landmarks_after of the case: plan.toml, or a folder that contains one; repeat it to
     compare plans, which share the mesh and the model of the patient."""
 
-    def run(self, arguments: Sequence[str]) -> int:
-        """Simulates the case, or each plan for it, and writes the results."""
+    def run(self, arguments: list[str]) -> int:
+        """Simulates the case, or each plan or file of motions for it, and writes the results."""
         out = self.out or Path("results") / self.case.resolve().name
+        files = {file.stem: file for file in self.motions} or {"": None}
         if self.motions and self.plan:
             raise InputError("--motions: says where bones go, as --plan does; leave one of them out")
-        first = self.motions[0] if self.motions else None
-        plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
-        with Progress() as progress:
-            if self.case.is_dir() and self.options.mesh.tets >= WORTH_COMPILING_AHEAD:
-                CompilationAhead(self.options)  # while the case is read
-            if self.options.record and self.case.is_dir():
-                load_rerun()  # likewise
-            if len(self.motions) > 1:
-                return self._run_motions(out, arguments, progress)
-            with progress.stage("load", f"reading {self.case}"), crossings_written(out):
-                case, warnings = read_checked_case(self.case, align=self.align_pelvis, motions=first)
-            case = self.refined(case, arguments)
-            with crossings_written(out):
-                if plans:
-                    return self._run_plans(case, plans, out, progress)
-                result = simulate(case, folder=out, options=self.options, progress=progress, warnings=warnings)
-        return report_ending(result)
-
-    def _run_motions(self, out: Path, arguments: Sequence[str], progress: Progress) -> int:
-        """Simulates each file of motions for one patient; returns the largest exit status."""
-        files = {file.stem: file for file in self.motions}
         if len(files) < len(self.motions):
             raise InputError("--motions: results are called after the files; give each file a name of its own")
-        with progress.stage("load", f"reading {self.case}"), crossings_written(out):
-            cases = {
-                name: read_checked_case(self.case, align=self.align_pelvis, motions=file)
-                for name, file in files.items()
-            }
-        first, given = with_mesh_given(
-            self.refined(next(iter(cases.values()))[0], arguments), self.options, progress
-        )
-        patient, ends = patient_of(first, self.options, given, progress), []
-        for name, (case, warnings) in cases.items():
-            planned = replace(self.refined(case, arguments), skin=first.skin, name=f"{case.name}, motions {name}")
-            with progress.of(f"motions {name}"):
-                done = simulate(planned, folder=out / name, progress=progress, warnings=warnings, patient=patient)
-            ends.append(report_ending(done, f"motions {name}"))
-            print()
-        return max(ends)
+        plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
+        options, ends = self.options, list[int]()
+        with Progress() as progress, crossings_written(out):
+            with progress.stage("load", f"reading {self.case}"):
+                read = {
+                    name: read_checked_case(self.case, align=self.align_pelvis, motions=file)
+                    for name, file in files.items()
+                }
+            cases = [(name, self.refined(case, arguments), warnings) for name, (case, warnings) in read.items()]
+            _, case, warnings = cases[0]
 
-    def _run_plans(self, case: Case, plans: dict[str, SurgicalPlan], out: Path, progress: Progress) -> int:
-        """Simulates each plan; prints how each ended, and the status of the first that did not converge."""
-        ends: list[int] = []
+            def ended(name: str, result: Result) -> None:
+                ends.append(report_ending(result, f"{'plan' if plans else 'motions'} {name}"))
+                print()
 
-        def report(name: str, result: Result) -> None:
-            ends.append(report_ending(result, f"plan {name}"))
-            print()
-
-        simulate(case, plans, folder=out, options=self.options, progress=progress, on_result=report)
-        if len(plans) > 1:
-            print(f"Side by side: {next_command('report', *(out / name for name in plans))}")
+            if plans:
+                simulate(case, plans, folder=out, options=options, progress=progress, on_result=ended)
+                if len(plans) > 1:
+                    print(f"Side by side: {next_command('report', *(out / name for name in plans))}")
+                return max(ends)
+            if len(cases) == 1:
+                result = simulate(case, folder=out, options=options, progress=progress, warnings=warnings)
+                return report_ending(result)
+            case, given = with_mesh_given(case, options, progress)
+            patient = patient_of(case, options, given, progress)
+            for name, one, warnings in cases:
+                moved = replace(one, skin=case.skin, name=f"{one.name}, motions {name}")
+                with progress.of(f"motions {name}"):
+                    done = simulate(
+                        moved, folder=out / name, progress=progress, warnings=warnings, patient=patient
+                    )
+                ended(name, done)
         return max(ends)
 
 
@@ -121,7 +164,7 @@ class Demo:
     )
     """How the case is simulated."""
 
-    def run(self, arguments: Sequence[str]) -> int:
+    def run(self, arguments: list[str]) -> int:
         """Simulate the synthetic trunk and print how to look at the result."""
         with Progress() as progress:
             with progress.stage("load", "making the synthetic trunk"):

@@ -1,0 +1,87 @@
+"""Commands about results: warp-trunk view, report and export."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.engine.tissue import Tissue
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.exchange import ENDINGS, write_volume
+from warp_trunk.io.file_access import check_place
+from warp_trunk.io.result_files import TRUNK
+from warp_trunk.io.trunk_file import read_trunk
+from warp_trunk.recording import view, view_in_browser
+from warp_trunk.report import write_comparison
+from warp_trunk.results import read_result, read_summary
+from warp_trunk.results.result import find_recording
+from warp_trunk.run.progress import Progress
+
+from .output import OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Open the recording of a result in the viewer."""
+
+    result: Positional[Path]
+    """Result folder, or a recording."""
+    web: bool = False
+    """Show it in a browser on this machine instead of a window."""
+
+    def run(self, arguments: list[str]) -> int:
+        """Starts the viewer, which other machines cannot reach, and waits for its end."""
+        return (view_in_browser if self.web else view)(find_recording(self.result))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Write the report of a result, or compare plans: a page for browser or printer, and its pictures."""
+
+    results: Positional[tuple[Path, ...]]
+    """Result folder; several results of plans for one patient are compared on one page."""
+    out: Path | None = None
+    """Folder to write to; by default the result folder, or the folder of the first of several results."""
+
+    def run(self, arguments: list[str]) -> int:
+        """Writes the page and prints its place."""
+        if not self.results:
+            raise InputError(
+                "report: RESULTS is missing; give a folder that `simulate` wrote, or several to compare"
+            )
+        if self.out is not None:
+            refuse_case(self.out)
+        with Progress() as progress, progress.stage("report", "measuring and drawing"):
+            results = [read_result(folder) for folder in self.results]
+            page = write_comparison(results, self.out) if len(results) > 1 else results[0].report(self.out)
+        print(f"Open {page} in a browser; its pictures are in {page.with_suffix('')}")
+        return OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Write the mesh of a result, with the motion of its bones, for another solver or viewer."""
+
+    result: Positional[Path]
+    """Result folder."""
+    out: Path
+    """File to write; its ending chooses the format: .vtu .vtk .xdmf .msh, .inp (Abaqus, CalculiX), .feb
+    (FEBio)."""
+
+    def run(self, arguments: list[str]) -> int:
+        """Writes the file."""
+        if self.out.suffix.lower() not in ENDINGS:
+            known = ", ".join(ENDINGS)
+            raise InputError(
+                f"--out: a mesh cannot be written as '{self.out.suffix}'; end the name in one of {known}"
+            )
+        refuse_case(self.out)
+        check_place(self.out)
+        tissues = read_summary(self.result).tissues
+        trunk, displacement = read_trunk(self.result / TRUNK)
+        with atomic_write(self.out) as unfinished:
+            write_volume(unfinished, trunk, displacement, tissues[0] if len(tissues) == 1 else Tissue())
+        print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {self.out}")
+        return OK
