@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from warp_trunk import Case, RunOptions, phantom_case, read_case
-from warp_trunk.meshing import MeshOptions, build_trunk
+from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.run.patient import find_path
 
@@ -26,7 +26,7 @@ def mesh_case(case: Case, tets: int, bone_edge_length: float = 0.0) -> Problem:
     Raises:
         InputError: the surfaces force more tetrahedra than that.
     """
-    trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=tets, bone_edge_length=bone_edge_length))
+    trunk = make_trunk(case.skin, case.bones, MeshOptions(tets=tets, bone_edge_length=bone_edge_length)).trunk
     return Problem(case.name, trunk, case.tissue, case.landmarks_before, case.planned_landmarks)
 
 

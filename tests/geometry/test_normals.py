@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from support.synthetic import sphere
-from warp_trunk.geometry.normals import MovingNormals, area_vectors, unit, vertex_areas, vertex_normals
+from warp_trunk.geometry.normals import area_vectors, unit, vertex_areas, vertex_normals
 from warp_trunk.geometry.surface import Surface
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
@@ -25,5 +25,3 @@ def test_normals_of_a_sphere_point_away_from_its_middle():
     outward = unit(ball.vertices)
     assert np.linalg.norm(vertex_areas(ball), axis=1).sum() == pytest.approx(4.0 * np.pi * 2500.0, rel=0.02)
     np.testing.assert_allclose(vertex_normals(ball), outward, atol=0.02)
-    moving = MovingNormals(ball.faces, len(ball.vertices))
-    np.testing.assert_allclose(moving(ball.vertices.astype(np.float32)), vertex_normals(ball), atol=1e-5)

@@ -62,8 +62,3 @@ def test_bone_outside_the_skin_is_named():
     bones = {"in": sphere(20.0), "out": sphere(20.0, (150.0, 0.0, 0.0))}
     with pytest.raises(InputError, match="bone 'out' leaves no part"):
         bone_surface(SKIN, bones, voxel=6.0)
-
-
-def test_no_bones_is_refused():
-    with pytest.raises(InputError, match="there are none"):
-        bone_surface(SKIN, {})

@@ -10,7 +10,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings, manifold_fault
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.meshing import MeshOptions, build_trunk, make_trunk
+from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.meshing.build import morton_order
 from warp_trunk.meshing.tetrahedra import mean_ratio
 
@@ -80,18 +80,18 @@ def test_options_are_checked(name, value):
 def test_bad_skin_is_named_before_any_work():
     torn = Surface(SKIN.vertices, SKIN.faces[1:])
     with pytest.raises(InputError, match=r"skin: .*open"):
-        build_trunk(torn, BONES, MeshOptions(cache=False))
+        make_trunk(torn, BONES, MeshOptions(cache=False))
     pushed = SKIN.vertices.copy()
     pushed[pushed[:, 2].argmax(), 2] = -120.0
     with pytest.raises(InputError, match=r"skin: .*cross itself"):
-        build_trunk(Surface(pushed, SKIN.faces), BONES, MeshOptions(cache=False))
+        make_trunk(Surface(pushed, SKIN.faces), BONES, MeshOptions(cache=False))
 
 
 def test_bone_just_below_and_through_the_skin():
     slab = box((200.0, 200.0, 100.0), splits=4)
     bones = {"through": sphere(30.0, (0.0, 0.0, 30.0)), "below": sphere(20.0, (60.0, 0.0, 29.5))}
     options = MeshOptions(tets=12000, bone_margin=3.0, bone_voxel=5.0, cache=False)
-    trunk = build_trunk(slab, bones, options)
+    trunk = make_trunk(slab, bones, options).trunk
     assert trunk.nodes[trunk.prescribed, 2].max() < 50.0 - 3.0 + 1.0
 
 

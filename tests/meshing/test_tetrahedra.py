@@ -69,7 +69,7 @@ def test_what_is_refused_before_it_is_tried_cannot_be_done(outer, inner, radius,
         faces=np.concatenate([skin.faces, bone.faces + len(skin.vertices)]).astype(np.int32),
         holes=np.zeros((1, 3)),
         bound=np.inf,
-        quality=(ratio, 0.0, 165.0),
+        ratio=ratio,
     )
     check_number(int(len(made[1]) / 1.15), len(skin.faces), len(bone.faces))
 

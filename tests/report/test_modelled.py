@@ -26,7 +26,6 @@ def test_units_are_those_of_the_documentation() -> None:
 def test_every_option_has_a_row_in_words() -> None:
     rows = dict(option_rows(parameters(RunOptions(skin_rigidity=0.4))))
     assert rows["tolerance"] == "0.1 mm"
-    assert rows["largest dihedral"] == "165 °"
     assert rows["skin rigidity"] == "0.4 N mm"
     assert rows["tets"] == "225000"
     assert rows["cache"] == "yes"

@@ -10,7 +10,7 @@ from support.small_case import small_case
 from warp_trunk import InputError, measure
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.meshing import build_trunk
+from warp_trunk.meshing import make_trunk
 
 
 @pytest.mark.parametrize(
@@ -24,11 +24,11 @@ from warp_trunk.meshing import build_trunk
             lambda: Landmarks(("a", "b"), [[0.0, 0, 0], [1.0, 0, 0]]),
             r"landmarks: points .*ndarray, not list",
         ),
-        (lambda: build_trunk("path", {}), "build_trunk: 'skin' must be of type Surface, not str; read it with"),
-        (lambda: build_trunk(small_case().skin, {}), "build_trunk: 'bones' is empty; give the surface of each"),
+        (lambda: make_trunk("path", {}), "make_trunk: 'skin' must be of type Surface, not str; read it with"),
+        (lambda: make_trunk(small_case().skin, {}), "make_trunk: 'bones' is empty; give the surface of each"),
         (
-            lambda: build_trunk(small_case().skin, {"T7": "T7.ply"}),
-            "build_trunk: bone 'T7' must be of type",
+            lambda: make_trunk(small_case().skin, {"T7": "T7.ply"}),
+            "make_trunk: bone 'T7' must be of type",
         ),
         (lambda: measure(small_case().skin, small_case().skin), "measure: 'landmarks' must be of type Landmarks"),
         (lambda: measure("skin.ply", small_case().landmarks_before), "measure: 'skin' must be of type Surface"),

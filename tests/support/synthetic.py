@@ -7,7 +7,7 @@ import trimesh
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.meshing import MeshOptions, build_trunk
+from warp_trunk.meshing import MeshOptions, make_trunk
 
 
 def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0), subdivisions: int = 3) -> Surface:
@@ -29,4 +29,4 @@ def box(
 def shell_trunk(tets: int = 3000) -> TrunkMesh:
     """Soft tissue between a sphere of 100 mm radius and two bones inside it that touch, not cached."""
     bones = {name: sphere(25.0, (0.0, 5.0, z), 2) for name, z in (("upper", 22.0), ("lower", -22.0))}
-    return build_trunk(sphere(100.0), bones, MeshOptions(tets=tets, bone_voxel=6.0, cache=False))
+    return make_trunk(sphere(100.0), bones, MeshOptions(tets=tets, bone_voxel=6.0, cache=False)).trunk

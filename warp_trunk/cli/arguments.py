@@ -22,7 +22,7 @@ from tyro.constructors import (
 
 from warp_trunk.errors import InputError
 
-ONLY_IN_PYTHON = frozenset({"weights", "rest", "radius_edge_ratio", "smallest_dihedral", "largest_dihedral"})
+ONLY_IN_PYTHON = frozenset({"weights", "rest", "radius_edge_ratio"})
 """Fields that only studies need; they are no options of a command."""
 
 

@@ -30,27 +30,6 @@ def vertex_normals(surface: Surface) -> np.ndarray:
     return unit(vertex_areas(surface))
 
 
-class MovingNormals:
-    """Vertex normals of a mesh whose vertices move, in float32: what does not change is made once."""
-
-    def __init__(self, faces: np.ndarray, vertices: int) -> None:
-        self._corners, self._count = faces.T.copy(), vertices
-
-    def __call__(self, vertices: np.ndarray) -> np.ndarray:
-        """Normals of vertices (n, 3) float32, the same shape and type."""
-        a, b, c = (vertices.take(corner, axis=0) for corner in self._corners)
-        (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
-        area = np.empty_like(a)
-        area[:, 0] = uy * vz - uz * vy
-        area[:, 1] = uz * vx - ux * vz
-        area[:, 2] = ux * vy - uy * vx
-        normals = np.empty((self._count, 3), dtype=np.float32)
-        for k, part in enumerate(area.T.astype(np.float64)):
-            normals[:, k] = sum(np.bincount(corner, part, minlength=self._count) for corner in self._corners)
-        length = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-        return normals / np.maximum(length, np.float32(1e-12))[:, None]
-
-
 def corner_areas(surface: Surface) -> np.ndarray:
     """The area of surface around each vertex, a third of its triangles [mm2], shape (vertices,)."""
     third = np.repeat(np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1) / 3.0, 3)

@@ -33,9 +33,9 @@ def fit_rigid(before: np.ndarray, after: np.ndarray) -> RigidTransform:
     from scipy.spatial.transform import RigidTransform, Rotation  # heavy
 
     if before.shape != after.shape or before.ndim != 2 or before.shape[1] != 3 or len(before) == 0:
+        found = f"not {before.shape} and {after.shape}"
         raise InputError(
-            f"rigid fit: both sets of points must have one shape (n, 3), not {before.shape} and {after.shape}; "
-            "give each point before and after"
+            f"rigid fit: both sets of points must have one shape (n, 3), {found}; give each point twice"
         )
     if not (np.isfinite(before).all() and np.isfinite(after).all()):
         raise InputError("rigid fit: coordinates must be finite; correct or remove the points that are not")

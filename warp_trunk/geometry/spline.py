@@ -159,45 +159,34 @@ def check_landmarks(
     drift: str = "linear",
 ) -> None:
     """Raises InputError for what `fit_spline` refuses."""
+    from scipy.spatial import KDTree  # heavy
+
     names = [f"number {i}" for i in range(len(sources))] if names is None else list(names)
     if sources.ndim != 2 or sources.shape[1] != 3 or sources.shape != targets.shape:
+        found = f"not {sources.shape} and {targets.shape}"
         raise InputError(
-            "spline: sources and targets must both have shape (n, 3), "
-            f"not {sources.shape} and {targets.shape}; give each landmark before and after"
+            f"spline: sources and targets must have one shape (n, 3), {found}; give both places of each"
         )
     if len(names) != len(sources):
         raise InputError(f"spline: names must be one for each landmark, not {len(names)} for {len(sources)}")
-    if np.shape(nugget) not in ((), (len(sources),)) or not (
-        np.min(nugget) >= 0.0 and np.max(nugget) <= MOST_NUGGET  # nor is NaN
-    ):
+    if not (np.min(nugget) >= 0.0 and np.max(nugget) <= MOST_NUGGET):  # nor is NaN
         raise InputError(f"spline: 'nugget' must be 0 to {MOST_NUGGET:g} mm, not {nugget}; try 1")
     if drift not in ("linear", "constant"):
         raise InputError(f"spline: 'drift' must be linear or constant, not {drift!r}")
-    least = 4 if drift == "linear" else 1
-    if len(sources) < least:
-        raise InputError(
-            f"spline: at least {least} landmarks are needed, not {len(sources)} ({_list(names)}); add landmarks"
-        )
-    bad = np.flatnonzero(~np.isfinite(np.hstack([sources, targets])).all(axis=1))
-    if len(bad):
+    if len(sources) < (least := 4 if drift == "linear" else 1):
+        found = f"{len(sources)} ({_list(names)})"
+        raise InputError(f"spline: at least {least} landmarks are needed, not {found}; add landmarks")
+    if (bad := np.flatnonzero(~np.isfinite(np.hstack([sources, targets])).all(axis=1))).size:
         found = _list([names[i] for i in bad])
         raise InputError(f"spline: coordinates must be finite, not those of {found}; correct or remove them")
-    if np.min(nugget) == 0.0:
-        gap = distances(sources, sources)
-        pairs = np.argwhere(np.triu(gap < _COINCIDENT, k=1))
-        if len(pairs):
-            found = [f"'{names[i]}' and '{names[j]}'" for i, j in pairs]
-            raise InputError(
-                f"spline: no two landmarks may coincide, but {_list(found)} do; "
-                "remove one of each, or set a nugget"
-            )
-    if drift == "constant":
-        return
+    near = KDTree(sources).query_pairs(_COINCIDENT) if np.min(nugget) == 0.0 else ()
+    if near:
+        found = _list([f"'{names[i]}' and '{names[j]}'" for i, j in sorted(near)])
+        raise InputError(f"spline: no two landmarks may coincide, but {found} do; remove one, or set a nugget")
     spread = np.linalg.svd(sources - sources.mean(axis=0), compute_uv=False)
-    if spread[2] <= _FLAT * spread[0]:
-        raise InputError(
-            f"spline: landmarks may not all lie in one plane, but {_list(names)} do; add one off the plane"
-        )
+    if drift == "linear" and spread[2] <= _FLAT * spread[0]:
+        found = f"{_list(names)} do; add one off the plane"
+        raise InputError(f"spline: landmarks may not all lie in one plane, but {found}")
 
 
 def _list(names: list[str], most: int = 6) -> str:

@@ -2,6 +2,6 @@
 
 from warp_trunk.geometry.surface_checks import CrossingError
 
-from .build import MeshOptions, TrunkBuild, build_trunk, make_trunk
+from .build import MeshOptions, make_trunk
 
-__all__ = ["CrossingError", "MeshOptions", "TrunkBuild", "build_trunk", "make_trunk"]
+__all__ = ["CrossingError", "MeshOptions", "make_trunk"]

@@ -12,7 +12,7 @@ from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.cores import each_over_cores
 from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected, nearest_surface, zero_surface
 from warp_trunk.geometry.surface import Surface, check_surface
-from warp_trunk.geometry.surface_checks import crossings, manifold_fault
+from warp_trunk.geometry.surface_checks import crossings, manifold_fault, place_of
 
 _BAND = 2.0
 """Distances are worked out to this many voxels from a surface."""
@@ -41,7 +41,6 @@ class BoneSurface:
 def bone_surface(
     skin: Surface,
     bones: Mapping[str, Surface],
-    *,
     margin: float = 2.0,
     voxel: float = 4.0,
     edge_length: float = 8.0,
@@ -66,8 +65,6 @@ def bone_surface(
     Raises InputError when there are no bones, when a bone leaves no part of the surface, or when no grid
     gives a clean surface.
     """
-    if not bones:
-        raise InputError("bones: there are none; give at least one closed bone surface")
     for name, bone in bones.items():
         check_surface(bone, f"bone '{name}'")
     distances = [SurfaceDistance(bone) for bone in bones.values()]
@@ -85,10 +82,8 @@ def bone_surface(
             if not fault:
                 return BoneSurface(surface, bone, voxel)
         voxel *= _FINER
-    raise InputError(
-        f"bones: no clean surface down to a voxel of {voxel / _FINER:.3g} mm: {fault}; "
-        "look at the bones there, or change bone_voxel or bone_margin"
-    )
+    cure = "look at the bones there, or change bone_voxel or bone_margin"
+    raise InputError(f"bones: no clean surface down to a voxel of {voxel / _FINER:.3g} mm: {fault}; {cure}")
 
 
 def _isosurface(
@@ -113,8 +108,7 @@ def _field(
     band = _BAND * voxel
     lower = np.min([d.lower for d in distances], axis=0) - (band + voxel)
     upper = np.max([d.upper for d in distances], axis=0) + (band + voxel)
-    nx, ny, nz = (np.ceil((upper - lower) / voxel).astype(int) + 1).tolist()
-    grid = Grid(lower, voxel, (nx, ny, nz))
+    grid = Grid.over(lower, upper, voxel)
     field = np.full(grid.shape, band, dtype=np.float32)
 
     def one(distance: SurfaceDistance) -> tuple[Box, np.ndarray]:
@@ -127,7 +121,7 @@ def _field(
         field[box] = np.minimum(field[box], near)
     field = np.minimum(field, 0.5 * (field + second - _GAP * voxel))  # of the two nearest bones
 
-    whole = (slice(0, nx), slice(0, ny), slice(0, nz))
+    whole = tuple(slice(0, count) for count in grid.shape)
     wanted = field < 1.01 * voxel  # farther out no node has a neighbour inside, so that the surface is elsewhere
     depth = skin_distance.on_grid(grid, whole, wanted, band + margin) + margin
     field[wanted] = np.maximum(field[wanted], depth[wanted])
@@ -138,15 +132,10 @@ def _fault(surface: Surface, bone: np.ndarray, names: tuple[str, ...]) -> str:
     """The fault of a bone surface, or an empty text."""
     lost = [name for number, name in enumerate(names) if not (bone == number).any()]
     if lost:
-        return (
-            f"bone '{lost[0]}' leaves no part of it ({len(lost)} such); it is thinner than the voxel, "
-            "buried in another bone, or outside the skin less the margin"
-        )
-    fault = manifold_fault(surface)
-    if fault:
+        why = "it is thinner than the voxel, buried in another bone, or outside the skin less the margin"
+        return f"bone '{lost[0]}' leaves no part of it ({len(lost)} such); {why}"
+    if fault := manifold_fault(surface):
         return fault
     pairs = crossings(surface)
-    if len(pairs):
-        place = surface.vertices[surface.faces[pairs[0, 0]]].mean(axis=0).round(1).tolist()
-        return f"{len(pairs)} of its triangles cross others, the first near {place} mm"
-    return ""
+    where = f"{len(pairs)} of its triangles cross others, the first near"
+    return f"{where} {place_of(surface, pairs[0])}" if len(pairs) else ""

@@ -36,26 +36,13 @@ class MeshOptions:
     by half of that."""
     radius_edge_ratio: float = 2.0
     """Quality bound: circumradius by shortest edge of a tetrahedron, above 1; lower is better."""
-    smallest_dihedral: float = 0.0
-    """Quality bound: requested smallest angle between the faces of a tetrahedron [degrees]; above 15 is slow."""
-    largest_dihedral: float = 165.0
-    """Quality bound: tetrahedra with a larger angle between faces are improved where possible [degrees]."""
     cache: bool = True
     """Keep the mesh on disk, and reuse it for the same surfaces and options."""
 
     def __post_init__(self) -> None:
-        check_ranges(
-            self,
-            "mesh",
-            tets=(4, 50_000_000),
-            bone_margin=(0.0, 100.0),
-            bone_voxel=(0.1, 100.0),
-            bone_edge_length=(0.0, 1000.0),
-            bone_tolerance=(0.0, 100.0),
-            radius_edge_ratio=(1.01, 100.0),
-            smallest_dihedral=(0.0, 25.0),
-            largest_dihedral=(90.0, 180.0),
-        )
+        check_ranges(self, "mesh", tets=(4, 50_000_000), radius_edge_ratio=(1.01, 100.0))
+        check_ranges(self, "mesh", " mm", bone_margin=(0.0, 100.0), bone_voxel=(0.1, 100.0))
+        check_ranges(self, "mesh", " mm", bone_edge_length=(0.0, 1000.0), bone_tolerance=(0.0, 100.0))
 
 
 @dataclass(frozen=True)
@@ -72,12 +59,12 @@ class TrunkBuild:
     """Time the tetrahedra took, or reading them from the cache [s]."""
 
 
-def build_trunk(
+def make_trunk(
     skin: Surface,
     bones: Mapping[str, Surface],
     options: MeshOptions | None = None,
     progress: Callable[[str], None] | None = None,
-) -> TrunkMesh:
+) -> TrunkBuild:
     """Mesh the soft tissue between bones and skin, or fetch the mesh from the cache.
 
     Args:
@@ -86,29 +73,16 @@ def build_trunk(
         options: how; MeshOptions() if not given.
         progress: gets the name of each stage as it begins.
 
-    Raises InputError, see make_trunk.
-    """
-    return make_trunk(skin, bones, options, progress).trunk
-
-
-def make_trunk(
-    skin: Surface,
-    bones: Mapping[str, Surface],
-    options: MeshOptions | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> TrunkBuild:
-    """build_trunk, with the times it took.
-
     Raises InputError when the skin is not closed, 2-manifold, oriented outward and free of
     self-intersections, when no clean surface can be made of the bones, or when the number of tets asked for
     cannot be met: at once where the skin alone needs more, and before TetGen runs where the surfaces surely do.
     """
     options = options or MeshOptions()
-    expect(skin, Surface, "build_trunk: 'skin'", "read it with read_surface")
+    expect(skin, Surface, "make_trunk: 'skin'", "read it with read_surface")
     if not bones:
-        raise InputError("build_trunk: 'bones' is empty; give the surface of each bone by its name")
+        raise InputError("make_trunk: 'bones' is empty; give the surface of each bone by its name")
     for name, bone in bones.items():
-        expect(bone, Surface, f"build_trunk: bone '{name}'", "read it with read_surface")
+        expect(bone, Surface, f"make_trunk: bone '{name}'", "read it with read_surface")
     tell = progress or (lambda what: None)
     start = time.perf_counter()
     settings = {name: value for name, value in asdict(options).items() if name != "cache"}
@@ -121,24 +95,15 @@ def make_trunk(
     check_surface(skin, "skin")
     check_solid(skin, "skin")
     tell("making one surface of the bones")
+    # 0.7 times the edge of a regular tetrahedron of the average volume leaves most of them to the space between
+    average = 0.7 * (6.0 * math.sqrt(2.0) * (enclosed_volume(skin) / options.tets)) ** (1.0 / 3.0)
+    edge_length = options.bone_edge_length or average
     surface = bone_surface(
-        skin,
-        bones,
-        margin=options.bone_margin,
-        voxel=options.bone_voxel,
-        edge_length=options.bone_edge_length or choose_edge_length(skin, options.tets),
-        tolerance=options.bone_tolerance,
+        skin, bones, options.bone_margin, options.bone_voxel, edge_length, options.bone_tolerance
     )
     between = time.perf_counter()
     tell("filling the soft tissue with tetrahedra")
-    filled = tetrahedralize(
-        skin,
-        surface.surface,
-        options.tets,
-        radius_edge_ratio=options.radius_edge_ratio,
-        smallest_dihedral=options.smallest_dihedral,
-        largest_dihedral=options.largest_dihedral,
-    )
+    filled = tetrahedralize(skin, surface.surface, options.tets, options.radius_edge_ratio)
     tell("repairing flat tetrahedra")
     nodes = _mended(filled, len(skin.vertices), surface.surface, 0.5 * options.bone_tolerance)
     trunk = _ordered(nodes, filled.tets, skin, surface, tuple(bones))
@@ -147,15 +112,6 @@ def make_trunk(
         store_cached(key, trunk)
     end = time.perf_counter()
     return TrunkBuild(trunk, False, between - start, end - between)
-
-
-def choose_edge_length(skin: Surface, tets: int) -> float:
-    """An edge length for the bone surface [mm] that leaves most of the tetrahedra to the space between.
-
-    0.7 times the edge of a regular tetrahedron of the average volume.
-    """
-    average = enclosed_volume(skin) / tets
-    return 0.7 * (6.0 * math.sqrt(2.0) * average) ** (1.0 / 3.0)
 
 
 def _mended(filled: Tetrahedra, skin_count: int, bones: Surface, bone_reach: float) -> np.ndarray:
@@ -213,12 +169,7 @@ def morton_order(points: np.ndarray) -> np.ndarray:
 
 def _spread(bits: np.ndarray) -> np.ndarray:
     """Put two zero bits between the bits of each number."""
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
+    masks = (0x1F00000000FFFF, 0x1F0000FF0000FF, 0x100F00F00F00F00F, 0x10C30C30C30C30C3, 0x1249249249249249)
+    for shift, mask in zip((32, 16, 8, 4, 2), masks, strict=True):
         bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
     return bits

@@ -42,51 +42,31 @@ def cache_key(skin: Surface, bones: Mapping[str, Surface], options: str) -> str:
 def load_cached(key: str) -> TrunkMesh | None:
     """The mesh kept under a key; None where there is none, or where its file is damaged."""
     path = _path(key)
-    kept = read_arrays(path, key)
     try:
-        names = tuple(str(name) for name in kept["bone_names"])
-        arrays = {name: kept[name] for name in _ARRAYS}
-        if any(array.dtype != (np.float64 if name == "nodes" else np.int32) for name, array in arrays.items()):
-            return None
-        trunk = TrunkMesh(**arrays, bone_names=names)
-        check_trunk(trunk, str(path))
-    except Exception:  # an array that is missing or has another shape; the mesh can be made again
+        # objects would be pickles, which can run code; the checksum of every array is checked
+        with limited_memory(path.stat().st_size), np.load(path, allow_pickle=False) as kept:
+            arrays = {name: kept[name] for name in _ARRAYS}
+            if any(array.dtype != (np.float64 if name == "nodes" else np.int32) for name, array in arrays.items()):
+                return None
+            trunk = TrunkMesh(**arrays, bone_names=tuple(map(str, kept["bone_names"])))
+            check_trunk(trunk, str(path))
+            return trunk if str(kept["key"]) == key else None
+    except Exception:  # numpy and zipfile fail in many ways on a damaged file; the mesh can be made again
         return None
-    return trunk
 
 
 def store_cached(key: str, trunk: TrunkMesh) -> None:
     """Keep a mesh under a key; the file appears whole or not at all. A folder not writable is a warning."""
+    path = _path(key)
     arrays = {field: getattr(trunk, field) for field in _ARRAYS}
-    write_arrays(_path(key), key, {"bone_names": np.array(trunk.bone_names, dtype=str), **arrays})
-
-
-def read_arrays(path: Path, key: str) -> dict[str, np.ndarray]:
-    """The arrays by name that were written with a key; none where there are none, or the file is damaged."""
-    if not path.is_file():
-        return {}
-    try:
-        # objects would be pickles, which can run code; the checksum of every array is checked
-        with limited_memory(path.stat().st_size), np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files} if str(file["key"]) == key else {}
-    except Exception:  # numpy and zipfile fail in many ways on a damaged file
-        return {}
-
-
-def write_arrays(path: Path, key: str, arrays: Mapping[str, np.ndarray]) -> None:
-    """Keep arrays with a key; the file appears whole or not at all. A folder not writable is a warning."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".making-", suffix=".npz")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez(file, allow_pickle=False, key=np.array(key), **arrays)
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".making-") as folder:
+            unfinished, names = Path(folder) / path.name, np.array(trunk.bone_names, dtype=str)
+            np.savez(unfinished, allow_pickle=False, key=np.array(key), bone_names=names, **arrays)
+            os.replace(unfinished, path)
     except OSError as error:
-        warnings.warn(f"{path}: could not be kept for the next run ({error})", stacklevel=3)
+        warnings.warn(f"{path}: could not be kept for the next run ({error})", stacklevel=2)
 
 
 def _path(key: str) -> Path:

@@ -42,10 +42,8 @@ def real_skin(skin: Surface) -> np.ndarray:
         if mesh.area_faces[patch].sum() > LEAST_CUT:
             is_skin[patch] = False
     if not is_skin.any():
-        raise InputError(
-            f"skin: all of it is flat over more than {LEAST_CUT / 100.0:g} cm^2, as where a scan is cut off; "
-            "layers by depth need a curved skin, so give them by a mesh or leave them out"
-        )
+        found = f"all of it is flat over more than {LEAST_CUT / 100.0:g} cm^2, as where a scan is cut off"
+        raise InputError(f"skin: {found}; layers by depth need a curved skin: give a mesh or leave them out")
     return is_skin
 
 
@@ -135,9 +133,8 @@ def labels_from_mesh(trunk: TrunkMesh, path: Path) -> np.ndarray:
         labels = np.asarray(mesh.cell_data_dict["tissue"]["tetra"])
         centroids = np.asarray(mesh.points, dtype=np.float64)[tets].mean(axis=1)
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path}: cannot be read as tetrahedra with the cell data 'tissue' ({reason(error)}); write it again"
-        ) from error
+        what = f"cannot be read as tetrahedra with the cell data 'tissue' ({reason(error)})"
+        raise InputError(f"{path}: {what}; write it again") from error
     if labels.size == 0 or not np.isin(labels, range(len(NAMES))).all():
         found = ", ".join(map(str, np.unique(labels)[:6]))
         meant = ", ".join(f"{number} {name}" for number, name in enumerate(NAMES))
@@ -146,10 +143,8 @@ def labels_from_mesh(trunk: TrunkMesh, path: Path) -> np.ndarray:
         )
     distance, nearest = KDTree(centroids).query(trunk.nodes[trunk.tets].mean(axis=1), workers=-1)
     if distance.max() > REACH:
-        raise InputError(
-            f"{path}: leaves tissue {distance.max():.0f} mm from its nearest cell without a label; "
-            f"it must fill the trunk to within {REACH:g} mm, in mm and LPS"
-        )
+        found = f"leaves tissue {distance.max():.0f} mm from its nearest cell without a label"
+        raise InputError(f"{path}: {found}; it must fill the trunk to within {REACH:g} mm, in mm and LPS")
     return labels[nearest].astype(np.int8)
 
 
@@ -180,12 +175,11 @@ def layered(trunk: TrunkMesh, layers: Layers, source: LayersFrom) -> TrunkMesh:
     Raises:
         InputError: thickness that does not fit the skin, or a mesh with labels that is missing or does not fit.
     """
-    if source == "none":
-        return trunk
     if source == "mesh":
         check_labels(layers, trunk)
-        if layers.mesh is None:
-            return trunk
+    if source == "none" or (source == "mesh" and layers.mesh is None):
+        return trunk
+    if layers.mesh is not None and source == "mesh":
         return replace(trunk, tissue=labels_from_mesh(trunk, layers.mesh))
     above = part_above(trunk, layers.bottoms(len(trunk.skin_nodes)))
     return replace(trunk, tissue=np.stack([above[0], above[1] - above[0], 1.0 - above[1]], axis=1))
@@ -204,10 +198,9 @@ def thickness_derivatives(trunk: TrunkMesh, layers: Layers) -> dict[str, np.ndar
     Returns:
         By name of a thickness in `Layers`, shape (tets, layers) [1/mm]; each row adds up to 0.
     """
-    skin, fat = layers.bottoms(len(trunk.skin_nodes))
-    steps = np.array([skin + STEP, skin - STEP, fat + STEP, fat - STEP])
-    high_skin, low_skin, high_fat, low_fat = part_above(trunk, steps)
-    by_skin, by_fat = (high_skin - low_skin) / (2.0 * STEP), (high_fat - low_fat) / (2.0 * STEP)
+    bottoms = layers.bottoms(len(trunk.skin_nodes))
+    high, low = np.split(part_above(trunk, np.vstack([bottoms + STEP, bottoms - STEP])), 2)
+    by_skin, by_fat = (high - low) / (2.0 * STEP)
     return {
         "skin_thickness": np.stack([by_skin, by_fat - by_skin, -by_fat], axis=1),
         "fat_thickness": np.stack([np.zeros_like(by_fat), by_fat, -by_fat], axis=1),

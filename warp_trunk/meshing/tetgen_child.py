@@ -17,15 +17,14 @@ def main() -> None:
     for point in given["holes"]:
         mesher.add_hole(point.tolist())
     bound = float(given["bound"])
-    ratio, smallest, largest = given["quality"].tolist()
     try:
         nodes, tets, *_ = mesher.tetrahedralize(
             plc=True,
             nobisect=True,  # no new nodes on the surfaces
             quality=True,
-            minratio=ratio,
-            mindihedral=smallest,
-            optmaxdihedral=largest,
+            minratio=float(given["ratio"]),
+            mindihedral=0.0,
+            optmaxdihedral=165.0,
             fixedvolume=bool(np.isfinite(bound)),
             maxvolume=bound if np.isfinite(bound) else -1.0,
             steinerleft=-1,

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from warp_trunk.engine.trunk_mesh import oriented
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, compact
 from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
 from warp_trunk.kernels.tet_quality import mean_ratios, move_nodes
 
@@ -46,15 +47,7 @@ class Tetrahedra:
     """How often TetGen was run to meet the number asked for."""
 
 
-def tetrahedralize(
-    skin: Surface,
-    bones: Surface,
-    tets: int,
-    *,
-    radius_edge_ratio: float = 2.0,
-    smallest_dihedral: float = 0.0,
-    largest_dihedral: float = 165.0,
-) -> Tetrahedra:
+def tetrahedralize(skin: Surface, bones: Surface, tets: int, radius_edge_ratio: float = 2.0) -> Tetrahedra:
     """Fill the space between the bone surface and the skin with about `tets` tetrahedra.
 
     Both surfaces are kept as they are, node by node: TetGen adds nodes in the space between only. Inside
@@ -65,9 +58,6 @@ def tetrahedralize(
         skin, bones: closed 2-manifolds, oriented outward, free of crossings, the bones inside the skin.
         tets: number of tetrahedra asked for, met within 15 %.
         radius_edge_ratio: bound on circumradius by shortest edge that TetGen aims for, above 1.
-        smallest_dihedral: angle between faces that TetGen aims for [degrees]; near the surfaces, whose
-            triangles are fixed, it may stay below.
-        largest_dihedral: TetGen tries to improve tetrahedra with a larger angle between faces [degrees].
 
     Raises InputError when the surfaces cross, or need more tetrahedra by themselves than asked for.
     """
@@ -79,9 +69,7 @@ def tetrahedralize(
     best: Tetrahedra | None = None
     for run in range(1, _RUNS + 1):
         bound = search.next_bound()
-        nodes, corners = _tetgen(
-            vertices, faces, holes, bound, (radius_edge_ratio, smallest_dihedral, largest_dihedral)
-        )
+        nodes, corners = _tetgen(Surface(vertices, faces), holes, bound, radius_edge_ratio)
         count = len(corners)
         if best is None or abs(count - tets) < abs(len(best.tets) - tets):
             best = Tetrahedra(nodes, corners, run)
@@ -92,10 +80,8 @@ def tetrahedralize(
     count = len(best.tets)
     _check_enough(tets, count, count, len(skin.faces), len(bones.faces))
     if count < (1.0 - _WITHIN) * tets:
-        raise InputError(
-            f"tets: {tets} were asked for, but {best.runs} runs of TetGen came to {count} at best; "
-            "ask for another number or change the quality bounds"
-        )
+        found = f"{best.runs} runs of TetGen came to {count} at best"
+        raise InputError(f"tets: {tets} were asked for, but {found}; ask for another number")
     return best
 
 
@@ -109,12 +95,11 @@ def _check_enough(tets: int, least: int, enough: int, skin: int, bones: int) -> 
     """InputError where the least number of tetrahedra is above the number asked for; `enough` is the cure."""
     if least <= (1.0 + _WITHIN) * tets:
         return
-    and_bones = f" and the bone surface ({bones})" if bones else ""
-    or_longer = " or a longer bone_edge_length" if bones else ""
-    raise InputError(
-        f"tets: {tets} were asked for, but the skin ({skin} triangles){and_bones} cannot do with fewer than "
-        f"{least}; ask for {enough} or more, or give a coarser skin{or_longer}"
-    )
+    what, cure = f"the skin ({skin} triangles)", "give a coarser skin"
+    if bones:
+        what, cure = f"{what} and the bone surface ({bones})", f"{cure} or a longer bone_edge_length"
+    need = f"{what} cannot do with fewer than {least}"
+    raise InputError(f"tets: {tets} were asked for, but {need}; ask for {enough} or more, or {cure}")
 
 
 def cavity_points(bones: Surface) -> np.ndarray:
@@ -122,16 +107,12 @@ def cavity_points(bones: Surface) -> np.ndarray:
     part_of_vertex = components(bones)
     points = []
     for part in range(part_of_vertex.max() + 1):
-        inside = part_of_vertex == part
-        number = np.cumsum(inside) - 1
-        faces = bones.faces[inside[bones.faces[:, 0]]]
-        surface = Surface(bones.vertices[inside], number[faces].astype(np.int32))
-        a, b, c = np.moveaxis(surface.vertices[surface.faces], 1, 0)
+        surface = compact(bones.vertices, bones.faces[part_of_vertex[bones.faces[:, 0]] == part])
         normal = area_vectors(surface.vertices, surface.faces)
         area = np.linalg.norm(normal, axis=1)
         largest = np.argsort(-area)[:500]
         inward = -normal[largest] / area[largest, None]
-        start = (a + b + c)[largest] / 3.0
+        start = surface.vertices[surface.faces[largest]].mean(axis=1)
         size = np.sqrt(2.0 * area[largest])[:, None]
         tries = np.concatenate([start + depth * size * inward for depth in (0.02, 0.1, 0.3, 0.6, 1.0, 2.0)])
         distance = SurfaceDistance(surface).at(tries)
@@ -184,34 +165,21 @@ class _BoundSearch:
         self._factor = max((count / self._fixed - 1.0) / load**1.4, 1e-3)
 
 
-def _tetgen(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    holes: np.ndarray,
-    bound: float,
-    quality: tuple[float, float, float],
-) -> tuple[np.ndarray, np.ndarray]:
+def _tetgen(both: Surface, holes: np.ndarray, bound: float, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    given, failed = both.vertices, "TetGen cannot fill the space between them"
     try:
-        nodes, tets = run_tetgen(vertices=vertices, faces=faces, holes=holes, bound=bound, quality=quality)
+        nodes, tets = run_tetgen(vertices=given, faces=both.faces, holes=holes, bound=bound, ratio=ratio)
     except RuntimeError as error:
-        both = Surface(vertices, faces)
         pairs = crossings(both)
         if len(pairs):
-            raise CrossingError(
-                f"skin and bones: TetGen cannot fill the space between them, {len(pairs)} triangles cross others, "
-                f"the first near {place_of(both, pairs[0])}; repair the skin there or choose a larger bone_margin",
-                both,
-                pairs,
-            ) from error
-        raise InputError(
-            f"skin and bones: TetGen cannot fill the space between them ({error}); look for triangles of the "
-            "skin that touch, or choose a larger bone_margin"
-        ) from error
-    if len(nodes) < len(vertices) or not np.array_equal(nodes[: len(vertices)], vertices):
-        raise InputError(
-            "skin: TetGen did not keep its vertices, which happens when two are at the same place; "
-            "merge vertices that coincide"
-        )
+            what = f"{len(pairs)} triangles cross others, the first near {place_of(both, pairs[0])}"
+            cure = "repair the skin there or choose a larger bone_margin"
+            raise CrossingError(f"skin and bones: {failed}, {what}; {cure}", both, pairs) from error
+        cure = "look for triangles of the skin that touch, or choose a larger bone_margin"
+        raise InputError(f"skin and bones: {failed} ({error}); {cure}") from error
+    if len(nodes) < len(given) or not np.array_equal(nodes[: len(given)], given):
+        why = "which happens when two are at the same place"
+        raise InputError(f"skin: TetGen did not keep its vertices, {why}; merge vertices that coincide")
     return nodes, oriented(nodes, tets)
 
 
@@ -236,6 +204,8 @@ def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 _DOUBLE: Any = wp.float64
+_array = partial(wp.array, device="cpu")
+"""A copy for a kernel."""
 _GOAL = 0.3
 """Tetrahedra of a lower quality are worked on; 1 is regular, 0 flat; 0.3 is about 9 degrees between faces."""
 _SWEEPS = 6
@@ -258,34 +228,24 @@ def improve_quality(nodes: np.ndarray, tets: np.ndarray, reach: np.ndarray) -> n
 
     Returns positions [mm], shape (nodes, 3).
     """
-    moved, reached = _on_device(nodes, wp.vec3d), _on_device(reach, wp.float64)
-    quality = _on_device(mean_ratio(nodes[tets]), wp.float64)
+    moved, reached = _array(nodes, dtype=wp.vec3d), _array(reach, dtype=wp.float64)
+    quality = _array(mean_ratio(nodes[tets]), dtype=wp.float64)
     order = np.argsort(tets.reshape(-1), kind="stable")
     start = np.searchsorted(tets.reshape(-1)[order], np.arange(len(nodes) + 1))
-    mesh = [_on_device(tets, wp.vec4i), _on_device(start, wp.int32), _on_device(order // 4, wp.int32)]
-    around, given = _on_device(_directions(), wp.vec3d), _on_device(nodes, wp.vec3d)
+    mesh = [_array(tets, dtype=wp.vec4i), _array(start, dtype=wp.int32), _array(order // 4, dtype=wp.int32)]
+    around, given = _array(_directions(), dtype=wp.vec3d), _array(nodes, dtype=wp.vec3d)
     for _ in range(_SWEEPS):
         now = quality.numpy()
         bad = np.flatnonzero(now < _GOAL)
         bad = bad[np.argsort(now[bad])]
         _, first = np.unique(tets[bad], return_index=True)
-        turns = _on_device(tets[bad].reshape(-1)[np.sort(first)], wp.int32)
+        turns = _array(tets[bad].reshape(-1)[np.sort(first)], wp.int32)
         moves = wp.zeros(1, dtype=wp.int32, device="cpu")
-        wp.launch(
-            move_nodes,
-            dim=1,
-            inputs=[turns, _GOAL, *mesh, around, reached, given],
-            outputs=[moved, quality, moves],
-            device="cpu",
-        )
+        inputs, outputs = [turns, _GOAL, *mesh, around, reached, given], [moved, quality, moves]
+        wp.launch(move_nodes, dim=1, inputs=inputs, outputs=outputs, device="cpu")
         if not moves.numpy()[0]:
             break
     return moved.numpy()
-
-
-def _on_device(values: np.ndarray, dtype: Any) -> wp.array:
-    """A copy for the kernel."""
-    return wp.array(values, dtype=dtype, device="cpu")
 
 
 def mean_ratio(corners: np.ndarray) -> np.ndarray:
@@ -293,10 +253,9 @@ def mean_ratio(corners: np.ndarray) -> np.ndarray:
 
     1 for a regular tetrahedron, 0 for a flat one, negative for an inverted one.
     """
-    quality: Any = wp.empty(len(corners), dtype=_DOUBLE, device="cpu")
-    wp.launch(
-        mean_ratios, dim=len(corners), inputs=[_on_device(corners, wp.vec3d)], outputs=[quality], device="cpu"
-    )
+    quality = wp.empty(len(corners), dtype=_DOUBLE, device="cpu")
+    inputs = [_array(corners, dtype=wp.vec3d)]
+    wp.launch(mean_ratios, dim=len(corners), inputs=inputs, outputs=[quality], device="cpu")
     return quality.numpy()
 
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import rerun as rr
 
-from warp_trunk.geometry.normals import MovingNormals
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.surface import Surface
 
 from .colours import BONE, NOW, SKIN, TEXT, painted
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.geometry.surface import Surface
     from warp_trunk.measures import DualTangent, TrunkMeasures
 
 
@@ -35,10 +35,8 @@ class Scene:
             most: displacement at the dark end of the colours of the skin [mm].
         """
         self._log, self._case, self._trunk, self._level, self._most = log, case, trunk, level, most
-        self._skin_normals = MovingNormals(case.skin.faces, len(case.skin.vertices))
         self._bone_nodes, bone_faces = np.unique(trunk.bone_faces, return_inverse=True)
         self._bone_faces = bone_faces.reshape(-1, 3).astype(np.uint32)
-        self._bone_normals = MovingNormals(self._bone_faces, len(self._bone_nodes))
         low, high = self._low, self._high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
         log("/", rr.ViewCoordinates.LBU, static=True)
         faces = case.skin.faces.astype(np.uint32)
@@ -60,11 +58,10 @@ class Scene:
 
     def still(self, when: str, skin: Surface, displacement: np.ndarray, landmarks: np.ndarray) -> None:
         """Logs a trunk that does not move, `before` or `target`, without a time."""
-        same = skin.faces is self._case.skin.faces
-        normals = self._skin_normals if same else MovingNormals(skin.faces, len(skin.vertices))
         vertices, faces = np.array(skin.vertices, np.float32), skin.faces.astype(np.uint32)
+        normals = vertex_normals(skin)
         mesh = rr.Mesh3D(
-            vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals(vertices), albedo_factor=SKIN
+            vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=SKIN
         )
         self._log(f"{when}/skin", mesh, static=True)
         self._inside(when, displacement, landmarks, static=True)
@@ -74,15 +71,15 @@ class Scene:
         way = displacement[self._trunk.skin_nodes]
         moved = (self._case.skin.vertices + way).astype(np.float32)
         colours = painted(np.linalg.norm(way, axis=1), self._most)
-        mesh = rr.Mesh3D.from_fields(
-            vertex_positions=moved, vertex_normals=self._skin_normals(moved), vertex_colors=colours
-        )
+        normals = vertex_normals(Surface(moved, self._case.skin.faces))
+        mesh = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=normals, vertex_colors=colours)
         self._log("now/skin/displacement", mesh)
         self._inside("now", displacement, landmarks, static=False)
 
     def _inside(self, when: str, displacement: np.ndarray, landmarks: np.ndarray, *, static: bool) -> None:
         moved = (self._trunk.nodes + displacement)[self._bone_nodes].astype(np.float32)
-        bones = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=self._bone_normals(moved))
+        normals = vertex_normals(Surface(moved, self._bone_faces))
+        bones = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=normals)
         self._log(f"{when}/bones", bones, static=static)
         names, points = list(self._case.landmarks_before.names), np.array(landmarks, np.float32)
         marks = rr.Points3D(points, radii=2.5, colors=NOW, labels=names, show_labels=False)

@@ -72,8 +72,6 @@ UNITS = {
     "bone_voxel": "mm",
     "bone_edge_length": "mm",
     "bone_tolerance": "mm",
-    "smallest_dihedral": "degrees",
-    "largest_dihedral": "degrees",
     "tolerance": "mm",
     "gravity": "m/s^2",
     "skin_rigidity": "N mm",

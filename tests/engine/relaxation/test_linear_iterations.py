@@ -16,7 +16,7 @@ from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.state import State
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.meshing import MeshOptions, build_trunk
+from warp_trunk.meshing import MeshOptions, make_trunk
 
 LOAD_FACTORS = (0.1, 0.5, 1.0)
 """Parts of the correction whose gradients are solved for."""
@@ -42,7 +42,7 @@ def scene(name: str) -> tuple[TrunkMesh, BonePath]:
         case, trunk = small_case()
     else:
         case = whole_phantom()
-        trunk = build_trunk(case.skin, case.bones, MeshOptions(tets=42_000, bone_voxel=6.0))
+        trunk = make_trunk(case.skin, case.bones, MeshOptions(tets=42_000, bone_voxel=6.0)).trunk
     return trunk, spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, "cpu")
 
 
