@@ -14,9 +14,9 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.measures.rows import measure_rows
-from warp_trunk.report import write_comparison
 from warp_trunk.report.plans import differences
 from warp_trunk.report.style import BEFORE, PLANS, Pose
+from warp_trunk.report.writing import write_comparison
 from warp_trunk.results import read_result
 
 CURVE = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}

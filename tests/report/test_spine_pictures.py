@@ -15,14 +15,14 @@ from warp_trunk.report.style import BEFORE, PREDICTED, Pose
 
 def test_box_leans_and_turns_as_its_vertebra():
     landmarks = known_spine(to_left={"T1": 20.0, "L5": 20.0}, turned={"T1": 30.0, "L5": 30.0})
-    box = next(box for box in vertebra_boxes(landmarks) if box.level == "T8")
-    top, bottom = box.corners[:4], box.corners[4:]
+    corners, pedicles = vertebra_boxes(landmarks)["T8"]
+    top, bottom = corners[:4], corners[4:]
     np.testing.assert_allclose(top.mean(axis=0), landmarks.point("T8_superior_endplate"), atol=1e-9)
     np.testing.assert_allclose(bottom.mean(axis=0), landmarks.point("T8_inferior_endplate"), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(top - bottom, axis=1), BODY, atol=1e-9)
     sides = np.linalg.norm(np.roll(top, -1, axis=0) - top, axis=1)
     np.testing.assert_allclose(sides, BODY * np.array([DEEP, WIDE, DEEP, WIDE]), atol=1e-9)
-    to_left = box.pedicles[0] - box.pedicles[1]
+    to_left = pedicles[0] - pedicles[1]
     across = top[:2].mean(axis=0) - top[2:].mean(axis=0)  # left edge less right edge
     up = top.mean(axis=0) - bottom.mean(axis=0)
     up /= np.linalg.norm(up)
@@ -31,7 +31,7 @@ def test_box_leans_and_turns_as_its_vertebra():
 
 
 def test_faces_look_outwards():
-    corners = vertebra_boxes(known_spine(turned={"T8": 25.0}))[7].corners
+    corners, _ = vertebra_boxes(known_spine(turned={"T8": 25.0}))["T8"]
     for face in FACES:
         a, b, c, d = corners[list(face)]
         assert np.cross(c - a, d - b) @ (corners[list(face)].mean(axis=0) - corners.mean(axis=0)) > 0.0
@@ -40,8 +40,7 @@ def test_faces_look_outwards():
 def test_vertebra_without_all_its_landmarks_has_no_box():
     landmarks = known_spine()
     keep = [i for i, name in enumerate(landmarks.names) if name != "T8_left_pedicle_superior"]
-    levels = [box.level for box in vertebra_boxes(Landmarks(landmarks.names[:0] + tuple(
-        landmarks.names[i] for i in keep), landmarks.points[keep]))]  # fmt: skip
+    levels = vertebra_boxes(Landmarks(tuple(landmarks.names[i] for i in keep), landmarks.points[keep]))
     assert "T8" not in levels
     assert len(levels) == 16
 

@@ -15,7 +15,6 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.report.part_pictures import write_distances
 from warp_trunk.results import read_result, read_summary
 from warp_trunk.results.judging import check_writable, judged, write_record
 from warp_trunk.run.progress import Progress
@@ -56,6 +55,8 @@ class Measure:
         print(text)
         write_record(stem, record)
         if actual is not None and not case.landmarks_before.names:
+            from warp_trunk.report.part_pictures import write_distances  # brings matplotlib
+
             print(f"\nMap of distances: {write_distances(stem.with_name(f'{stem.name}.png'), skin, actual)}")
         print(f"\nWritten to {stem}.json and {stem}.csv")
         return OK

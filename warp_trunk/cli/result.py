@@ -14,7 +14,6 @@ from warp_trunk.io.file_access import check_place
 from warp_trunk.io.result_files import TRUNK
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.recording import view, view_in_browser
-from warp_trunk.report import write_comparison
 from warp_trunk.results import read_result, read_summary
 from warp_trunk.results.result import find_recording
 from warp_trunk.run.progress import Progress
@@ -53,6 +52,8 @@ class Report:
             )
         if self.out is not None:
             refuse_case(self.out)
+        from warp_trunk.report.writing import write_comparison  # brings matplotlib
+
         with Progress() as progress, progress.stage("report", "measuring and drawing"):
             results = [read_result(folder) for folder in self.results]
             page = write_comparison(results, self.out) if len(results) > 1 else results[0].report(self.out)

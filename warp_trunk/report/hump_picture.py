@@ -1,4 +1,4 @@
-"""The back coloured by its hump: how far each place stands behind the other side."""
+"""The back coloured by its hump: how far each place stands behind the other side. Imports matplotlib."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm
+from matplotlib.patheffects import withStroke
+from scipy.ndimage import gaussian_filter
 
 from .panels import panels, shaded
 from .relief import BEHIND, Relief, Window
@@ -13,10 +18,7 @@ from .skin_pictures import lines
 from .style import INK, Pose
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from .relief import Relief, Window
 
 COLOUR_STEP = 5.0
 """Difference between two colours of the hump [mm]."""
@@ -26,26 +28,29 @@ LEAST_LIMIT = 20.0
 
 def hump_picture(poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window) -> Figure:
     """Every pose coloured by how far each place stands behind the other side of the back, with its spine."""
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import BoundaryNorm
-
     differences = [painted_difference(back, seen) for back in reliefs]
-    limit = scale_limit([*_largest(differences), *(abs(pose.measures.max_hump or 0.0) for pose in poses)])
+    largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in differences]
+    limit = scale_limit([*largest, *(abs(pose.measures.max_hump or 0.0) for pose in poses)])
     bounds = np.arange(-limit, limit + COLOUR_STEP, COLOUR_STEP)
     colours, norm = colormaps["PuOr_r"], BoundaryNorm(bounds, 256)
     images = [
         shaded(back, colours(norm(np.nan_to_num(difference)))[:, :, :3], part * np.isfinite(difference))
         for back, (difference, part) in zip(reliefs, differences, strict=True)
     ]
-    figure, plots = panels(poses, seen, BEHIND, images, legend=0.95)
+    figure, plots = panels([pose.look.heading for pose in poses], seen.extent, BEHIND, images, legend=0.95)
     for axes, pose, back, (difference, part) in zip(plots[:-1], poses, reliefs, differences, strict=True):
         compared = np.ma.masked_where(~((part > 0.5) & np.isfinite(difference)), np.nan_to_num(difference))
         steps = np.arange(10.0, limit, 10.0)
         lines(axes, seen, compared, steps.tolist(), "solid")
         lines(axes, seen, compared, (-steps[::-1]).tolist(), "dashed")
         axes.plot(*back.spine.T, "o-", color=INK, markersize=1.8, linewidth=0.7)
-        _hump(axes, pose, back)
+        level, height = pose.measures.hump_level, pose.measures.max_hump
+        if level is not None and height is not None:  # beside the vertebra where it is
+            x, z = back.spine[pose.landmarks.vertebrae().index(level)]
+            axes.text(
+                x - np.copysign(62.0, height), z, f"{abs(height):.0f} mm", ha="center", va="center", fontsize=10,
+                fontweight="bold", color=INK, path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            )  # fmt: skip
     ticks = np.arange(-limit, limit + 1.0, 10.0 if limit <= 40.0 else 20.0)
     bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal", ticks=ticks)
     bar.ax.set_xlabel("difference from the other side of the back [mm]", fontsize=8.5)
@@ -57,24 +62,6 @@ def hump_picture(poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window)
 def scale_limit(sizes: Sequence[float]) -> float:
     """Where a scale ends that holds all sizes [mm], at a whole ten."""
     return 10.0 * float(np.ceil(max([LEAST_LIMIT, *sizes]) / 10.0))
-
-
-def _largest(differences: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[float]:
-    """The largest difference that is painted, of every pose [mm]."""
-    return [float(np.nanmax(np.where(part > 0.5, abs(difference), 0.0))) for difference, part in differences]
-
-
-def _hump(axes: Axes, pose: Pose, back: Relief) -> None:
-    """The height of the largest hump, beside the vertebra where it is."""
-    from matplotlib.patheffects import withStroke
-
-    level, height = pose.measures.hump_level, pose.measures.max_hump
-    if level is not None and height is not None:
-        x, z = back.spine[pose.landmarks.vertebrae().index(level)]
-        axes.text(
-            x - np.copysign(62.0, height), z, f"{abs(height):.0f} mm", ha="center", va="center", fontsize=10,
-            fontweight="bold", color=INK, path_effects=[withStroke(linewidth=2.5, foreground="white")],
-        )  # fmt: skip
 
 
 FLANK, BACK = 0.6, 0.8
@@ -112,23 +99,15 @@ def painted_difference(back: Relief, seen: Window) -> tuple[np.ndarray, np.ndarr
     difference, part = side_difference(back, seen)
     low, high = back.spine[:, 1].min(), back.spine[:, 1].max()
     along = np.clip(np.minimum(seen.z - low, high - seen.z) / FADE, 0.0, 1.0)
-    return _smoothed(difference, SMOOTH / seen.pixel), part * along[:, None]
-
-
-def _smoothed(values: np.ndarray, width: float) -> np.ndarray:
-    """Values (rows, columns) under a Gaussian of a width in pixels, among those that are known; NaN stays NaN."""
-    from scipy.ndimage import gaussian_filter  # heavy
-
-    known = np.isfinite(values)
+    known, width = np.isfinite(difference), SMOOTH / seen.pixel  # of a Gaussian [pixels], among what is known
     weight = gaussian_filter(known.astype(np.float64), width)
-    smooth = gaussian_filter(np.where(known, values, 0.0), width) / np.maximum(weight, 1e-9)
-    return np.where(known, smooth, np.nan)
+    smooth = gaussian_filter(np.where(known, difference, 0.0), width) / np.maximum(weight, 1e-9)
+    return np.where(known, smooth, np.nan), part * along[:, None]
 
 
 def _between_columns(values: np.ndarray, column: np.ndarray) -> np.ndarray:
     """Values (rows, columns) at places between columns, linear; NaN outside. Same shape as `column`."""
     inside = (column >= 0.0) & (column <= values.shape[1] - 1)
     left = np.clip(np.nan_to_num(np.floor(column)).astype(int), 0, values.shape[1] - 2)
-    part = column - left
-    row = np.arange(len(values))[:, None]
+    part, row = column - left, np.arange(len(values))[:, None]
     return np.where(inside, (1.0 - part) * values[row, left] + part * values[row, left + 1], np.nan)

@@ -13,22 +13,9 @@ from warp_trunk.measures.part import agreement_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.measures.table import as_html
 
+from . import tables
 from .modelled import modelled, not_modelled, option_rows, value_text
 from .sentences import glance, sentences
-from .tables import (
-    BAND_HEAD,
-    SOURCE_HEAD,
-    band_table,
-    change_table,
-    error_table,
-    head,
-    measure_table,
-    point_table,
-    profile_table,
-    ratio_table,
-    rotation_table,
-    source_table,
-)
 
 if TYPE_CHECKING:
     from warp_trunk.measures import SkinComparison
@@ -68,16 +55,16 @@ def page(
         implausible=f"{STRETCH:g}",
         glance=glance(poses),
         sentences=sentences(poses, comparison, summary.bands),
-        measure_head=head(poses, "measure"),
-        measure_rows=measure_table(poses),
-        rotation_head=head(poses, "level"),
-        rotation_rows=rotation_table(poses),
+        measure_head=tables.head(poses, "measure"),
+        measure_rows=tables.measure_table(poses),
+        rotation_head=tables.head(poses, "level"),
+        rotation_rows=tables.rotation_table(poses),
         bands=summary.bands,
-        band_head=BAND_HEAD,
-        band_rows=band_table(poses, summary.bands) if summary.bands else [],
-        source_head=SOURCE_HEAD,
-        source_rows=source_table(summary.bands) if summary.bands else [],
-        error_rows=error_table(comparison) if comparison else [],
+        band_head=tables.BAND_HEAD,
+        band_rows=tables.band_table(poses, summary.bands) if summary.bands else [],
+        source_head=tables.SOURCE_HEAD,
+        source_rows=tables.source_table(summary.bands) if summary.bands else [],
+        error_rows=tables.error_table(comparison) if comparison else [],
         detectable=DETECTABLE,
         **_of_run(poses, summary, plan),
     )
@@ -95,7 +82,7 @@ def part_page(
     return rendered(
         "part.html",
         drawings,
-        change_rows=[*change_table(poses), *profile_table(summary.points)],
+        change_rows=[*tables.change_table(poses), *tables.profile_table(summary.points)],
         error_rows=[] if agreed is None else agreement_rows(agreed),
         **_of_run(poses, summary, plan),
     )
@@ -108,8 +95,8 @@ def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[s
         "case": summary.case,
         "plan": plan,
         "warnings": summary.warnings,
-        "point_rows": point_table(summary.points),
-        "ratio_rows": ratio_table(summary.points),
+        "point_rows": tables.point_table(summary.points),
+        "ratio_rows": tables.ratio_table(summary.points),
         "chest_rows": [[name, f"{was:.1f}", f"{will:.1f}"] for name, (was, will) in summary.chest.items()],
         "virtual": summary.virtual,
         "converged": status is RelaxStatus.CONVERGED,

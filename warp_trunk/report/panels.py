@@ -1,4 +1,4 @@
-"""Pictures of trunks in a row, all at one scale."""
+"""Pictures of trunks in a row, all at one scale, and of one trunk coloured by a number. Imports matplotlib."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
 
-from .relief import Relief, Viewpoint, Window
+from .relief import Relief, Viewpoint, Window, relief
 from .style import FAINT, INK, Pose, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
 WIDTH, GAP, TITLE, SIDES = 2.3, 0.14, 0.34, 0.3
@@ -19,49 +22,51 @@ WIDTH, GAP, TITLE, SIDES = 2.3, 0.14, 0.34, 0.3
 LIGHT = np.array([0.0, 0.82, 0.57])
 """Where the light comes from: the viewer and above, and from neither side, so that no side looks fuller by it."""
 SHADOW, CLAY = np.array([0.36, 0.33, 0.31]), np.array([0.96, 0.93, 0.90])
+Extent = tuple[float, float, float, float]
+"""Left, right, bottom and top edge of a picture [mm]; left is the larger one."""
 
 
 def panels(
-    poses: Sequence[Pose], seen: Window, view: Viewpoint, images: Sequence[np.ndarray], legend: float = 0.0
+    headings: Sequence[str],
+    extent: Extent,
+    view: Viewpoint,
+    images: Sequence[np.ndarray] = (),
+    *,
+    legend: float = 0.0,
+    scale: float = 100.0,
 ) -> tuple[Figure, list[Axes]]:
-    """Trunks in a row with their titles, and last a plot for a legend, with space in inches, if any.
+    """Panels in a row with their headings, and last a plot for a legend, with space in inches, if any.
 
     Args:
-        poses: what is shown.
-        seen: the window of all images.
-        view: from where they are seen.
-        images: RGBA for every pose, shape (rows, columns, 4).
+        headings: one for each panel.
+        extent: what every panel shows.
+        view: from where it is seen.
+        images: RGBA for every panel, shape (rows, columns, 4); empty panels when left out.
         legend: height of the space below for a legend [inches].
+        scale: length of the bar below the last panel [mm].
     """
-    left, right, bottom, top = seen.extent
-    width = WIDTH * len(poses)
-    tall = (WIDTH - GAP) * (top - bottom) / (left - right)
+    left, right, bottom, top = extent
+    width, tall = WIDTH * len(headings), (WIDTH - GAP) * (top - bottom) / (left - right)
     height = TITLE + tall + SIDES + legend
-    figure = new_figure(width, height)
-    plots = []
-    for column, (pose, image) in enumerate(zip(poses, images, strict=True)):
+    figure, plots = new_figure(width, height), []
+    for column, heading in enumerate(headings):
         box = (column * WIDTH + GAP / 2.0) / width, (SIDES + legend) / height, (WIDTH - GAP) / width, tall / height
         axes = figure.add_axes(box)
-        axes.imshow(image, extent=seen.extent, interpolation="antialiased")
-        axes.autoscale(False)  # what reaches beyond the window changes no scale
-        axes.set_title(pose.look.heading, color=INK, fontweight="bold")
+        if len(images):
+            axes.imshow(images[column], extent=extent, interpolation="antialiased")
+        axes.set(xlim=(left, right), ylim=(bottom, top))  # what reaches beyond changes no scale
+        axes.set_title(heading, color=INK, fontweight="bold")
         axes.set_axis_off()
         for x, side, align in ((0.0, view.sides[0], "left"), (1.0, view.sides[1], "right")):
             axes.text(x, -0.015, side, transform=axes.transAxes, ha=align, va="top", fontsize=8.5, color=FAINT)
         plots.append(axes)
-    scale_bar(plots[-1], seen.extent, 100.0)
+    start, below = 0.5 * (left + right) + 0.8 * scale, bottom - 0.045 * (left - right)
+    plots[-1].plot([start, start - scale], [below, below], color=INK, linewidth=2.0, clip_on=False)
+    words = {"ha": "left", "va": "center", "fontsize": 8.5, "color": INK}
+    plots[-1].text(start - 1.06 * scale, below, f"{scale:g} mm", **words)
     if legend:
         plots.append(figure.add_axes((GAP / 2.0 / width, 0.5 / height, 1.0 - GAP / width, 0.13 / height)))
     return figure, plots
-
-
-def scale_bar(axes: Axes, extent: tuple[float, float, float, float], length: float) -> None:
-    """A bar of a length [mm] below a picture of an extent: left, right, bottom and top [mm]."""
-    left, right, bottom, _ = extent
-    start, below = 0.5 * (left + right) + 0.8 * length, bottom - 0.045 * (left - right)
-    axes.plot([start, start - length], [below, below], color=INK, linewidth=2.0, clip_on=False)
-    end = start - 1.06 * length
-    axes.text(end, below, f"{length:g} mm", ha="left", va="center", fontsize=8.5, color=INK)
 
 
 def shaded(seen: Relief, colour: np.ndarray | None = None, part: np.ndarray | None = None) -> np.ndarray:
@@ -70,3 +75,25 @@ def shaded(seen: Relief, colour: np.ndarray | None = None, part: np.ndarray | No
     base = CLAY if colour is None or part is None else CLAY + part[:, :, None] * (colour - CLAY)
     lit = (SHADOW + (1.0 - SHADOW) * light) * base
     return np.concatenate([lit, np.isfinite(seen.depth)[:, :, None]], axis=2)
+
+
+def coloured(
+    pose: Pose,
+    seen: Window,
+    view: Viewpoint,
+    values: np.ndarray,
+    part: np.ndarray,
+    *,
+    colours: str,
+    norm: Normalize,
+    label: str,
+    ticks: Sequence[float] | None = None,
+) -> tuple[Figure, Axes]:
+    """One trunk coloured by values of its pixels, shape (rows, columns), mixed in by `part`, with the scale."""
+    palette = colormaps[colours]
+    painted = palette(norm(np.nan_to_num(values)))[:, :, :3]
+    image = shaded(relief(pose.skin, pose.landmarks, seen, view), painted, part)
+    figure, (axes, below) = panels([pose.look.heading], seen.extent, view, [image], legend=0.8)
+    bar = figure.colorbar(ScalarMappable(norm, palette), cax=below, orientation="horizontal", ticks=ticks)
+    bar.ax.set_xlabel(label, fontsize=8.5)
+    return figure, axes

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.collections import LineCollection
 
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.geometry.normals import area_vectors
@@ -15,13 +17,11 @@ from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures import measure
 from warp_trunk.measures.part import agreement
 
-from .panels import panels, shaded
-from .relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint, relief, seen_values, window
-from .skin_pictures import COARSE
+from .relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint
+from .skin_pictures import values_picture
 from .style import FAINT, PREDICTED, RC, Pose, file_of, new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _VIEWS = {BEHIND: (0.0, 1.0), RIGHT: (-1.0, 0.0), FRONT: (0.0, -1.0), LEFT: (1.0, 0.0)}
@@ -50,28 +50,8 @@ def changed_views(skin: Surface, size: np.ndarray) -> list[Viewpoint]:
     return [first, max((view for view in seen if (view.turn - first.turn) % 2), key=seen.__getitem__)]
 
 
-def values_picture(pose: Pose, values: np.ndarray, view: Viewpoint, label: str, *, signed: bool = False) -> Figure:
-    """A skin from one side, coloured by a number of each vertex, shape (vertices,), NaN for none."""
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    most = max(float(np.nanquantile(np.abs(values), 0.999)), 1e-3)
-    colours, norm = colormaps["PuOr_r" if signed else "YlOrRd"], Normalize(-most if signed else 0.0, most)
-    seen = window([(pose.skin, pose.landmarks)], COARSE, view)
-    shown = seen_values(pose.skin, pose.landmarks, seen, values, view)
-    painted = colours(norm(np.nan_to_num(shown)))[:, :, :3]
-    image = shaded(relief(pose.skin, pose.landmarks, seen, view), painted, 1.0 * np.isfinite(shown))
-    figure, plots = panels([pose], seen, view, [image], legend=0.8)
-    bar = figure.colorbar(ScalarMappable(norm, colours), cax=plots[-1], orientation="horizontal")
-    bar.ax.set_xlabel(label, fontsize=8.5)
-    return figure
-
-
 def write_distances(path: Path, predicted: Surface, actual: Surface) -> Path:
     """Write a picture of the distances of a predicted skin from the actual one, seen from where most is seen."""
-    from matplotlib import rc_context
-
     _, distance = agreement(predicted, actual)
     view = changed_views(predicted, np.nan_to_num(np.abs(distance)))[0]
     pose = Pose(PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS))
@@ -93,15 +73,15 @@ def change_sections(poses: Sequence[Pose], bones: Sequence[Surface]) -> Figure:
     figure = new_figure(7.6, 3.1, "constrained")
     for axes, (title, across, normal) in zip(figure.subplots(1, 3), _PLANES, strict=True):
         for number, pose in enumerate(poses):
-            _draw_cut(axes, pose.skin, at, across, normal, pose.look.colour, 1.3, pose.look.title)
-            if number < len(bones):
-                _draw_cut(axes, bones[number], at, across, normal, pose.look.colour, 0.7)
+            for width, surface in zip((1.3, 0.7), (pose.skin, *bones[number : number + 1]), strict=False):
+                label = pose.look.title if surface is pose.skin else None
+                lines = list(_cut(surface, at, normal)[:, :, across])
+                axes.add_collection(LineCollection(lines, colors=pose.look.colour, linewidths=width, label=label))
         axes.set_title(f"{title}, at {'xyz'[normal]} = {at[normal]:.0f} mm", fontsize=8.5)
         axes.set_xlim(at[across[0]] - _REACH, at[across[0]] + _REACH)
         axes.set_ylim(at[across[1]] - _REACH, at[across[1]] + _REACH)
-        axes.set_xlabel(
-            "to the back [mm]" if normal == 0 else "to the patient's left [mm]", fontsize=8, color=FAINT
-        )
+        words = "to the back [mm]" if normal == 0 else "to the patient's left [mm]"
+        axes.set_xlabel(words, fontsize=8, color=FAINT)
         axes.set_aspect("equal")
         axes.tick_params(labelsize=7)
     handles = figure.axes[0].get_legend_handles_labels()
@@ -109,14 +89,10 @@ def change_sections(poses: Sequence[Pose], bones: Sequence[Surface]) -> Figure:
     return figure
 
 
-def _draw_cut(
-    axes: Axes, surface: Surface, at: np.ndarray, across: tuple[int, int], normal: int, colour: str, width: float,
-    title: str | None = None,
-) -> None:  # fmt: skip
-    from matplotlib.collections import LineCollection
+def _cut(surface: Surface, at: np.ndarray, normal: int) -> np.ndarray:
+    """Lines of a surface on the plane through a point across an axis, shape (lines, 2, 3)."""
     from trimesh import Trimesh
     from trimesh.intersections import mesh_plane
 
     mesh = Trimesh(surface.vertices, surface.faces, process=False)
-    lines = np.asarray(mesh_plane(mesh, np.eye(3)[normal], at)).reshape(-1, 2, 3)
-    axes.add_collection(LineCollection(list(lines[:, :, across]), colors=colour, linewidths=width, label=title))
+    return np.asarray(mesh_plane(mesh, np.eye(3)[normal], at)).reshape(-1, 2, 3)

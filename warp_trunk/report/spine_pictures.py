@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.patches import Polygon
 
 from warp_trunk.measures import curves_after
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.measures.trunk_shift import sacral_line
 
-from .panels import GAP, SIDES, TITLE, WIDTH, scale_bar
+from .panels import Extent, panels
 from .relief import BEHIND, RIGHT, Viewpoint, seen_from
-from .style import FAINT, INK, Pose, new_figure
+from .style import FAINT, INK, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,8 +28,8 @@ MARGIN = 22.0
 REACH = 62.0
 """How far from its vertebra a line of an angle reaches [mm]."""
 BONE = np.array([0.97, 0.94, 0.87])
-Placed = Mapping[str, tuple[np.ndarray, np.ndarray]]
-"""By level corners (8, 3) and pedicles (2, 3) of a vertebra as a viewer sees them, see `seen_from` [mm]."""
+Boxes = Mapping[str, tuple[np.ndarray, np.ndarray]]
+"""By level corners (8, 3) and pedicles (2, 3) of a vertebra [mm]."""
 
 
 def spine_picture(poses: Sequence[Pose], view: Viewpoint) -> Figure:
@@ -38,25 +38,24 @@ def spine_picture(poses: Sequence[Pose], view: Viewpoint) -> Figure:
     From behind (`BEHIND`) every curve has its Cobb angle between the end vertebrae before surgery, as on a film;
     from the right (`RIGHT`) kyphosis and lordosis are written beside their vertebrae.
     """
-    placed = [_placed(pose, vertebra_boxes(pose.landmarks), view) for pose in poses]
-    half, bottom, top = _extent(poses)
-    across = [corners[:, 0] for spine in placed for corners, _ in spine.values()] or [np.zeros(1)]
-    middle = 0.5 * (np.min(across) + np.max(across))
-    left, right = middle + half, middle - half
-    extent = (left, right, bottom, top)
-    width, tall = WIDTH * len(poses), (WIDTH - GAP) * (top - bottom) / (left - right)
-    height = TITLE + tall + SIDES
-    figure = new_figure(width, height)
+    boxes = [vertebra_boxes(pose.landmarks) for pose in poses]
+    placed = [
+        {level: (seen_from(corners, pose.landmarks, view), seen_from(pedicles, pose.landmarks, view))
+         for level, (corners, pedicles) in spine.items()}
+        for pose, spine in zip(poses, boxes, strict=True)
+    ]  # fmt: skip
+    half, bottom, top, middle = 100.0, 0.0, 400.0, 0.0
+    if any(boxes):
+        corners = np.concatenate([corners for spine in boxes for corners, _ in spine.values()])
+        across = np.concatenate([corners[:, 0] for spine in placed for corners, _ in spine.values()])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        half = max(0.5 * float((high - low)[:2].max()) + REACH, half)  # as wide from either side
+        bottom, top, middle = low[2] - MARGIN, high[2] + MARGIN, 0.5 * (across.min() + across.max())
+    extent = (middle + half, middle - half, bottom, top)
+    headings = [pose.look.spine[:1].upper() + pose.look.spine[1:] for pose in poses]
+    figure, plots = panels(headings, extent, view, scale=50.0)
     before = poses[0].measures
-    for column, (pose, spine) in enumerate(zip(poses, placed, strict=True)):
-        box = (column * WIDTH + GAP / 2.0) / width, SIDES / height, (WIDTH - GAP) / width, tall / height
-        axes = figure.add_axes(box)
-        axes.set_xlim(left, right)
-        axes.set_ylim(bottom, top)
-        axes.set_axis_off()
-        axes.set_title(pose.look.spine[:1].upper() + pose.look.spine[1:], color=INK, fontweight="bold")
-        for x, side, align in ((0.0, view.sides[0], "left"), (1.0, view.sides[1], "right")):
-            axes.text(x, -0.015, side, transform=axes.transAxes, ha=align, va="top", fontsize=8.5, color=FAINT)
+    for axes, pose, spine in zip(plots, poses, placed, strict=True):
         _plumb_lines(axes, pose, view, extent)
         _vertebrae(axes, spine, pose.look.colour)
         if view is BEHIND:
@@ -65,35 +64,11 @@ def spine_picture(poses: Sequence[Pose], view: Viewpoint) -> Figure:
                 _cobb(axes, spine, curve, angle)
         elif view is RIGHT:
             _sagittal(axes, spine, pose)
-        if column == len(poses) - 1:
-            scale_bar(axes, extent, 50.0)
     return figure
 
 
-def _placed(pose: Pose, boxes: Sequence[VertebraBox], view: Viewpoint) -> Placed:
-    return {
-        box.level: (
-            seen_from(box.corners, pose.landmarks, view),
-            seen_from(box.pedicles, pose.landmarks, view),
-        )
-        for box in boxes
-    }
-
-
-def _extent(poses: Sequence[Pose]) -> tuple[float, float, float]:
-    """Half the width, the bottom and the top [mm] of what holds every spine from either side, and its lines."""
-    corners = [box.corners for pose in poses for box in vertebra_boxes(pose.landmarks)]
-    if not corners:
-        return 100.0, 0.0, 400.0
-    low, high = np.concatenate(corners).min(axis=0), np.concatenate(corners).max(axis=0)
-    half = max(0.5 * float((high - low)[:2].max()) + REACH, 100.0)
-    return half, float(low[2]) - MARGIN, float(high[2]) + MARGIN
-
-
-def _vertebrae(axes: Axes, spine: Placed, colour: str) -> None:
+def _vertebrae(axes: Axes, spine: Boxes, colour: str) -> None:
     """The faces that look at the viewer, the furthest first, the brighter the more they do."""
-    from matplotlib.patches import Polygon
-
     faces = []
     for corners, _ in spine.values():
         for face in FACES:
@@ -111,7 +86,7 @@ def _vertebrae(axes: Axes, spine: Placed, colour: str) -> None:
         axes.text(x, z, level, ha="center", va="center", fontsize=5.5, color=INK)
 
 
-def _plumb_lines(axes: Axes, pose: Pose, view: Viewpoint, extent: tuple[float, float, float, float]) -> None:
+def _plumb_lines(axes: Axes, pose: Pose, view: Viewpoint, extent: Extent) -> None:
     """The vertical through the sacrum, solid, and that of the top of the spine, dotted."""
     shift = pose.measures.trunk_shift
     line = sacral_line(pose.landmarks)
@@ -124,7 +99,7 @@ def _plumb_lines(axes: Axes, pose: Pose, view: Viewpoint, extent: tuple[float, f
         axes.plot([x, x], extent[2:], color=FAINT, linewidth=0.8, linestyle=style, zorder=0)
 
 
-def _cobb(axes: Axes, spine: Placed, curve: CobbAngle, angle: float | None) -> None:
+def _cobb(axes: Axes, spine: Boxes, curve: CobbAngle, angle: float | None) -> None:
     """Lines along the end vertebrae towards the hollow of the curve, with the angle between them."""
     if curve.upper not in spine or curve.lower not in spine or angle is None:
         return
@@ -144,7 +119,7 @@ def _cobb(axes: Axes, spine: Placed, curve: CobbAngle, angle: float | None) -> N
     )  # fmt: skip
 
 
-def _sagittal(axes: Axes, spine: Placed, pose: Pose) -> None:
+def _sagittal(axes: Axes, spine: Boxes, pose: Pose) -> None:
     """Kyphosis behind the thoracic spine and lordosis behind the lumbar one."""
     for angle, name, ends in (
         (pose.measures.kyphosis["T5-T12"], "kyphosis", ("T5", "T12")),
@@ -167,37 +142,28 @@ FACES = ((0, 1, 2, 3), (7, 6, 5, 4), (1, 0, 4, 5), (2, 1, 5, 6), (3, 2, 6, 7), (
 """Corners of the faces of a box, counterclockwise from outside: top, bottom, left, back, right, front."""
 
 
-@dataclass(frozen=True, eq=False)
-class VertebraBox:
-    """The body of a vertebra as a box."""
-
-    level: str
-    """Its name."""
-    corners: np.ndarray
-    """Its corners [mm], shape (8, 3): the upper four, then the lower four, each counterclockwise from above."""
-    pedicles: np.ndarray
-    """Left and right pedicle [mm], shape (2, 3)."""
-
-
-def vertebra_boxes(landmarks: Landmarks) -> list[VertebraBox]:
-    """The vertebrae that have all six landmarks, top to bottom.
+def vertebra_boxes(landmarks: Landmarks) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """The bodies of the vertebrae that have all six landmarks as boxes, top to bottom.
 
     A box stands on the axis between the endplate centres, and its left side points to the left pedicle: so it
     leans and turns as the vertebra does.
+
+    Returns:
+        By level its corners [mm], shape (8, 3): the upper four, then the lower four, each counterclockwise from
+        above; and the left and the right pedicle [mm], shape (2, 3).
     """
     spine = spine_of(landmarks)
-    boxes = []
+    boxes = {}
     for level, endplates, pedicles in zip(spine.levels, spine.endplates, spine.pedicles, strict=True):
         if not (np.isfinite(endplates).all() and np.isfinite(pedicles).all()):
             continue
         axis = endplates[0] - endplates[1]
         height = np.linalg.norm(axis)
-        up = axis / height
-        to_left = pedicles[0] - pedicles[1]
+        up, to_left = axis / height, pedicles[0] - pedicles[1]
         to_left -= (to_left @ up) * up
         to_left /= np.linalg.norm(to_left)
         back = np.cross(up, to_left)
         around = [(1, -1), (1, 1), (-1, 1), (-1, -1)]  # left and front first
         rim = np.array([0.5 * height * (x * WIDE * to_left + y * DEEP * back) for x, y in around])
-        boxes.append(VertebraBox(level, np.concatenate([endplates[0] + rim, endplates[1] + rim]), pedicles))
+        boxes[level] = np.concatenate([endplates[0] + rim, endplates[1] + rim]), pedicles
     return boxes

@@ -1,13 +1,16 @@
-"""From results to their report."""
+"""From results to their report, as files or in a notebook. Imports matplotlib."""
 
 from __future__ import annotations
 
+import base64
+import html
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import rc_context
 
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
@@ -17,23 +20,13 @@ from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.skin_quality import skin_change
 
+from . import skin_pictures as skins
 from .hump_picture import hump_picture
 from .page import page, part_page
-from .part_pictures import change_sections, changed_views, frame_of, values_picture
+from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page
-from .plots import convergence_plot, rotation_plot
+from .plots import convergence_plot, rotation_plot, section_plots
 from .relief import BEHIND, FRONT, RIGHT, relief, window
-from .section_pictures import section_pictures
-from .skin_pictures import (
-    at_vertices,
-    back_picture,
-    front_picture,
-    plain_picture,
-    shoulders_picture,
-    side_picture,
-    stretch_picture,
-    sure_picture,
-)
 from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
 
@@ -63,64 +56,54 @@ def write_report(result: Result, out: str | Path | None = None) -> Path:
     """
     out = result.folder if out is None else Path(out)
     folder = _prepare(out, PICTURES)
-    poses = poses_of(result)
-    if not result.landmarks_before.names:
-        return _write_part(out, result, poses)
-    comparison = None
+    with rc_context(RC):
+        text = (_whole if result.landmarks_before.names else _part)(result, folder)
+    return _write(out / PAGE, text.encode())
+
+
+def _whole(result: Result, folder: Path) -> str:
+    """The page of a trunk; its pictures are written."""
+    poses, summary, comparison = poses_of(result), result.summary, None
     if result.actual_skin is not None:
         comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after)
-
-    change, quality = skin_change(result.skin_before, result.skin), result.summary.skin_quality
+    change, quality = skin_change(result.skin_before, result.skin), summary.skin_quality
     doubtful = None
     if quality is not None and quality.faults:
-        doubtful = at_vertices(result.skin, change.doubtful.astype(np.float64))
-
-    from matplotlib import rc_context  # heavy
-
-    with rc_context(RC):
-        figures = _backs(poses, doubtful) | {
-            "front": front_picture(poses),
-            "side": side_picture(poses),
-            "shoulders": shoulders_picture(poses),
-            "spine_behind": spine_picture(poses[:2], BEHIND),
-            "spine_side": spine_picture(poses[:2], RIGHT),
-            "rotation": rotation_plot(
-                poses, None if result.summary.bands is None else result.summary.bands.bsr_deg
-            ),
-            "sure": _sure(poses[1], result.skin_sd),
-            "stretch_behind": stretch_picture(poses[1], change, BEHIND),
-            "stretch_front": stretch_picture(poses[1], change, FRONT),
-            "sections": section_pictures(poses),
-            "convergence": convergence_plot(result.summary),
-        }
-        drawings = _drawn(figures, folder)
-    _write(out / PAGE, page(poses, comparison, result.summary, drawings, result.plan).encode())
-    return out / PAGE
+        doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
+    figures = _backs(poses, doubtful) | {
+        "front": skins.plain_picture(poses, FRONT)[0],
+        "side": skins.plain_picture(poses, RIGHT)[0],
+        "shoulders": skins.shoulders_picture(poses),
+        "spine_behind": spine_picture(poses[:2], BEHIND),
+        "spine_side": spine_picture(poses[:2], RIGHT),
+        "rotation": rotation_plot(poses, None if summary.bands is None else summary.bands.bsr_deg),
+        "sure": skins.sure_picture(poses[1], result.skin_sd),
+        "stretch_behind": skins.stretch_picture(poses[1], change, BEHIND),
+        "stretch_front": skins.stretch_picture(poses[1], change, FRONT),
+        "sections": section_plots(poses),
+        "convergence": convergence_plot(summary),
+    }
+    return page(poses, comparison, summary, _drawn(figures, folder), result.plan)
 
 
-def _write_part(out: Path, result: Result, poses: list[Pose]) -> Path:
-    """Write the report of a part of the body without a spine."""
-    from matplotlib import rc_context  # heavy
-
+def _part(result: Result, folder: Path) -> str:
+    """The page of a part of the body without a spine; its pictures are written."""
     frame = frame_of(result.skin_before)
-    poses = [replace(pose, landmarks=frame) for pose in poses]
+    poses = [replace(pose, landmarks=frame) for pose in poses_of(result)]
     moved = np.linalg.norm(result.skin.vertices - result.skin_before.vertices, axis=1)
     views = changed_views(result.skin_before, moved)
     trunk, displacement = result.tissue
     bones = [Surface(nodes, trunk.bone_faces) for nodes in (trunk.nodes, trunk.nodes + displacement)]
-    agreed, distance = (None, None) if result.actual_skin is None else agreement(result.skin, result.actual_skin)
-    with rc_context(RC):
-        figures: dict[str, Figure | None] = {}
-        for name, view in zip(("first", "second"), views, strict=True):
-            figures[name] = plain_picture(poses, view)
-            figures[f"{name}_moved"] = values_picture(poses[1], moved, view, "displacement [mm]")
-        figures["sections"] = change_sections(poses, bones)
-        figures["convergence"] = convergence_plot(result.summary)
-        if distance is not None:
-            figures["error"] = values_picture(poses[1], distance, views[0], "distance [mm]", signed=True)
-        drawings = _drawn(figures, _prepare(out, PICTURES))
-    _write(out / PAGE, part_page(poses, result.summary, drawings, agreed, result.plan).encode())
-    return out / PAGE
+    figures: dict[str, Figure | None] = {}
+    for name, view in zip(("first", "second"), views, strict=True):
+        figures[name] = skins.plain_picture(poses, view)[0]
+        figures[f"{name}_moved"] = skins.values_picture(poses[1], moved, view, "displacement [mm]")
+    figures |= {"sections": change_sections(poses, bones), "convergence": convergence_plot(result.summary)}
+    agreed = None
+    if result.actual_skin is not None:
+        agreed, distance = agreement(result.skin, result.actual_skin)
+        figures["error"] = skins.values_picture(poses[1], distance, views[0], "distance [mm]", signed=True)
+    return part_page(poses, result.summary, _drawn(figures, folder), agreed, result.plan)
 
 
 def write_comparison(results: Sequence[Result], out: str | Path | None = None) -> Path:
@@ -140,11 +123,7 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None) -
     """
     check_plans(results)
     out = results[0].folder.resolve().parent if out is None else Path(out)
-    folder = _prepare(out, PLANS_PICTURES)
-    poses = plan_poses(results)
-
-    from matplotlib import rc_context  # heavy
-
+    folder, poses = _prepare(out, PLANS_PICTURES), plan_poses(results)
     with rc_context(RC):
         figures = _backs(poses) | {
             "spine_behind": spine_picture(poses, BEHIND),
@@ -152,8 +131,20 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None) -
             "rotation": rotation_plot(poses),
         }
         drawings = _drawn(figures, folder)
-    _write(out / PLANS_PAGE, plans_page(poses, results, drawings).encode())
-    return out / PLANS_PAGE
+    return _write(out / PLANS_PAGE, plans_page(poses, results, drawings).encode())
+
+
+def notebook_html(result: Result) -> str:
+    """How the simulation ended, and the back before surgery and as predicted; only the words without a spine."""
+    words = f"<p><b>{html.escape(result.summary.case)}</b>: {result.status.name}, {result.status.value}</p>"
+    if not result.landmarks_before.names:
+        return words
+    poses = poses_of(result)
+    seen = window([(pose.skin, pose.landmarks) for pose in poses])
+    with rc_context(RC):
+        reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
+        picture = base64.b64encode(file_of(skins.back_picture(poses, reliefs, seen), "png")).decode()
+    return f'{words}<img src="data:image/png;base64,{picture}" alt="The back before and after" width="800">'
 
 
 def poses_of(result: Result) -> list[Pose]:
@@ -176,34 +167,26 @@ def poses_of(result: Result) -> list[Pose]:
 def _backs(poses: Sequence[Pose], doubtful: np.ndarray | None = None) -> dict[str, Figure | None]:
     seen = window([(pose.skin, pose.landmarks) for pose in poses])
     reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
-    return {"back": back_picture(poses, reliefs, seen, doubtful), "hump": hump_picture(poses, reliefs, seen)}
-
-
-def _sure(pose: Pose, skin_sd: np.ndarray | None) -> Figure | None:
-    if skin_sd is None:
-        return None
-    seen = window([(pose.skin, pose.landmarks)])
-    return sure_picture(pose, relief(pose.skin, pose.landmarks, seen), seen, skin_sd)
+    back = skins.back_picture(poses, reliefs, seen, doubtful)
+    return {"back": back, "hump": hump_picture(poses, reliefs, seen)}
 
 
 def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, bytes]:
     """The figures as SVG, by name, each written as PNG too; those that are None are left out."""
-    drawings = {}
-    for name, figure in figures.items():
-        if figure is not None:
-            _write(folder / f"{name}.png", file_of(figure, "png"))
-            drawings[name] = file_of(figure, "svg")
-    return drawings
+    drawn = {name: figure for name, figure in figures.items() if figure is not None}
+    for name, figure in drawn.items():
+        _write(folder / f"{name}.png", file_of(figure, "png"))
+    return {name: file_of(figure, "svg") for name, figure in drawn.items()}
 
 
 def _prepare(out: Path, pictures: str) -> Path:
     """The folder of pictures, made; InputError where it cannot be written to."""
-    folder = out / pictures
-    for place in (out, folder):
+    for place in (out, out / pictures):
         make_writable(place, "a report")
-    return folder
+    return out / pictures
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write(path: Path, content: bytes) -> Path:
     with atomic_write(path) as unfinished:
         unfinished.write_bytes(content)
+    return path

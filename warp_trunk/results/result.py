@@ -168,7 +168,7 @@ class Result:
         Raises:
             InputError: the result is not saved yet, or the folder cannot be written to.
         """
-        from warp_trunk.report import write_report  # draws pictures
+        from warp_trunk.report.writing import write_report  # draws pictures
 
         return write_report(self, out)
 
@@ -183,7 +183,7 @@ class Result:
         return (view_in_browser if web else view)(find_recording(self.folder))
 
     def _repr_html_(self) -> str:
-        from warp_trunk.report.notebook import notebook_html  # draws a picture
+        from warp_trunk.report.writing import notebook_html  # draws a picture
 
         return notebook_html(self)
 
