@@ -364,10 +364,7 @@ class Newton:
         self._cut = self._cut or (products is not None and last_length < 1.0 and self.distance < math.inf)
         was_true, self._true = self._true, self._is_near
         if self._true != was_true or not self._shrink <= CONTRACTION:
-            if not self._true or self._starts_near:
-                self._assemble_projected()  # the preconditioner needs positive diagonal blocks before all else
-            if self._true:
-                self._assemble_true()
+            (self._assemble_true if self._true else self._assemble_projected)()
         self._first_true, self._starts_near = self._starts_near, False
         relative = min(LOOSEST, max(TRUE_ACCURACY, self._contraction**2)) if self._true else PROJECTED_ACCURACY
         absolute = (ACCURACY if self._confirm else ON_THE_WAY) * self._tolerance
