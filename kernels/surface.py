@@ -100,11 +100,9 @@ def pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, sla
 
 
 @wp.func
-def one_of(i: wp.int32, p: wp.int32, q: wp.int32, r: wp.int32) -> wp.bool:
-    first = i == p
-    second = i == q
-    third = i == r
-    return first or second or third
+def has_corner(faces: wp.array(dtype=wp.int32), g: wp.int32, v: wp.int32) -> wp.bool:
+    """Whether a vertex is a corner of face g."""
+    return faces[3 * g] == v or faces[3 * g + 1] == v or faces[3 * g + 2] == v
 
 
 @wp.func
@@ -116,28 +114,15 @@ def meets(
     slack: wp.float64,
 ) -> wp.bool:
     """Whether an edge of face f that shares no corner with face g passes through g."""
-    i = faces[3 * f]
-    j = faces[3 * f + 1]
-    k = faces[3 * f + 2]
-    p = faces[3 * g]
-    q = faces[3 * g + 1]
-    r = faces[3 * g + 2]
-    has_i = one_of(i, p, q, r)
-    has_j = one_of(j, p, q, r)
-    has_k = one_of(k, p, q, r)
-    a = vertices[i]
-    b = vertices[j]
-    c = vertices[k]
-    d = vertices[p]
-    e = vertices[q]
-    h = vertices[r]
+    a = vertices[faces[3 * g]]
+    b = vertices[faces[3 * g + 1]]
+    c = vertices[faces[3 * g + 2]]
     hit = False
-    if not has_i and not has_j:
-        hit = hit or pierces(a, b, d, e, h, slack)
-    if not has_j and not has_k:
-        hit = hit or pierces(b, c, d, e, h, slack)
-    if not has_k and not has_i:
-        hit = hit or pierces(c, a, d, e, h, slack)
+    for k in range(3):
+        i = faces[3 * f + k]
+        j = faces[3 * f + (k + 1) % 3]
+        if not has_corner(faces, g, i) and not has_corner(faces, g, j):
+            hit = hit or pierces(vertices[i], vertices[j], a, b, c, slack)
     return hit
 
 

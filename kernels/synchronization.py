@@ -19,7 +19,7 @@ WAIT = """
         return;
     }
     for (wp::int32 looks = 0; __atomic_load_n(met, __ATOMIC_ACQUIRE) == before; ++looks) {
-        if (looks > 1000 && give_way) ((Action)give_way)();
+        if (looks > 1000) ((Action)give_way)();
 #if defined(__x86_64__) || defined(_M_X64)
         else __builtin_ia32_pause();  // leaves the core to another thread on it
 #endif

@@ -96,9 +96,8 @@ def search(
 def falls(trial: Trial, reference: float, slope: float, rounding: float) -> bool:
     """Whether the energy falls enough; where its change is lost in rounding, whether the slope is flatter."""
     change = trial.energy.total - reference
-    if change <= DECREASE * trial.length * slope:
-        return True
-    return change <= rounding and abs(trial.products.slope) <= (1.0 - 2.0 * DECREASE) * abs(slope)
+    flatter = abs(trial.products.slope) <= (1.0 - 2.0 * DECREASE) * abs(slope)
+    return change <= DECREASE * trial.length * slope or (change <= rounding and flatter)
 
 
 def flat_length(trial: Trial, low: float, low_slope: float) -> float:

@@ -109,14 +109,14 @@ class Linearization:
         self, weights: np.ndarray, bones: np.ndarray, pulls: np.ndarray
     ) -> tuple[Adjoints, np.ndarray]:
         """`adjoints` and `follow` in one."""
-        force, moved = self._pulled(bones, pulls)
+        moved, force = bones[:, self.model.order], -self._of_free(pulls)
+        if self.model.free_nodes:
+            force -= self._coupling.times(moved[:, self.model.prescribed])
         right = np.empty((len(weights) + len(force), self.model.free_nodes, 3), dtype=self.model.precision)
         right[: len(weights)], right[len(weights) :] = self._of_free(weights), force
-        begun = moved[:, self.model.free]
-        start = np.zeros_like(right) if begun.any() else None
-        if start is not None:
-            start[len(weights) :] = begun
-        found, left = self._solve(right, start, self._accuracy)
+        start = np.zeros_like(right)
+        start[len(weights) :] = moved[:, self.model.free]
+        found, left = self._solve(right, self._accuracy, start)
         moved[:, self.model.free] = found[len(weights) :]
         of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (found, left))
         return Adjoints(*of_numbers), self._in_mesh_order(moved)
@@ -153,7 +153,7 @@ class Linearization:
         if scan is not None:
             self._relaxer.assemble_true(model.array(scan, model.vec3))
             there = np.array([self._pull(each, scan) for each in derivatives])
-            moved = rest_motions(model, there, self._solve_to, self._accuracy)
+            moved = rest_motions(model, there, self._solve, self._accuracy)
             self._relaxer.assemble_true(model.array(end, model.vec3))
             found += [pull_of_rest(model, end.astype(np.float64), each) for each in moved]
         return self._in_mesh_order(found)
@@ -184,15 +184,8 @@ class Linearization:
         none = np.zeros((0, *bones.shape[1:]))
         return self.adjoints_and_follow(none, bones, np.zeros_like(bones) if pulls is None else pulls)[1]
 
-    def _pulled(self, bones: np.ndarray, pulls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces by moving bones and `pulls`, (fields, free, 3), and the motion, both in model order."""
-        moved, force = self._in_model_order(bones), -self._of_free(pulls)
-        if self.model.free_nodes:
-            force -= self._coupling.times(moved[:, self.model.prescribed])
-        return force, moved
-
     def _solve(
-        self, force: np.ndarray, guess: np.ndarray | None, relative: float
+        self, force: np.ndarray, relative: float, guess: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """x with H x = force, each to a part of its longest vector, and what is left of force.
 
@@ -200,11 +193,10 @@ class Linearization:
         matrix between 16 right-hand sides took the whole command as long (`simulate --bands`, 45 right-hand
         sides)."""
         found, left = np.zeros_like(force), np.zeros_like(force)
-        if not self.model.free_nodes:
-            return found, left
-        for number, right in enumerate(force):
-            start = None if guess is None or not guess[number].any() else guess[number]
-            found[number], left[number] = self._solve_one(right, start, relative)
+        if self.model.free_nodes:
+            for number, right in enumerate(force):
+                start = None if guess is None or not guess[number].any() else guess[number]
+                found[number], left[number] = self._solve_one(right, start, relative)
         return found, left
 
     def _solve_one(
@@ -231,13 +223,6 @@ class Linearization:
             )
         found, left = solver.solution.numpy() * size, solver.residual.numpy() * size
         return (found if guess is None else found + guess), left
-
-    def _solve_to(self, force: np.ndarray, part: float) -> np.ndarray:
-        """x alone, each field to a part of its longest vector."""
-        return self._solve(force, None, part)[0]
-
-    def _in_model_order(self, fields: np.ndarray) -> np.ndarray:
-        return fields[:, self.model.order]
 
     def _of_free(self, fields: np.ndarray) -> np.ndarray:
         return fields[:, self.model.order[self.model.free]]

@@ -194,7 +194,8 @@ class Parallel:
         if self.ranges == 1:
             return lambda: None
         barrier = wp.zeros(BARRIER_SIZE, dtype=wp.int32, device=self.device)
-        return self._one_command(barrier_kernel, 1, [barrier, self.ranges, _yield_address()], [])
+        give_way = ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value
+        return self._one_command(barrier_kernel, 1, [barrier, self.ranges, give_way], [])
 
     def wait(self) -> None:
         """Waits until all that this thread has launched is done."""
@@ -219,14 +220,6 @@ def _replay(graph: wp.Graph, held: Launch) -> None:
 
 _CAPTURING = threading.Lock()
 """Warp captures for one thread of the process at a time."""
-
-
-def _yield_address() -> int:
-    """The address of the function by which a thread lets others run first; 0 where there is none."""
-    try:
-        return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
-    except (AttributeError, OSError, TypeError):  # Windows
-        return 0
 
 
 def in_sequence(*launches: Launch) -> Launch:

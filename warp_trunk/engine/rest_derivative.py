@@ -56,14 +56,18 @@ def _gradient(model: Model, move: np.ndarray, displacement: np.ndarray) -> np.nd
 
 
 def rest_motions(
-    model: Model, pulls: np.ndarray, solve: Callable[[np.ndarray, float], np.ndarray], accuracy: float
+    model: Model,
+    pulls: np.ndarray,
+    solve: Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]],
+    accuracy: float,
 ) -> np.ndarray:
     """dX, how the rest state of `sag_free` moves where constants pull at the trunk that stands as scanned.
 
     Args:
         model: a model at such a rest state.
         pulls: dG/dc of each constant on the free nodes, shape (constants, free, 3).
-        solve: x with H x = b of the true Hessian at the scan, both (constants, free, 3), to a part of x.
+        solve: x with H x = b of the true Hessian at the scan, both (constants, free, 3), to a part of x, and what
+            is left of b.
         accuracy: part of the longest vector of dX by which a vector may be wrong.
 
     Returns:
@@ -75,7 +79,7 @@ def rest_motions(
     assert model.scan is not None
     moved, left = np.zeros_like(pulls), pulls
     for _ in range(MOST_ROUNDS):
-        step = solve(left, ROUGHLY)
+        step, _ = solve(left, ROUGHLY)
         moved += step
         if (longest(step) <= accuracy * longest(moved)).all():
             return moved

@@ -18,7 +18,6 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .energies.energy import TetEnergy
 from .model import Model
 from .newton import Newton
 from .rest_mesh import RestMesh
@@ -118,7 +117,9 @@ def mesh_at(model: Model, rest: np.ndarray) -> RestMesh:
 
 def resting(model: Model, mesh: RestMesh) -> Model:
     """The model with elements and skin for another rest state, in arrays of their own."""
-    return replace(model, elements=_at_rest(model, mesh), skin=model.skin and model.skin.at_rest(mesh))
+    energy = mesh.height_energy(model.elements.gravity_weight.numpy())
+    elements = replace(model.elements, gravity_at_rest=energy, **model.elements.measures(mesh))
+    return replace(model, elements=elements, skin=model.skin and model.skin.at_rest(mesh))
 
 
 def _lay_at_rest(model: Model, mesh: RestMesh) -> None:
@@ -126,9 +127,3 @@ def _lay_at_rest(model: Model, mesh: RestMesh) -> None:
     for part in filter(None, (model.elements, model.skin)):
         for name, values in part.measures(mesh).items():
             getattr(part, name).assign(values)
-
-
-def _at_rest(model: Model, mesh: RestMesh) -> TetEnergy:
-    elements = model.elements
-    height_energy = mesh.height_energy(elements.gravity_weight.numpy())
-    return replace(elements, gravity_at_rest=height_energy, **elements.measures(mesh))
