@@ -1,8 +1,8 @@
 """Adding up what elements give to nodes: gradients, and Hessians to 3x3 blocks of the sparse matrix.
 
-On the CPU each range of elements adds to a slab of its own. On CUDA, where half of an assembly went into atomic
-additions, every element stores its blocks and every block of the matrix gathers its own; so each block is also
-added up in the same order every time."""
+On the CPU each range of elements adds to a slab of its own, or to blocks of its own where ranges meet. On CUDA,
+where half of an assembly went into atomic additions, every element stores its blocks and every block of the matrix
+gathers its own; so each block is also added up in the same order every time."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -22,9 +22,10 @@ NUMBERS = 9
 """Numbers of a block."""
 SHARED = 3
 """Blocks that a warp shares among its first 27 threads, each one number of a block."""
-vec16i = wp.types.vector(16, wp.int32)
 PAIRS = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
-"""The pairs of corners whose blocks a tetrahedron keeps; those of the others are transposed ones."""
+"""The pairs of corners whose blocks a tetrahedron has; those of the others are transposed ones."""
+vec10i = wp.types.vector(len(PAIRS), wp.int32)
+"""Where those blocks are added: 2 b for place b, 2 b + 1 where the transposed one is added there."""
 SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """The numbers that are kept of the symmetric block of a corner with itself."""
 KEPT = 80
@@ -53,10 +54,11 @@ def with_corner_0(aa: Any, ab: Any, ac: Any, bb: Any, bc: Any, cc: Any):
 
 
 @wp.func
-def add_block(blocks: wp.array2d(dtype=Any), slab: int, block: int, value: Any):
-    """Adds a 3x3 block of the matrix of free nodes; a block of a prescribed node (-1) is left out."""
-    if block >= 0:
-        wp.atomic_add(blocks, slab, block, value)
+def add_block(blocks: wp.array(dtype=Any), place: int, value: Any):
+    """Adds a 3x3 block, or the transposed one, at a place; see `vec10i`."""
+    if place % 2 == 1:
+        value = wp.transpose(value)
+    wp.atomic_add(blocks, place // 2, value)
 
 
 @cache
@@ -71,10 +73,9 @@ def hessian_adder(scalar: type, cuda: bool) -> Any:
     @wp.func
     def add_hessian(
         blocks: Any,
-        slab: int,
         item: int,
         t: int,
-        block_of: wp.array(dtype=vec16i),
+        place_of: wp.array(dtype=vec10i),
         aa: Any,
         ab: Any,
         ac: Any,
@@ -83,44 +84,32 @@ def hessian_adder(scalar: type, cuda: bool) -> Any:
         cc: Any,
     ):
         oo, oa, ob, oc = with_corner_0(aa, ab, ac, bb, bc, cc)
-        # only one of the blocks (a, b) and (b, a) has a number: above the diagonal of the matrix
         if wp.static(cuda):
             store_blocks(blocks, item, oo, oa, ob, oc, aa, ab, ac, bb, bc, cc)
         else:
-            at = block_of[t]
-            add_block(blocks, slab, at[0], oo)
-            add_block(blocks, slab, at[1], oa)
-            add_block(blocks, slab, at[2], ob)
-            add_block(blocks, slab, at[3], oc)
-            add_block(blocks, slab, at[4], wp.transpose(oa))
-            add_block(blocks, slab, at[5], aa)
-            add_block(blocks, slab, at[6], ab)
-            add_block(blocks, slab, at[7], ac)
-            add_block(blocks, slab, at[8], wp.transpose(ob))
-            add_block(blocks, slab, at[9], wp.transpose(ab))
-            add_block(blocks, slab, at[10], bb)
-            add_block(blocks, slab, at[11], bc)
-            add_block(blocks, slab, at[12], wp.transpose(oc))
-            add_block(blocks, slab, at[13], wp.transpose(ac))
-            add_block(blocks, slab, at[14], wp.transpose(bc))
-            add_block(blocks, slab, at[15], cc)
+            at = place_of[t]
+            add_block(blocks, at[0], oo)
+            add_block(blocks, at[1], oa)
+            add_block(blocks, at[2], ob)
+            add_block(blocks, at[3], oc)
+            add_block(blocks, at[4], aa)
+            add_block(blocks, at[5], ab)
+            add_block(blocks, at[6], ac)
+            add_block(blocks, at[7], bb)
+            add_block(blocks, at[8], bc)
+            add_block(blocks, at[9], cc)
 
     return add_hessian
 
 
 def block_sums_type(scalar: type, cuda: bool) -> Any:
-    """The type of what `hessian_adder` adds to: blocks in slabs, or on CUDA what each tetrahedron keeps."""
-    return wp.array(dtype=scalar) if cuda else wp.array(dtype=wp.types.matrix((3, 3), scalar), ndim=2)
+    """The type of what `hessian_adder` adds to: blocks, or on CUDA what each tetrahedron keeps."""
+    return wp.array(dtype=scalar if cuda else wp.types.matrix((3, 3), scalar))
 
 
 def threads_over(blocks: int) -> int:
     """Threads that gather this many blocks."""
     return -(-blocks // SHARED) * WARP
-
-
-def _pack(scalar: type) -> tuple[str, int]:
-    """CUDA's type of 16 bytes and how many numbers it holds."""
-    return ("float4", 4) if scalar is wp.float32 else ("double2", 2)
 
 
 @cache
@@ -131,7 +120,7 @@ def block_storer(scalar: type):
     whole sectors: in halves, they took the memory twice as long.
     """
     mat33 = wp.types.matrix((3, 3), scalar)
-    pack, whole = _pack(scalar)
+    pack, whole = ("float4", 4) if scalar is wp.float32 else ("double2", 2)  # 16 bytes
     numbers = [f"{block}.data[{a}][{b}]" for block in ("oo", "aa", "bb", "cc") for a, b in SYMMETRIC]
     numbers += [
         f"{block}.data[{n // 3}][{n % 3}]"
@@ -233,3 +222,31 @@ def gather_kernels(scalar: type) -> SimpleNamespace:
                 numbers[NUMBERS * mirrored[i] + across] = total
 
     return SimpleNamespace(gather=gather_kernel)
+
+
+@cache
+def block_completer(scalar: type) -> wp.Kernel:
+    """The kernel that completes blocks on the CPU, in one precision."""
+
+    @wp.kernel(module=f"sums_{scalar.__name__}", enable_backward=False)
+    def complete_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        block: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        other: wp.array(dtype=wp.int32),
+        image: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=wp.types.matrix((3, 3), scalar)),
+    ):
+        """Adds to blocks what other ranges have added at places of their own, and sets their images (-1: none)."""
+        i = first + wp.tid()
+        if i < end:
+            total = blocks[block[i]]
+            for k in range(start[i], start[i + 1]):
+                total += blocks[other[k]]
+            blocks[block[i]] = total
+            if image[i] >= 0:
+                blocks[image[i]] = wp.transpose(total)
+
+    return complete_kernel

@@ -36,7 +36,7 @@ def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
         slab: int,
         row_start: wp.array(dtype=wp.int32),
         columns: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33, ndim=2),
+        blocks: wp.array(dtype=mat33),
         vertex: wp.array(dtype=vec8i),
         weight: wp.array(dtype=vec8),
         diagonal: wp.array(dtype=mat33, ndim=2),
@@ -51,7 +51,7 @@ def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
                 if c >= i:
                     other = vertex[c]
                     v = weight[c]
-                    block = blocks[0, n]
+                    block = blocks[n]
                     if c > i:
                         block += wp.transpose(block)
                     for k in range(8):
@@ -79,7 +79,7 @@ def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
         slab: int,
         row_start: wp.array(dtype=wp.int32),
         columns: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33, ndim=2),
+        blocks: wp.array(dtype=mat33),
         vertex: wp.array(dtype=vec8i),
         weight: wp.array(dtype=vec8),
         matrix: wp.array(dtype=wp.float64, ndim=3),
@@ -99,7 +99,7 @@ def grid_matrix_kernels(scalar: type) -> SimpleNamespace:
                 if c >= i:
                     other = vertex[c]
                     v = weight[c]
-                    block = blocks[0, n]
+                    block = blocks[n]
                     if c == i:
                         block *= scalar(0.5)  # its image is added, too
                     if other == own:

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from .assembly import BENDING, add_gradient, block_sums_type, hessian_adder, vec16i
+from .assembly import BENDING, add_gradient, block_sums_type, hessian_adder, vec10i
 from .vectors import sum_reducer
 
 
@@ -130,7 +130,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             rest_angle: wp.array(dtype=scalar),
             stiffness: wp.array(dtype=scalar),
             tets: int,
-            block_of: wp.array(dtype=vec16i),
+            place_of: wp.array(dtype=vec10i),
             displacement: wp.array(dtype=vec3),
             blocks: blocks_type,
         ):
@@ -157,7 +157,7 @@ def skin_bending_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
                 ac += moment * t_ac
                 bb += moment * t_bb
                 cc += moment * t_cc
-            add_hessian(blocks, slab, tets + item, tets + h, block_of, aa, ab, ac, bb, bc, cc)
+            add_hessian(blocks, tets + item, tets + h, place_of, aa, ab, ac, bb, bc, cc)
 
         return hessian_kernel
 

@@ -69,44 +69,28 @@ def four_types(scalar: type) -> str:
 
 
 @cache
-def sparse_kernels(scalar: type) -> SimpleNamespace:
-    """The kernels of the matrix for both devices, in one precision: `copy_blocks`, `invert_diagonal`."""
+def diagonal_inverter(scalar: type) -> wp.Kernel:
+    """The kernel of the inverse diagonal for both devices, in one precision."""
     mat33 = wp.types.matrix((3, 3), scalar)
-    module = f"sparse_{scalar.__name__}"
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=f"sparse_{scalar.__name__}", enable_backward=False)
     def invert_diagonal_kernel(
         first: int,
         end: int,
         slab: int,
         diagonal: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33, ndim=2),
+        blocks: wp.array(dtype=mat33),
         factor: scalar,
         inverse: wp.array(dtype=mat33),
     ):
         """factor D^-1; each block is shifted by a millionth of its trace so that a flat one has an inverse."""
         i = first + wp.tid()
         if i < end:
-            block = blocks[0, diagonal[i]]
+            block = blocks[diagonal[i]]
             shift = scalar(1.0e-6) * wp.trace(block) + scalar(1.0e-30)
             inverse[i] = factor * wp.inverse(block + shift * wp.identity(n=3, dtype=scalar))
 
-    @wp.kernel(module=module, enable_backward=False)
-    def copy_blocks_kernel(
-        first: int,
-        end: int,
-        slab: int,
-        taken: wp.array(dtype=wp.int32),
-        blocks: wp.array(dtype=mat33, ndim=2),
-        copies: wp.array(dtype=mat33),
-    ):
-        """Copies the blocks that the product on the CPU reads; k < 0 is the transposed block ~k."""
-        i = first + wp.tid()
-        if i < end:
-            k = taken[i]
-            copies[i] = wp.where(k < 0, wp.transpose(blocks[0, wp.max(-k - 1, 0)]), blocks[0, wp.max(k, 0)])
-
-    return SimpleNamespace(invert_diagonal=invert_diagonal_kernel, copy_blocks=copy_blocks_kernel)
+    return invert_diagonal_kernel
 
 
 @cache
@@ -166,13 +150,13 @@ def cuda_product_kernels(scalar: type) -> SimpleNamespace:
         first: int,
         end: int,
         slab: int,
-        blocks: wp.array(dtype=mat33, ndim=2),
+        blocks: wp.array(dtype=mat33),
         planes: wp.array(dtype=scalar, ndim=2),
     ):
         """Copies the numbers of the blocks into their planes."""
         i = first + wp.tid()
         if i < end:
-            block = blocks[0, i]
+            block = blocks[i]
             for n in range(PLANES):
                 planes[n, i] = block[n // 3, n % 3]
 

@@ -7,6 +7,8 @@ slab for each range of tetrahedra."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,10 +18,11 @@ from .assembly import (
     FIRST_TERM,
     INVERTED,
     NEWLY_INVERTED,
+    PAIRS,
     add_gradient,
     block_sums_type,
     hessian_adder,
-    vec16i,
+    vec10i,
     with_corner_0,
 )
 from .simd_codegen import LANES, TYPES, Number, Numbers, emit, vectorized
@@ -90,27 +93,19 @@ def gravity_term(u0: Any, u1: Any, u2: Any, u3: Any, weight: Any):
     return weight * (u0[2] + u1[2] + u2[2] + u3[2])
 
 
-def tet_kernels(formulas: TetFormulas, cuda: bool) -> SimpleNamespace:
+def tet_kernels(formulas: TetFormulas, cuda: bool, *, items: bool = False) -> SimpleNamespace:
     """The kernels `gradient` (with the energy), `projected_hessian` (made positive) and `hessian`; and `bundle`.
 
-    On the CPU they are loops over a range.
+    On the CPU they are loops over a range, unless there shall be `items`, one for each tetrahedron as on CUDA.
     """
-    if cuda:
-        return item_kernels(formulas, cuda)
+    if cuda or items:
+        gradient, hessian = _gradient(formulas, cuda), partial(_hessian, formulas, cuda)
+    else:
+        gradient, hessian = gradient_loop(formulas), partial(hessian_loop, formulas)
     return SimpleNamespace(
-        gradient=gradient_loop(formulas),
-        projected_hessian=hessian_loop(formulas, positive=True),
-        hessian=hessian_loop(formulas, positive=False),
-        bundle=formulas.bundle,
-    )
-
-
-def item_kernels(formulas: TetFormulas, cuda: bool) -> SimpleNamespace:
-    """The same with an item for each tetrahedron."""
-    return SimpleNamespace(
-        gradient=_gradient(formulas, cuda),
-        projected_hessian=_hessian(formulas, cuda, positive=True),
-        hessian=_hessian(formulas, cuda, positive=False),
+        gradient=gradient,
+        projected_hessian=hessian(positive=True),
+        hessian=hessian(positive=False),
         bundle=formulas.bundle,
     )
 
@@ -171,7 +166,7 @@ def _hessian(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
         slab: int,
         tets: wp.array(dtype=wp.vec4i),
         elements: elements_type,
-        block_of: wp.array(dtype=vec16i),
+        place_of: wp.array(dtype=vec10i),
         displacement: wp.array(dtype=vec3),
         blocks: blocks_type,
     ):
@@ -181,15 +176,18 @@ def _hessian(formulas: TetFormulas, cuda: bool, positive: bool) -> wp.Kernel:
         aa, ab, ac, bb, bc, cc = find_hessian(
             elements, t, displacement[n[0]], displacement[n[1]], displacement[n[2]], displacement[n[3]], clip
         )
-        add_hessian(blocks, slab, item, t, block_of, aa, ab, ac, bb, bc, cc)
+        add_hessian(blocks, item, t, place_of, aa, ab, ac, bb, bc, cc)
 
     return hessian_kernel
 
 
 TET = "t"
 """Stands for the tetrahedra in the lanes."""
-BLOCKS = 9 * 16
-"""Numbers of the blocks of a tetrahedron."""
+TURNED = PAIRS.index((2, 3))
+"""The pair of corners that may not ascend (`order_corners`): what is kept of the others is never transposed."""
+BLOCKS = len(PAIRS) + 1
+"""Blocks that are kept of a tetrahedron in a lane: those of all pairs, and the transposed one of that pair."""
+
 
 BEGIN = f"""
     const wp::int32* corners = (const wp::int32*)tets.data;
@@ -229,7 +227,7 @@ SCATTER_GRADIENT = """
 
 TRANSPOSE = f"""
     typedef real run __attribute__((ext_vector_type(8), aligned(sizeof(real))));
-    lanes kept[{LANES}][{BLOCKS // LANES}];
+    lanes kept[{LANES}][{BLOCKS + -(-BLOCKS // LANES)}];
     const auto keep = [&](int k, lanes a, lanes b, lanes c, lanes d, lanes e, lanes f, lanes g, lanes h) {{
         const auto by_one = [](lanes x, lanes y) {{
             return __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
@@ -255,19 +253,27 @@ TRANSPOSE = f"""
 """
 """`keep` stores eight numbers of every lane beside each other, as run k of what is kept of that lane."""
 
-SCATTER_BLOCKS = """
-        for (int l = 0; l < count; ++l) {
-            const real* from = (const real*)kept[l];
-            const wp::int32* to = (const wp::int32*)block_of.data + 16 * (long)(t + l);
-            for (int k = 0; k < 16; ++k) {
-                if (to[k] < 0) continue;
-                real* block = out + 9 * (long)to[k];
-                *(run*)block += *(const run*)(from + 9 * k);
-                block[8] += from[9 * k + 8];
-            }
-        }
-    }
+PREFETCH = f"""
+        for (int l = {LANES}; l < 2 * {LANES} && t + l < end; ++l)
+            for (int k = 0; k < {len(PAIRS)}; ++k)
+                __builtin_prefetch(out + 9 * (long)(place_of.data[t + l].c[k] / 2), 1);
 """
+"""Asks for the blocks of the next tetrahedra while those of these are computed."""
+
+SCATTER_BLOCKS = f"""
+        for (int l = 0; l < count; ++l) {{
+            const real* ninth = (const real*)(kept[l] + {BLOCKS});
+            const wp::int32* to = (const wp::int32*)place_of.data + {len(PAIRS)} * (long)(t + l);
+            for (int k = 0; k < {len(PAIRS)}; ++k) {{
+                const int own = k == {TURNED} && to[k] % 2 ? {len(PAIRS)} : k;
+                real* block = out + 9 * (long)(to[k] / 2);
+                *(run*)block += kept[l][own];
+                block[8] += ninth[own];
+            }}
+        }}
+    }}
+"""
+"""Adds what is kept: of each block a run of eight numbers, and after all of them the ninth ones."""
 
 
 class _Array:
@@ -348,20 +354,23 @@ def hessian_code(formulas: TetFormulas, *, positive: bool) -> str:
     elements = _Elements(formulas)
     aa, ab, ac, bb, bc, cc = vectorized(formulas.hessian)(elements, TET, *_moved(), positive)
     oo, oa, ob, oc = vectorized(with_corner_0)(aa, ab, ac, bb, bc, cc)
-    half = {(0, 0): oo, (0, 1): oa, (0, 2): ob, (0, 3): oc, (1, 1): aa, (1, 2): ab, (1, 3): ac}
-    half |= {(2, 2): bb, (2, 3): bc, (3, 3): cc}
-    pairs = [(a, b) for a in range(4) for b in range(4)]
+    blocks = [oo, oa, ob, oc, aa, ab, ac, bb, bc, cc]
     axes = [(i, j) for i in range(3) for j in range(3)]
-    lines, names = emit([half[a, b][i, j] if a <= b else half[b, a][j, i] for a, b in pairs for i, j in axes])
+    numbers = [[block[i, j] for i, j in axes] for block in blocks]
+    numbers.append([blocks[TURNED][j, i] for i, j in axes])
+    ninth = [block.pop() for block in numbers]
+    lines, names = emit([*chain(*numbers), *ninth])
+    names += [names[-1]] * (-len(names) % LANES)
     return "\n".join(
         [
             _types(formulas.scalar),
-            "real* out = (real*)((char*)blocks.data + slab * blocks.strides[0]);",
+            "real* out = (real*)blocks.data;",
             TRANSPOSE,
             BEGIN,
             elements.windows(),
+            PREFETCH,
             lines,
-            *(f"keep({k // LANES}, {', '.join(names[k : k + LANES])});" for k in range(0, BLOCKS, LANES)),
+            *(f"keep({k // LANES}, {', '.join(names[k : k + LANES])});" for k in range(0, len(names), LANES)),
             SCATTER_BLOCKS,
         ]
     )
@@ -416,9 +425,9 @@ def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
         slab: int,
         tets: wp.array(dtype=wp.vec4i),
         elements: elements_type,
-        block_of: wp.array(dtype=vec16i),
+        place_of: wp.array(dtype=vec10i),
         displacement: wp.array(dtype=vec3),
-        blocks: wp.array(dtype=mat33, ndim=2),
+        blocks: wp.array(dtype=mat33),
     ): ...
 
     @wp.kernel(module=f"{formulas.name}_loops", enable_backward=False)
@@ -428,10 +437,10 @@ def hessian_loop(formulas: TetFormulas, *, positive: bool) -> wp.Kernel:
         slab: int,
         tets: wp.array(dtype=wp.vec4i),
         elements: elements_type,
-        block_of: wp.array(dtype=vec16i),
+        place_of: wp.array(dtype=vec10i),
         displacement: wp.array(dtype=vec3),
-        blocks: wp.array(dtype=mat33, ndim=2),
+        blocks: wp.array(dtype=mat33),
     ):
-        add_tets(first, end, slab, tets, elements, block_of, displacement, blocks)
+        add_tets(first, end, slab, tets, elements, place_of, displacement, blocks)
 
     return hessian_loop_kernel

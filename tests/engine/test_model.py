@@ -11,7 +11,7 @@ from support.meshes import block, block_with_bone, grid, single_tet, trunk
 from support.models import model_of
 from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
 
 MESHES = pytest.mark.parametrize(
@@ -88,8 +88,12 @@ def test_order_is_a_permutation_with_free_nodes_first(mesh: TrunkMesh) -> None:
     assert not mesh.prescribed[model.order[model.free]].any()
     assert mesh.prescribed[model.order[model.prescribed]].all()
     np.testing.assert_array_equal(model.rest, mesh.nodes[model.order])
-    ours = {tuple(tet) for tet in model.order[model.corners].tolist()}
-    assert ours == {tuple(tet) for tet in mesh.tets.tolist()}
+    ours = {frozenset(tet) for tet in model.order[model.corners].tolist()}
+    assert ours == {frozenset(tet) for tet in mesh.tets.tolist()}
+    a, b, c, d = model.corners.T
+    assert (a < b).all()
+    assert (b < np.minimum(c, d)).all()  # all pairs ascend but (c, d), as the kernels assume
+    assert (tet_volumes(model.rest, model.corners) > 0.0).all()
 
 
 def itmsm(trunk: TrunkMesh, tissue: Tissue | None = None, gravity: float = 0.0) -> Itmsm:

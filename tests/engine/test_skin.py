@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from support.matrices import on_host
 from support.meshes import block, block_with_bone, rotate, rotation, with_skin
 from support.models import evaluated, increments, model_of, settle
 from warp_trunk.engine.linear import BlockMatrix
@@ -20,17 +21,6 @@ TRUNK = with_skin(block_with_bone((4, 4, 5), holes=((1, 2, 1), (2, 1, 3))))
 ENERGIES = ("itmsm", "neo-hookean")
 RIGIDITY = 30.0
 """Of a skin about as stiff as a cell of the tissue [N mm]."""
-
-
-def dense(matrix: BlockMatrix) -> np.ndarray:
-    """The matrix over the free nodes."""
-    pattern, size = matrix.model.pattern, matrix.model.free_nodes
-    found = np.zeros((size, size, 3, 3))
-    upper = pattern.columns >= pattern.rows
-    rows, columns, blocks = pattern.rows[upper], pattern.columns[upper], matrix.blocks.numpy()[0][upper]
-    found[columns, rows] = blocks.transpose(0, 2, 1)
-    found[rows, columns] = blocks
-    return found.transpose(0, 2, 1, 3).reshape(3 * size, 3 * size)
 
 
 def skinned(trunk: TrunkMesh = TRUNK, **options: Any) -> Model:
@@ -58,7 +48,7 @@ def test_the_matrix_is_that_of_differences_of_the_gradient(energy: str, threads:
     slope = np.vdot(0.5 * (up + down), along)
     assert (high - low) / 2e-6 == pytest.approx(slope, rel=1e-6)
     wanted = ((up - down) / 2e-6)[model.free].ravel()
-    found = dense(matrix) @ along[model.free].ravel()
+    found = on_host(matrix).toarray() @ along[model.free].ravel()
     np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
 
 

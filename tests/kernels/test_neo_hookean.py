@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from warp_trunk.kernels.assembly import PAIRS, vec10i
 from warp_trunk.kernels.neo_hookean import neo_hookean, neo_hookean_kernels
 
 from support.continuum import lame, parts, stress
+from support.matrices import element_matrices, places_apart
 from support.meshes import rotation
 from warp_trunk.engine.energies.neo_hookean import stable_moduli
 from warp_trunk.engine.tissue import Tissue
@@ -213,11 +215,11 @@ class Corners:
     def curvature(self, displacement: np.ndarray) -> np.ndarray:
         """Of every tetrahedron, shape (tets, 12, 12)."""
         count = len(self.rest)
-        blocks = wp.zeros((1, 16 * count), dtype=wp.mat33d, device="cpu")
-        places = self.array(np.arange(16 * count).reshape(-1, 16), wp.types.vector(16, wp.int32))
+        blocks = wp.zeros(len(PAIRS) * count, dtype=wp.mat33d, device="cpu")
+        places = self.array(places_apart(count), vec10i)
         inputs = [0, count, 0, *self.elements, places, self.array(displacement.reshape(-1, 3), wp.vec3d)]
         wp.launch(self.kernels.projected_hessian, 1, inputs, [blocks], device="cpu")
-        return blocks.numpy().reshape(count, 4, 4, 3, 3).transpose(0, 1, 3, 2, 4).reshape(count, 12, 12)
+        return element_matrices(blocks.numpy())
 
     def exact_curvature(self, displacement: np.ndarray) -> np.ndarray:
         """Central differences of the gradient."""

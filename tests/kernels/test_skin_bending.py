@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.assembly import COLUMNS, vec16i
+from warp_trunk.kernels.assembly import COLUMNS, PAIRS, vec10i
 from warp_trunk.kernels.skin_bending import BENDING
 
+from support.matrices import element_matrices, places_apart
 from support.meshes import rotate, rotation
 from warp_trunk.engine.parallel import Parallel
 from warp_trunk.engine.rest_mesh import RestMesh
@@ -41,12 +42,11 @@ class Bent:
     def curvature(self, moved: np.ndarray, name: str) -> np.ndarray:
         """Of each hinge, shape (hinges, 12, 12)."""
         hinges = len(self.skin.corners)
-        blocks = wp.zeros((1, 16 * hinges), dtype=wp.mat33d, device="cpu")
-        places = wp.array(np.arange(16 * hinges, dtype=np.int32).reshape(-1, 16), dtype=vec16i, device="cpu")
+        blocks = wp.zeros(len(PAIRS) * hinges, dtype=wp.mat33d, device="cpu")
+        places = wp.array(places_apart(hinges), dtype=vec10i, device="cpu")
         inputs = [*self.skin.arguments, 0, places, self._displacement(moved), blocks]
         wp.launch(getattr(self.skin.kernels, name), hinges, inputs=[0, hinges, 0, *inputs], device="cpu")
-        found = blocks.numpy()[0].reshape(hinges, 4, 4, 3, 3).transpose(0, 1, 3, 2, 4)
-        return found.reshape(hinges, 12, 12)
+        return element_matrices(blocks.numpy())
 
     def _displacement(self, moved: np.ndarray) -> wp.array:
         return wp.array(moved - self.nodes, dtype=wp.vec3d, device="cpu")

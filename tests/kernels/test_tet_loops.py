@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.assembly import COLUMNS, vec16i
+from warp_trunk.kernels.assembly import COLUMNS, PAIRS, vec10i
 from warp_trunk.kernels.itmsm import itmsm_formulas
 from warp_trunk.kernels.neo_hookean import neo_hookean_formulas
-from warp_trunk.kernels.tets import TetFormulas, item_kernels, tet_kernels
+from warp_trunk.kernels.tets import TURNED, TetFormulas, tet_kernels
 
 from support.meshes import block
 from support.models import model_of
@@ -44,13 +44,12 @@ def gradients(model: Model, kernel: Any, items: int, first: int, end: int) -> li
 
 
 def blocks(model: Model, kernel: Any, items: int, first: int, end: int) -> np.ndarray:
-    """Blocks of corner pairs of a range, every third left out and two of each tetrahedron in one."""
-    places = np.arange(16 * len(model.corners), dtype=np.int32).reshape(-1, 16)
+    """Blocks of corner pairs of a range, some of them transposed, and two of each tetrahedron in one place."""
+    places = 2 * np.arange(len(PAIRS) * len(model.corners), dtype=np.int32).reshape(-1, len(PAIRS))
     places[:, 7] = places[:, 2]
-    places[places % 3 == 1] = -1
-    mat33 = wp.types.matrix((3, 3), model.scalar)
-    result = model.zeros(mat33, 2, places.size)
-    inputs = [first, end, 1, model.tets, model.elements.arrays, model.array(places, vec16i), displacement(model)]
+    places[::3, TURNED] += 1
+    result = model.zeros(wp.types.matrix((3, 3), model.scalar), places.size)
+    inputs = [first, end, 1, model.tets, model.elements.arrays, model.array(places, vec10i), displacement(model)]
     wp.launch(kernel, items, inputs, [result], device="cpu")
     return result.numpy()
 
@@ -61,7 +60,7 @@ def blocks(model: Model, kernel: Any, items: int, first: int, end: int) -> np.nd
 def test_are_what_warp_compiles_for_one(energy: str, gravity: float, precision: str) -> None:
     model = model_of(block((2, 2, 2)), energy=energy, precision=precision, gravity=gravity)
     of = formulas(energy, precision, gravity=gravity != 0.0)
-    loops, items = tet_kernels(of, cuda=False), item_kernels(of, cuda=False)
+    loops, items = tet_kernels(of, cuda=False), tet_kernels(of, cuda=False, items=True)
     tets = len(model.corners)
     for first, end in ((0, tets), (3, tets - 2), (5, 9), (tets - 1, tets), (4, 4)):
         count = end - first

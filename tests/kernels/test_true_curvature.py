@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import warp as wp
-from warp_trunk.kernels.assembly import vec16i
+from warp_trunk.kernels.assembly import PAIRS, vec10i
 
 from support.continuum import Continuum
+from support.matrices import element_matrices, places_apart
 from support.meshes import block, block_with_bone
 from support.models import evaluated, gradient_of, model_of
 from support.reference import Reference
@@ -47,16 +48,14 @@ class Kernels:
     def hessian(self, displacement: np.ndarray, name: str) -> np.ndarray:
         """Over all nodes, shape (3 nodes, 3 nodes)."""
         m, tets, nodes = self.model, len(self.model.corners), len(self.model.order)
-        blocks = m.zeros(wp.mat33d, 1, 16 * tets)
-        places = m.array(np.arange(16 * tets, dtype=np.int32).reshape(-1, 16), vec16i)
+        blocks = m.zeros(wp.mat33d, len(PAIRS) * tets)
         moved = m.array(displacement[m.order], wp.vec3d)
-        inputs = [0, tets, 0, m.tets, m.elements.arrays, places, moved]
+        inputs = [0, tets, 0, m.tets, m.elements.arrays, m.array(places_apart(tets), vec10i), moved]
         wp.launch(getattr(m.elements.kernels, name), 1, inputs, [blocks], device="cpu")
-        out = np.zeros((nodes, nodes, 3, 3))
-        corners = m.order[m.corners]
-        rows, columns = np.repeat(corners, 4, axis=1).ravel(), np.tile(corners, (1, 4)).ravel()
-        np.add.at(out, (rows, columns), blocks.numpy()[0])
-        return out.transpose(0, 2, 1, 3).reshape(3 * nodes, 3 * nodes)
+        out = np.zeros((3 * nodes, 3 * nodes))
+        numbers = (3 * m.order[m.corners][..., None] + np.arange(3)).reshape(tets, 12)
+        np.add.at(out, (numbers[:, :, None], numbers[:, None, :]), element_matrices(blocks.numpy()))
+        return out
 
 
 def differences(gradient: Callable[[np.ndarray], np.ndarray], at: np.ndarray, step: float = 1e-5) -> np.ndarray:

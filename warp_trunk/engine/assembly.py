@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 import warp as wp
@@ -13,9 +13,10 @@ from warp_trunk.kernels.assembly import (
     NUMBERS,
     PAIRS,
     PLACES,
+    block_completer,
     gather_kernels,
     threads_over,
-    vec16i,
+    vec10i,
 )
 from warp_trunk.kernels.vectors import slab_kernels
 
@@ -27,20 +28,7 @@ BLOCK = 64
 """Threads of a CUDA block of a Hessian; of larger ones, which need many registers, fewer run at once."""
 
 
-class Assembly(Protocol):
-    """Where the Hessian of each tetrahedron is added; made once for a pattern of blocks."""
-
-    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
-        """Records, for a kernel of `TetEnergy.kernels` by its name, that blocks become the sums of its Hessians.
-
-        Args:
-            blocks: in the first slab, shape (ranges, blocks), mat33; the others are what threads add into.
-            displacement: where the Hessian is taken, shape (nodes,), vec3.
-        """
-        ...
-
-
-def assembly_of_blocks(model: Model, block_of: np.ndarray, size: int) -> Assembly:
+def assembly_of_blocks(model: Model, block_of: np.ndarray, size: int) -> AddedBlocks | GatheredBlocks:
     """The assembly of blocks of which none is the mirror image of another.
 
     Args:
@@ -49,48 +37,97 @@ def assembly_of_blocks(model: Model, block_of: np.ndarray, size: int) -> Assembl
             of a pair and the pair turned round one at most.
         size: number of blocks, all of them in `block_of`.
     """
-    if not model.parallel.is_cuda:
-        return _Added(model, model.array(block_of, vec16i))
-    return _Gathered(model, block_of, np.arange(size, dtype=np.int32))
+    if model.parallel.is_cuda:
+        return GatheredBlocks(model, block_of, np.arange(size, dtype=np.int32))
+    return AddedBlocks(model, block_of, np.full(size, -1))
 
 
-def assembly_of_rows(model: Model, pattern: Pattern) -> Assembly:
-    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up.
+def assembly_of_rows(model: Model, pattern: Pattern, image: np.ndarray) -> AddedBlocks | GatheredBlocks:
+    """The assembly of a symmetric matrix: blocks on and above its diagonal are added up, the others are images.
 
-    Those below are their images on CUDA; on the CPU, whose product does not read them, they stay zero.
+    `image` is the image of each block that the pattern has, -1 for none; CUDA reads the pattern of all blocks.
     """
+    if not model.parallel.is_cuda:
+        return AddedBlocks(model, pattern.block_of, image)
     rows, columns = pattern.rows, pattern.columns
     size, upper = len(pattern.row_start) - 1, np.flatnonzero(columns > rows)
-    if model.parallel.is_cuda:
-        number = np.full(len(columns), -1, dtype=np.int32)
-        number[columns == rows] = np.arange(size)  # with most parts, and so first
-        number[upper] = np.arange(len(upper)) + size
-        return _Gathered(model, pattern.block_of, number, symmetric=size)
-    below = (columns < rows)[pattern.block_of]
-    return _Added(model, model.array(np.where(below, np.int32(-1), pattern.block_of), vec16i))
+    number = np.full(len(columns), -1, dtype=np.int32)
+    number[columns == rows] = np.arange(size)  # with most parts, and so first
+    number[upper] = np.arange(len(upper)) + size
+    return GatheredBlocks(model, pattern.block_of, number, symmetric=size)
 
 
-class _Added:
-    """On the CPU: every range of tetrahedra adds to blocks of its own."""
+class AddedBlocks:
+    """The assembly on the CPU: ranges add to the same blocks, and to blocks of their own where they meet."""
 
-    def __init__(self, model: Model, block_of: wp.array) -> None:
-        self._model, self._block_of = model, block_of
+    blocks: wp.array
+    """The sums, then room for what ranges add at places of their own, shape (at least blocks + 1,), mat33."""
 
-    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
-        model = self._model
-        ranges, size = blocks.shape
-        record, slabs = model.parallel.record, slab_kernels(blocks.dtype)
-        before = [record(slabs.clear, size, [ranges], [blocks])]
-        after = [record(slabs.gather, size, [ranges], [blocks])] if ranges > 1 else []
+    def __init__(self, model: Model, block_of: np.ndarray, image: np.ndarray) -> None:
+        """`image` is the place where the transposed block is copied to, -1 for none, shape (blocks,)."""
+        self._model, size = model, len(image)
+        tets, split = len(model.corners), model.parallel.split
+        parts = pairwise(split(tets)), pairwise(tets + split(len(block_of) - tets))  # of tetrahedra and of hinges
+        ranges = [np.r_[slice(*tet), slice(*hinge)] for tet, hinge in zip(*parts, strict=True)]
+        a, b = np.array(PAIRS).T
+        own, turned = block_of[:, 4 * a + b], block_of[:, 4 * b + a]
+        place_of, others = separate_ranges(np.maximum(own, turned), ranges, size)
+        self._place_of = model.array(2 * place_of + (own < turned), vec10i)
+        self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), size + 1 + len(others))
+        order = np.argsort(others, kind="stable")
+        completed = np.union1d(others, np.flatnonzero(image >= 0))
+        completed = completed[completed < size]
+        start = np.searchsorted(others[order], np.append(completed, size))
+        lists = (completed, start, order + size + 1, image[completed])
+        lists = [model.array(values, wp.int32) for values in lists]
+        self._complete = model.parallel.record(block_completer(model.scalar), len(completed), lists, [self.blocks])
+        clear, whole = slab_kernels(self.blocks.dtype).clear, self.blocks.reshape((1, -1))
+        self._clear = model.parallel.record(clear, len(self.blocks), [1], [whole])
+
+    def at(self, displacement: wp.array) -> Callable[[str], Launch]:
+        """Records, for a kernel of `TetEnergy.kernels` by its name, that blocks become the sums of its Hessians.
+
+        `displacement` is where the Hessian is taken, shape (nodes,), vec3.
+        """
 
         def recorded(name: str) -> Launch:
-            return in_sequence(*before, *_over_all(model, name, self._block_of, displacement, blocks), *after)
+            added = _over_all(self._model, name, self._place_of, displacement, self.blocks)
+            return in_sequence(self._clear, *added, self._complete)
 
         return recorded
 
 
-class _Gathered:
-    """On CUDA: every block gathers what the tetrahedra keep for it."""
+def separate_ranges(
+    block_of: np.ndarray, ranges: Sequence[np.ndarray], size: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places where ranges of stencils add at the same time, none of them to that of another.
+
+    Args:
+        block_of: the block of each part of a stencil, below 0 for none, shape (stencils, parts).
+        ranges: the stencils of each range.
+        size: number of blocks; the place after them takes what has none.
+
+    Returns:
+        The place of each part, of the shape of `block_of`, and the block of each place after `size`.
+    """
+    place_of, others = np.empty_like(block_of), [np.zeros(0, dtype=np.int64)]
+    taken, places = np.zeros(size + 1, dtype=bool), size + 1
+    for stencils in ranges:
+        used = np.zeros(size + 1, dtype=bool)
+        used[block_of[stencils]] = True  # those without a block: the last
+        again, place = np.flatnonzero(used & taken), np.arange(size + 1)
+        place[again] = places + np.arange(len(again))
+        place_of[stencils] = place[block_of[stencils]]
+        others.append(again)
+        taken, places = taken | used, places + len(again)
+    return place_of, np.concatenate(others)
+
+
+class GatheredBlocks:
+    """The assembly on CUDA: every block gathers what the tetrahedra keep for it."""
+
+    blocks: wp.array
+    """The sums, shape (at least blocks + 1,), mat33."""
 
     def __init__(self, model: Model, block_of: np.ndarray, number: np.ndarray, symmetric: int = 0) -> None:
         """`number` is the place of each block in the order of gathering, -1 for those that are images.
@@ -99,19 +136,21 @@ class _Gathered:
         """
         self._model, self._symmetric = model, symmetric
         self._stencils = len(block_of)
+        self.blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), len(number) + 1)
         lists = list_parts(block_of, number)
-        self._blocks, self._lists = len(lists[2]), [model.array(values, wp.int32) for values in lists]
+        self._gathered, self._lists = len(lists[2]), [model.array(values, wp.int32) for values in lists]
 
-    def into(self, blocks: wp.array, displacement: wp.array) -> Callable[[str], Launch]:
+    def at(self, displacement: wp.array) -> Callable[[str], Launch]:
+        """See `AddedBlocks`."""
         model = self._model
         parts = model.zeros(model.scalar, KEPT * (self._stencils + BLOCK))  # the last block of threads is whole
         gather = model.parallel.record(
             gather_kernels(model.scalar).gather,
-            threads_over(self._blocks),
-            [self._blocks, self._symmetric, *self._lists, parts],
-            [view(blocks, model.scalar, NUMBERS * blocks.shape[1])],
+            threads_over(self._gathered),
+            [self._gathered, self._symmetric, *self._lists, parts],
+            [view(self.blocks, model.scalar, NUMBERS * len(self.blocks))],
         )
-        unused = model.zeros(vec16i, 0)
+        unused = model.zeros(vec10i, 0)
 
         def recorded(name: str) -> Launch:
             return in_sequence(*_over_all(model, name, unused, displacement, parts), gather)
@@ -147,10 +186,10 @@ def list_parts(block_of: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np
     return start, place[gathered][order], block, mirrored
 
 
-def _over_all(model: Model, name: str, block_of: wp.array, displacement: wp.array, to: wp.array) -> list[Launch]:
-    """Launches of the kernels of a name over tetrahedra and hinges, which come after them in `block_of`.
+def _over_all(model: Model, name: str, place_of: wp.array, displacement: wp.array, to: wp.array) -> list[Launch]:
+    """Launches of the kernels of a name over tetrahedra and hinges, which come after them in `place_of`.
 
     In this order: what threads past the last tetrahedron keep stands where the first hinges keep theirs.
     """
-    tets = model.over_tets(getattr(model.elements.kernels, name), [block_of, displacement], [to], BLOCK)
-    return [tets, *model.over_hinges(name, [len(model.corners), block_of, displacement], [to], BLOCK)]
+    tets = model.over_tets(getattr(model.elements.kernels, name), [place_of, displacement], [to], BLOCK)
+    return [tets, *model.over_hinges(name, [len(model.corners), place_of, displacement], [to], BLOCK)]

@@ -10,7 +10,7 @@ import numpy as np
 from .checks import check_arguments, check_mesh, check_tissues
 from .energies.by_name import ENERGIES, EnergyName, WeightsName
 from .model import Model
-from .ordering import order_nodes, order_tets, places
+from .ordering import order_corners, order_nodes, order_tets, places
 from .parallel import Parallel
 from .rest_mesh import PRECISIONS, RestMesh
 from .skin import make_skin
@@ -91,4 +91,4 @@ def _in_order(
     corners = places(order)[trunk.tets]
     tets = order_tets(corners)
     label = trunk.tissue[tets] if trunk.tissue is not None and len(tissues) > 1 else None
-    return RestMesh(trunk.nodes[order], corners[tets], tissues, label, scalar, parallel)
+    return RestMesh(trunk.nodes[order], order_corners(corners[tets]), tissues, label, scalar, parallel)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 
 from .assembly import assembly_of_blocks
 from .state import State
@@ -19,12 +18,10 @@ class Coupling:
         self._free, self._prescribed = model.free_nodes, model.nodes - model.free_nodes
         pattern = coupling_pattern(model.stencils, model.free_nodes)
         self._row, self._column = pattern.rows, pattern.columns
-        size = len(self._row)
-        blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), model.parallel.ranges, max(size, 1))
-        if size:
-            record = assembly_of_blocks(model, pattern.block_of, size).into(blocks, state.displacement)
-            record("hessian")()
-        self._blocks = blocks.numpy()[0, :size].astype(np.float64)
+        assembly = assembly_of_blocks(model, pattern.block_of, len(self._row))
+        if len(self._row):
+            assembly.at(state.displacement)("hessian")()
+        self._blocks = assembly.blocks.numpy()[: len(self._row)].astype(np.float64)
 
     def times(self, moved: np.ndarray) -> np.ndarray:
         """Change of gradients (fields, free, 3) by moving prescribed nodes (fields, prescribed, 3)."""

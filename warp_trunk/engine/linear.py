@@ -19,9 +19,9 @@ from warp_trunk.kernels.conjugate_gradient import (
     SOLUTION_LENGTH,
     conjugate_gradient_kernels,
 )
-from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, sparse_kernels
+from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, diagonal_inverter
 
-from .assembly import Assembly, assembly_of_rows
+from .assembly import assembly_of_rows
 from .model import Model
 from .parallel import Launch, Readback, in_sequence, view
 from .state import State
@@ -85,30 +85,43 @@ class Preconditioner(Protocol):
 
 
 class BlockMatrix:
-    """The Hessian over the free nodes at a state: zero when made, the state's after each `assemble`."""
+    """The Hessian over the free nodes at a state: zero when made, the state's after each `assemble`.
 
+    On the CPU, where the product is limited by the reading of the matrix, it has the blocks on and above the
+    diagonal; one whose row and column belong to different threads is there twice, so that no thread writes to a
+    row of another."""
+
+    row_start: wp.array
+    """First block of each row and the end of the last, shape (free nodes + 1,), int32."""
+    columns: wp.array
+    """Column of each block, shape (blocks,), int32."""
     blocks: wp.array
-    """The blocks in the first slab, shape (ranges, blocks), mat33; the others are what the threads add into. Those
-    below the diagonal are zero on the CPU."""
+    """The blocks, and others behind them, shape (more than blocks,), mat33."""
     inverse_diagonal: wp.array
     """The inverse of each row's diagonal block, made positive, shape (free nodes,), mat33."""
 
     def __init__(self, state: State) -> None:
         """Records the launches for a state, which may change between two assemblies."""
         self.model = model = state.model
-        pattern, mat33 = model.pattern, wp.types.matrix((3, 3), model.scalar)
-        rows = pattern.rows
+        pattern, image, parallel = model.pattern, np.zeros(0), model.parallel
+        if not parallel.is_cuda:
+            one = model.free_nodes < parallel.least_split
+            self._bounds = pattern.row_bounds(1 if one else parallel.ranges)
+            pattern, image = pattern.upper_half(self._bounds)
         self.row_start = model.array(pattern.row_start, wp.int32)
         self.columns = model.array(pattern.columns, wp.int32)
-        diagonal = model.array(np.flatnonzero(pattern.columns == rows), wp.int32)
-        assembly: Assembly = assembly_of_rows(model, pattern)
-        self.blocks = model.zeros(mat33, model.parallel.ranges, len(pattern.columns))
-        self.inverse_diagonal = model.zeros(mat33, model.free_nodes)
-        add = assembly.into(self.blocks, state.displacement)
+        diagonal = model.array(np.flatnonzero(pattern.columns == pattern.rows), wp.int32)
+        assembly = assembly_of_rows(model, pattern, image)
+        self.blocks, add = assembly.blocks, assembly.at(state.displacement)
         self._add_projected, self._add_true = add("projected_hessian"), add("hessian")
-        self._copy_blocks = self._copy_planes() if model.parallel.is_cuda else self._copy_half(rows)
+        self._split_planes = in_sequence()
+        if parallel.is_cuda:  # its product reads each of the nine numbers of the blocks in a plane of its own
+            split, size = cuda_product_kernels(model.scalar).split_planes, len(pattern.columns)
+            self._planes = model.zeros(model.scalar, PLANES, size)
+            self._split_planes = parallel.record(split, size, [self.blocks], [self._planes])
+        self.inverse_diagonal = model.zeros(self.blocks.dtype, model.free_nodes)
         self._invert_diagonal = model.over_free(
-            sparse_kernels(model.scalar).invert_diagonal,
+            diagonal_inverter(model.scalar),
             [diagonal, self.blocks, model.scalar(1.0)],
             [self.inverse_diagonal],
         )
@@ -116,43 +129,13 @@ class BlockMatrix:
     def assemble_projected(self) -> None:
         """Sets the matrix to the Hessian at the state as it is now, projected to a positive semidefinite one."""
         self._add_projected()
-        self._copy_blocks()
+        self._split_planes()
         self._invert_diagonal()
 
     def assemble_true(self) -> None:
         """Sets the matrix to the true Hessian, which may be indefinite; `inverse_diagonal` stays positive."""
         self._add_true()
-        self._copy_blocks()
-
-    def _copy_half(self, rows: np.ndarray) -> Launch:
-        """Records the copy of the blocks that a product on the CPU reads: those on and right of the diagonal.
-
-        The product is limited by the reading of the matrix. A block whose row and column belong to different
-        threads is there twice, so that no thread writes to a row of another."""
-        model, pattern = self.model, self.model.pattern
-        self._bounds = pattern.row_bounds(model.parallel.ranges)
-        if model.free_nodes < model.parallel.least_split:
-            self._bounds = self._bounds[[0, -1]]
-        owner = np.repeat(np.arange(len(self._bounds) - 1), np.diff(self._bounds))
-        source = np.arange(len(rows))
-        upper = np.flatnonzero(pattern.columns > rows)
-        by_column = upper[np.argsort(pattern.columns[upper], kind="stable")]  # in the order of the lower ones
-        source[pattern.columns < rows] = ~by_column
-        kept = np.flatnonzero((pattern.columns >= rows) | (owner[pattern.columns] != owner[rows]))
-        row_start = np.concatenate([[0], np.cumsum(np.bincount(rows[kept], minlength=model.free_nodes))])
-        self._half = model.zeros(wp.types.matrix((3, 3), model.scalar), len(kept) + 1)
-        self._half_pattern = model.array(row_start, wp.int32), model.array(pattern.columns[kept], wp.int32)
-        copy = sparse_kernels(model.scalar).copy_blocks
-        return model.parallel.record(
-            copy, len(kept), [model.array(source[kept], wp.int32), self.blocks], [self._half]
-        )
-
-    def _copy_planes(self) -> Launch:
-        """Records the copy of the blocks that a product on CUDA reads: each of their nine numbers in its plane."""
-        model = self.model
-        self._planes = model.zeros(model.scalar, PLANES, len(self.columns))
-        split = cuda_product_kernels(model.scalar).split_planes
-        return model.parallel.record(split, len(self.columns), [self.blocks], [self._planes])
+        self._split_planes()
 
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""
@@ -166,7 +149,7 @@ class BlockMatrix:
         return model.parallel.record(
             cpu_product_kernel(model.scalar),
             self._bounds,
-            [*self._half_pattern, self._half, p_dot_q.iteration, p],
+            [self.row_start, self.columns, self.blocks, p_dot_q.iteration, p],
             [q, p_dot_q.products, carried],
             least=0,  # the bounds are those that the blocks were copied for
             loops=True,

@@ -34,7 +34,7 @@ from warp_trunk.kernels.multigrid import (
     grid_matrix_kernels,
     vec8i,
 )
-from warp_trunk.kernels.sparse import sparse_kernels
+from warp_trunk.kernels.sparse import diagonal_inverter
 from warp_trunk.kernels.vectors import slab_kernels
 
 from .grids import CoarseGrid, Interpolation, find_spacings
@@ -301,8 +301,8 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, size: int, weight:
     model.parallel.record(slab_kernels(mat33).gather, size, [model.parallel.ranges], [diagonal])()
     inverse = model.zeros(mat33, size)
     own = model.array(np.arange(size, dtype=np.int32), wp.int32)
-    invert_diagonal = sparse_kernels(model.scalar).invert_diagonal
-    model.parallel.record(invert_diagonal, size, [own, diagonal, model.scalar(weight)], [inverse])()
+    given = [own, diagonal[0], model.scalar(weight)]
+    model.parallel.record(diagonal_inverter(model.scalar), size, given, [inverse])()
     return inverse
 
 

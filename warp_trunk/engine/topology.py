@@ -28,6 +28,23 @@ class Pattern:
         """Row of each block, shape (blocks,), int32."""
         return np.repeat(np.arange(len(self.row_start) - 1, dtype=np.int32), np.diff(self.row_start))
 
+    def upper_half(self, bounds: np.ndarray) -> tuple[Pattern, np.ndarray]:
+        """The blocks of a square pattern on and above the diagonal, and those below it between two ranges of rows.
+
+        Of the former it has, in `block_of`; and which of the latter is the image of each, -1 for none.
+        """
+        rows, columns = self.rows, self.columns
+        owner = np.repeat(np.arange(len(bounds) - 1), np.diff(bounds))
+        kept = np.flatnonzero((columns >= rows) | (owner[columns] != owner[rows]))
+        number = np.full(len(columns) + 1, -1, dtype=np.int32)  # the last: of what is no block
+        number[kept] = np.arange(len(kept))
+        above, below = np.flatnonzero(columns > rows), np.flatnonzero(columns < rows)
+        image = np.full(len(columns), -1)
+        image[above[np.argsort(columns[above], kind="stable")]] = number[below]  # in the order of those below
+        number[below] = -1
+        row_start = np.searchsorted(rows[kept], np.arange(len(self.row_start)))
+        return Pattern(row_start.astype(np.int32), columns[kept], number[self.block_of]), image[kept]
+
     def row_bounds(self, ranges: int) -> np.ndarray:
         """Ranges of rows with equally many blocks, for the threads, shape (ranges + 1,)."""
         size = len(self.row_start) - 1
