@@ -80,10 +80,7 @@ def _section(case: Case) -> Figure:
 def _draw_hump(axes: Axes, tangent: DualTangent) -> None:
     top = hump_top(tangent)
     assert top is not None
-    sides = {}
-    for name, place in (("right", top.right), ("left", top.left)):
-        first, last = tangent.outline[list(place.points)]
-        sides[name] = _in_pelvis(tangent, ((1.0 - place.share) * first + place.share * last)[None])[0]
+    sides = dict(zip(("right", "left"), _in_pelvis(tangent, top.points), strict=True))
     level = max(sides["right"][1], sides["left"][1])
     for x, y in sides.values():
         axes.plot([x, x], [0.0, y], ":", color="black")

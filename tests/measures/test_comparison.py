@@ -26,16 +26,6 @@ def test_error_of_a_twist_is_that_of_its_angles():
     assert judged == {"T4-T12": False, "T3-L5": False, "T3-T12": False, "L1-L5": True}
 
 
-def test_a_skin_against_itself_has_no_error():
-    skin = twisted(9.0)
-    comparison = compare_skins(skin, skin, spine(LEVELS, (0.0, 0.0)))
-    assert set(comparison.bsr_difference.values()) == {0.0}
-    back = comparison.distance["back"]
-    assert back is not None
-    assert back.symmetric_maximum < 1e-3
-    assert comparison.signed_distance.shape == comparison.counted.shape == (len(skin.vertices),)
-
-
 def test_actual_skin_with_arms_and_other_triangles():
     turn = rotation(-5.0)
     actual = joined(
@@ -70,9 +60,3 @@ def test_largest_rotations_are_compared_by_their_size():
     assert alone is not None
     assert (alone.mean, alone.sd) == (1.0, None)
     assert bsr_error(angles, ("L1",)) is None
-
-
-def test_ranges_are_those_of_the_papers():
-    assert {name: len(levels) for name, levels in RANGES.items()} == {
-        "T4-T12": 9, "T3-L5": 15, "T3-T12": 10, "L1-L5": 5,
-    }  # fmt: skip

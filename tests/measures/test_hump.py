@@ -62,12 +62,6 @@ def test_turned_ellipse_by_its_equation(degrees):
     assert abs(expected) > 7.0
 
 
-def test_turning_the_whole_patient_changes_nothing():
-    turn = rotation(33.0)
-    peak = flat_back(-70.0, 18.0)
-    assert height_of(peak @ turn.T, across=turn @ LEFT) == pytest.approx(height_of(peak), abs=1e-9)
-
-
 def test_peak_further_out_than_the_other_side_reaches_does_not_count():
     """The spine is 60 mm to the right, so the right side ends 90 mm from it; the peak is 190 mm to the left."""
     assert height_of(flat_back(130.0, 18.0), (-60.0, 0.0)) == pytest.approx(0.0, abs=1e-12)

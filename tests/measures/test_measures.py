@@ -1,14 +1,19 @@
 """Measures of a trunk that is turned by known angles."""
 
+import re
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from support.phantoms import whole_phantom
 from support.small_trunk import SIZE, small_case, turned
 from support.there import there
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
+from warp_trunk.measures.record import measures_record, rows
 
 
 @pytest.fixture(scope="module")
@@ -46,25 +51,24 @@ def test_change_of_the_skin_is_that_of_its_vertices(measured):
     assert measures.skin_change_mean == pytest.approx(lengths.mean())
 
 
-def test_without_a_skin_before_there_is_no_change():
-    case, _ = small_case()
-    measures = measure(case.skin, case.landmarks_before)
-    assert measures.skin_change_max is None
-    assert measures.cobb == ()
-
-
-def test_region_of_which_all_levels_are_missing_has_no_maximum():
-    case, _ = small_case()
-    names = case.landmarks_before.names
-    above = case.landmarks_before.points + [[0.0, 0.0, 600.0 * name.startswith("L")] for name in names]
-    measures = measure(case.skin, Landmarks(names, above))
-    assert measures.bsr["L3"] is None
-    assert measures.max_lumbar_bsr is None
-    assert measures.max_thoracic_bsr is not None
-
-
 def test_skins_with_different_vertices_are_refused():
     case, _ = small_case()
     fewer = Surface(case.skin.vertices[:-1], case.skin.faces[:10])
     with pytest.raises(InputError, match="same vertices"):
         measure(case.skin, case.landmarks_before, fewer)
+
+
+def test_turning_the_whole_patient_about_the_vertical_changes_no_measure_of_the_back():
+    case = whole_phantom()
+    turn = Rotation.from_euler("z", 33.0, degrees=True)
+    turned = Landmarks(case.landmarks_before.names, turn.apply(case.landmarks_before.points))
+    skins = case.skin, Surface(turn.apply(case.skin.vertices), case.skin.faces)
+    before, after = (
+        {row[:2]: row[2] for row in rows(measures_record(measure(skin, marks)))}
+        for skin, marks in zip(skins, (case.landmarks_before, turned), strict=True)
+    )
+    of_back = [name for name in before if re.search("levels|bsr|hump|shift|shoulder", " ".join(name))]
+    assert len(of_back) > 100
+    for name in of_back:
+        value = before[name]
+        assert after[name] == (pytest.approx(value, abs=1e-6) if isinstance(value, float) else value)

@@ -30,7 +30,3 @@ def test_the_line_leans_with_the_chin_and_sides_do_not_count():
         assert profile(leaning)[f"{lip} in front of the E-line [mm]"] == pytest.approx(
             towards_front / np.sqrt(2.0)
         )
-
-
-def test_only_what_has_its_points_is_measured():
-    assert profile({name: FACE[name] for name in ("nose_tip", "upper_lip", "subnasale")}) == {}

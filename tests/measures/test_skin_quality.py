@@ -39,7 +39,6 @@ def test_a_skin_moved_as_a_whole_is_as_good_as_before():
     predicted = Surface(before.vertices @ turn.T + 7.0, before.faces)
     change, found = skin_change(before, predicted), skin_quality(before, predicted, MARKS)
     assert change.stretch == pytest.approx(1.0, abs=1e-7)
-    assert change.fold == pytest.approx(0.0, abs=1e-9)
     assert found == SkinQuality(0.0, 0.0, "", 0.0, "")
     assert found.faults == ()
 
@@ -49,7 +48,6 @@ def test_a_single_fold_is_measured_and_not_warned_of(degrees):
     """Ten edges of 10 mm, of each a third of two triangles of 50 mm2."""
     before, after = sheet(), folded(sheet(), degrees)
     found = skin_quality(before, after, MARKS)
-    assert skin_change(before, after).fold.max() == pytest.approx(degrees, abs=1e-9)
     assert found.folded_area == pytest.approx(10 * 100.0 / 3.0 / 100.0 if degrees > 20.0 else 0.0)
     assert found.folded_at.startswith("near T5, on the back" if degrees > 20.0 else "")
     assert found.stretched_area == 0.0
@@ -82,12 +80,6 @@ def test_stretch_is_that_of_the_sheet_in_any_direction(factor, stretched, shown)
     assert skin_change(before, predicted).stretch == pytest.approx(factor, rel=1e-7)
     assert (found.stretched_area, found.shown_area) == pytest.approx((stretched, shown))
     assert len(found.faults) == (stretched > 50.0)
-
-
-def test_places_far_from_the_spine_are_not_near_it():
-    before = Surface(sheet().vertices - [0.0, 0.0, 200.0], sheet().faces)
-    found = skin_quality(before, Surface(before.vertices * 1.5, before.faces), MARKS)
-    assert found.stretched_at.startswith("below T6")
 
 
 def test_skins_that_do_not_belong_together_are_refused():

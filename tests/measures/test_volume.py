@@ -12,9 +12,3 @@ def test_stretch_grows_the_volume_by_its_product():
     stretch = np.array([1.02, 0.97, 1.05])
     grown = tissue_volume_change(trunk, trunk.nodes * (stretch - 1.0) + [3.0, -4.0, 5.0])
     assert grown == pytest.approx(100.0 * (1.02 * 0.97 * 1.05 - 1.0), rel=1e-9)
-
-
-def test_shear_keeps_the_volume():
-    trunk = block()
-    sheared = np.column_stack([0.4 * trunk.nodes[:, 2], np.zeros((len(trunk.nodes), 2))])
-    assert tissue_volume_change(trunk, sheared) == pytest.approx(0.0, abs=1e-9)

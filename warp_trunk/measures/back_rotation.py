@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,23 +20,15 @@ SPAN = 40.0
 """Least distance between the points where the dual tangent touches the back [mm]."""
 STEEPEST = math.radians(60.0)
 """A tangent turned further than this against the pelvis is not one of the back."""
-_PASSES, _CLEAR = 6, 1e-9
-"""So often points clearly below the line between their neighbours are left out, all at once, before a hull is
-sought point by point; twice the area of such a triangle is greater than this [mm^2]."""
 
 
-@dataclass(frozen=True)
-class Contacts:
+class Contacts(NamedTuple):
     """Where a line touches the back: each point lies on an edge of the section's convex hull, or at its end."""
 
     points: np.ndarray
     """Left and right point from the spine [mm], shape (2, 2)."""
     edges: np.ndarray
     """The ends, left and right, of the edge that each lies on, from the spine [mm], shape (2, 2, 2)."""
-    shares: np.ndarray
-    """Part of the way along its edge at which each lies, in [0, 1], shape (2,)."""
-    bridge: bool
-    """Whether the two points are the ends of one edge, over a groove; else they lie as far to either side."""
 
 
 @dataclass(frozen=True)
@@ -153,59 +145,36 @@ def turn(a: np.ndarray, b: np.ndarray) -> float:
 
 def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:
     """Corners of the convex hull of points (n, 2) where it faces the back within `STEEPEST`, left to right."""
-    aside, back = points @ across, points @ np.array([-across[1], across[0]])
+    from scipy.spatial import ConvexHull  # heavy
+
+    hull = points[ConvexHull(points).vertices]  # counterclockwise, and so from left to right along the back
+    aside, back = hull @ across, hull @ np.array([-across[1], across[0]])
     sideways, backward = math.sin(STEEPEST) * aside, math.cos(STEEPEST) * back
     first, last = int(np.argmax(backward + sideways)), int(np.argmax(backward - sideways))
     if aside[first] <= aside[last]:
         return None
-    slope = (back[first] - back[last]) / (aside[first] - aside[last])
-    above = back - slope * aside >= back[last] - slope * aside[last]
-    above[first] = True  # though rounding puts it below its own line
-    behind = np.flatnonzero(above & (aside <= aside[first]) & (aside >= aside[last]))
-    behind = behind[np.lexsort((back[behind], -aside[behind]))]
-    return points[behind[_upper_chain(-aside[behind], back[behind])]]
-
-
-def _upper_chain(x: np.ndarray, y: np.ndarray) -> list[int]:
-    """Which points, sorted by x and then y, are corners of the upper convex hull (Andrew 1979)."""
-    kept = np.arange(len(x))
-    for _ in range(_PASSES):
-        ax, ay, bx, by, cx, cy = x[kept[:-2]], y[kept[:-2]], x[kept[1:-1]], y[kept[1:-1]], x[kept[2:]], y[kept[2:]]
-        below = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) > _CLEAR
-        kept = kept[np.concatenate([[True], ~below, [True]])] if len(kept) > 2 else kept
-    chain: list[int] = []
-    xs, ys = x.tolist(), y.tolist()
-    for i in kept.tolist():
-        px, py = xs[i], ys[i]
-        while len(chain) > 1:
-            a, b = chain[-2], chain[-1]
-            if (xs[b] - xs[a]) * (py - ys[a]) < (ys[b] - ys[a]) * (px - xs[a]):
-                break
-            chain.pop()
-        chain.append(i)
-    return chain
+    return hull[np.arange(first, last + 1 if last > first else last + 1 + len(hull)) % len(hull)]
 
 
 def _touching(hull: np.ndarray, across: np.ndarray) -> Contacts | None:
     """Where a line touches, the spine being the origin and the back perpendicular to `across`."""
     aside = hull @ across  # positive to the left; along the back the hull runs from left to right
-    edge = _crossed(hull, aside, 0.0)
+    edge = _crossed(aside, 0.0)
     if edge is not None and math.dist(*hull[edge : edge + 2]) >= SPAN:
         ends = hull[edge : edge + 2]
-        return Contacts(ends, np.stack([ends, ends]), np.array([0.0, 1.0]), bridge=True)
-    edges, shares = [], []
+        return Contacts(ends, np.stack([ends, ends]))
+    edges, points = [], []
     for x in (SPAN / 2.0, -SPAN / 2.0):
-        edge = _crossed(hull, aside, x)
+        edge = _crossed(aside, x)
         if edge is None:
             return None
-        edges.append(hull[edge : edge + 2])
-        shares.append((aside[edge] - x) / (aside[edge] - aside[edge + 1]))
-    points = np.array([ends[0] + share * (ends[1] - ends[0]) for ends, share in zip(edges, shares, strict=True)])
-    return Contacts(points, np.array(edges), np.array(shares), bridge=False)
+        start, end = hull[edge : edge + 2]
+        edges.append((start, end))
+        points.append(start + (aside[edge] - x) / (aside[edge] - aside[edge + 1]) * (end - start))
+    return Contacts(np.array(points), np.array(edges))
 
 
-def _crossed(hull: np.ndarray, aside: np.ndarray, x: float) -> int | None:
+def _crossed(aside: np.ndarray, x: float) -> int | None:
     """The edge of the back's side of the hull that crosses `aside` = x, by its left end; None if none does."""
     left = aside > x
-    edge = int(np.argmax(left[:-1] & ~left[1:]))
-    return edge if left[edge] and not left[edge + 1] else None
+    return next(iter(np.flatnonzero(left[:-1] & ~left[1:]).tolist()), None)

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .back_rotation import DualTangent, find_contacts
-from .hump import hump_top
-from .shoulders import upper_outline
+from warp_trunk.geometry.section import section, trunk_loop
+from warp_trunk.geometry.surface import Surface
+
+from .back_rotation import DualTangent, find_contacts, tangent_of
+from .hump import hump_height, hump_top
+from .shoulders import DEEP, shoulder_heights, upper_outline
 from .spine import asis_axis, spine_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.geometry.surface import Surface
+
+Number = Callable[[Surface, "Landmarks"], float]
+"""A number of a skin with its landmarks."""
+STEP = 1e-5
+"""How far a vertex or landmark is moved [mm]."""
+_MARGIN = 1.0
+"""Triangles this near to a plane [mm] stay those that matter as landmarks move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,71 +48,8 @@ def point_derivative(skin: Surface, landmarks: Landmarks, vertex: int, direction
     return Derivative(float(skin.vertices[vertex] @ direction), vertices, np.zeros_like(landmarks.points))
 
 
-class Level:
-    """The horizontal section of a skin at a vertebra, of which derivatives are collected."""
-
-    def __init__(self, skin: Surface, landmarks: Landmarks, level: str) -> None:
-        self.landmarks = landmarks
-        self.level = level
-        self.by_vertex = np.zeros_like(skin.vertices)
-        self.by_landmark = np.zeros_like(landmarks.points)
-        self._rows = [row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")]
-        height = landmarks.points[self._rows].mean(axis=0)[2]
-        z = skin.vertices[:, 2]
-        above = z[skin.faces] >= height
-        cut = skin.faces[above.any(axis=1) & ~above.all(axis=1)]
-        edges = np.concatenate([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]])
-        self._edges = edges = edges[(z[edges[:, 0]] >= height) != (z[edges[:, 1]] >= height)]
-        start, end = skin.vertices[edges[:, 0]], skin.vertices[edges[:, 1]]
-        self._shares = (height - start[:, 2]) / (end[:, 2] - start[:, 2])
-        self._points = start[:, :2] + self._shares[:, None] * (end[:, :2] - start[:, :2])
-        self._leans = (end[:, :2] - start[:, :2]) / (end[:, 2] - start[:, 2])[:, None]
-
-    def add_point(self, point: np.ndarray, weight: np.ndarray) -> None:
-        """Adds the derivative of weight . (a point of the outline), x and y; it moves on its edge of the skin."""
-        edge = int(np.argmin(((self._points - point) ** 2).sum(axis=1)))
-        share, along_z = self._shares[edge], float(weight @ self._leans[edge])
-        pull = np.array([*weight, -along_z])
-        start, end = self._edges[edge]
-        self.by_vertex[start] += (1.0 - share) * pull
-        self.by_vertex[end] += share * pull
-        self.add_centroid(np.array([0.0, 0.0, along_z]))
-
-    def add_centroid(self, weight: np.ndarray) -> None:
-        """Adds the derivative of weight . (the centroid of the vertebra), (3,)."""
-        add_centroid(self.by_landmark, self._rows, weight)
-
-    def add_turn(self, weight: float) -> None:
-        """Adds the derivative of weight * (the angle of the pelvis' axis, counterclockwise [radians])."""
-        add_turn(self.by_landmark, self.landmarks, weight)
-
-    def derivative(self, value: float) -> Derivative:
-        """The collected derivative of a number."""
-        return Derivative(value, self.by_vertex, self.by_landmark)
-
-
-def add_centroid(by_landmark: np.ndarray, rows: list[int], weight: np.ndarray) -> None:
-    """Adds weight . (the mean of some landmarks), (3,), to a derivative."""
-    by_landmark[rows] += weight / len(rows)
-
-
-def add_turn(by_landmark: np.ndarray, landmarks: Landmarks, weight: float) -> None:
-    """Adds weight * (the angle from the x axis to the axis from right to left iliac spine) to a derivative."""
-    left, right = landmarks.index("asis_left"), landmarks.index("asis_right")
-    x, y = (landmarks.points[left] - landmarks.points[right])[:2]
-    across = weight * np.array([-y, x]) / (x * x + y * y)
-    by_landmark[left, :2] += across
-    by_landmark[right, :2] -= across
-
-
 def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative:
-    """Back surface rotation at a level [degrees], and how it changes.
-
-    A tangent stays on its points of contact as they move by a little: to first order, points beside them do not
-    count. Over a groove those are two corners of the outline. Where the back is convex the points lie on two edges
-    of the hull at +-`SPAN`/2 from the spine along the tangent, and slide on these edges as it turns: with slopes k
-    of the edges against the tangent, whose distance from the spine is d, a turn a of the tangent satisfies
-    (|T| + d (k_l - k_r)) a = (n - k_l t) . dl - (n - k_r t) . dr for motions dl, dr of the points with the edges.
+    """Back surface rotation at a level [degrees], and how it changes with the points that the tangent touches.
 
     Args:
         skin: the surface that was measured [mm].
@@ -109,89 +57,98 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
         level: the vertebra.
         tangent: what was found there (`back_surface_rotation`).
     """
-    found = Level(skin, landmarks, level)
     contacts = find_contacts(tangent.outline - tangent.spine, tangent.across)
     assert contacts is not None  # where there is a tangent there are contacts
-    between = contacts.points[0] - contacts.points[1]
-    span = math.hypot(*between)
-    along = between / span
-    normal = np.array([-along[1], along[0]])
-    distance = contacts.points.mean(axis=0) @ normal
-    ways = contacts.edges[:, 1] - contacts.edges[:, 0]
-    slopes = np.zeros(2) if contacts.bridge else (ways @ normal) / (ways @ along)
-    stretch = span + distance * (slopes[0] - slopes[1])
-    for ends, share, slope, side in zip(contacts.edges, contacts.shares, slopes, (1.0, -1.0), strict=True):
-        weight = -math.degrees(1.0) * side * (normal - slope * along) / stretch
-        for end, part in zip(ends, (1.0 - share, share), strict=True):
-            if part:
-                found.add_point(end + tangent.spine, part * weight)
-        found.add_centroid(-np.array([*weight, 0.0]))
-    found.add_turn(math.degrees(1.0))
-    return found.derivative(tangent.angle)
+    touched = contacts.edges.reshape(-1, 2) + tangent.spine
+    return _of_section(attrgetter("angle"), skin, landmarks, level, touched)
 
 
 def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative | None:
     """Height of the hump at a level [mm], and how it changes; None where there is none (`hump_height`).
 
-    The top stays the same corner of the outline as it moves by a little; the other side is followed where it is as
-    far from the spine. Arguments as for `rotation_derivative`.
+    Arguments as for `rotation_derivative`.
     """
     top = hump_top(tangent)
-    if top is None:
-        return None
-    found = Level(skin, landmarks, level)
-    across = tangent.across
-    backward = np.array([-across[1], across[0]])
-    points = tangent.outline - tangent.spine
-    aside, back = points @ across, points @ backward
-    by_aside, by_back = np.zeros(len(points)), np.zeros(len(points))
-    for place, side in ((top.right, 1.0), (top.left, -1.0)):
-        parts = np.array([1.0 - place.share, place.share])
-        first, second = place.beside
-        way = aside[first] - aside[second]
-        slope = 0.0 if way == 0.0 else (back[place.points[1]] - back[place.points[0]]) / way  # to the right
-        np.add.at(by_back, list(place.points), side * parts)
-        np.add.at(by_aside, [first, second], side * slope * parts)
-        if top.corner is not None:  # both sides are followed at its distance |aside|
-            by_aside[top.corner] += slope * np.sign(aside[top.corner])
-    for point in np.flatnonzero((by_aside != 0.0) | (by_back != 0.0)):
-        weight = by_aside[point] * across + by_back[point] * backward
-        found.add_point(tangent.outline[point], weight)
-        found.add_centroid(-np.array([*weight, 0.0]))
-    found.add_turn(float(by_aside @ back - by_back @ aside))
-    return found.derivative(top.height)
+    return None if top is None else _of_section(hump_height, skin, landmarks, level, top.points)
 
 
 def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | None:
     """How much higher the right shoulder stands [mm], and how that changes; None where it is missing.
 
-    The highest edge of the skin at each place stays the same as it moves by a little; the places move with the
-    edge of the narrower shoulder (`shoulder_heights`).
-
     Args:
         skin: the surface to measure [mm].
         landmarks: those that go with it [mm].
     """
-    across = asis_axis(landmarks)
-    outline = upper_outline(skin, spine_of(landmarks), across)
+    outline = upper_outline(skin, spine_of(landmarks), asis_axis(landmarks))
     if outline is None:
         return None
-    aside, above, shares, ends = outline.aside, outline.above, outline.shares, outline.ends
-    count = outline.places.shape[1]
-    by_aside, by_above = np.zeros(len(aside)), np.zeros(len(aside))
-    slope = (above[ends[..., 1]] - above[ends[..., 0]]) / (aside[ends[..., 1]] - aside[ends[..., 0]])
-    sign = np.array([[-1.0], [1.0]]) / count
-    for end, part in enumerate((1.0 - shares, shares)):
-        np.add.at(by_above, ends[..., end], sign * part)
-        np.add.at(by_aside, ends[..., end], -sign * part * slope)
-    # each place is a fixed part of the distance of the outermost vertex
-    by_aside[outline.edge] += float((sign * slope * outline.places / aside[outline.edge]).sum())
-    vertices = np.column_stack([by_aside * across[0], by_aside * across[1], by_above])
-    by_landmark = np.zeros_like(landmarks.points)
-    rows = [row for row, name in enumerate(landmarks.names) if name.startswith("T1_")]
-    add_centroid(by_landmark, rows, -vertices.sum(axis=0))
-    centre = landmarks.points[rows].mean(axis=0)
-    forward = (skin.vertices[:, :2] - centre[:2]) @ np.array([-across[1], across[0]])
-    add_turn(by_landmark, landmarks, float(by_aside @ forward))
-    left, right = outline.heights.mean(axis=1)
-    return Derivative(float(right - left), vertices, by_landmark)
+
+    def difference(part: Surface, marks: Landmarks) -> float:
+        shoulders = shoulder_heights(part, spine_of(marks), asis_axis(marks))
+        return np.nan if shoulders is None else shoulders.difference
+
+    rows = _rows(landmarks, "T1")
+    low = landmarks.points[rows, 2].mean() - DEEP - _MARGIN
+    kept = (skin.vertices[skin.faces, 2] > low).all(axis=1)
+    return _by_differences(difference, skin, landmarks, kept, [*outline.ends.ravel(), outline.edge], rows)
+
+
+def _of_section(
+    number: Callable[[DualTangent], float | None],
+    skin: Surface,
+    landmarks: Landmarks,
+    level: str,
+    points: np.ndarray,
+) -> Derivative:
+    """The derivative of a number of the section at a level that depends on the outline near some points (n, 2)."""
+    from scipy.spatial import KDTree  # heavy
+
+    rows = _rows(landmarks, level)
+
+    def of(part: Surface, marks: Landmarks) -> float:
+        centroid = marks.points[rows].mean(axis=0)
+        outline = trunk_loop(section(part, float(centroid[2])), centroid[:2])
+        tangent = None if outline is None else tangent_of(outline, centroid, asis_axis(marks))
+        value = None if tangent is None else number(tangent)
+        return np.nan if value is None else value
+
+    height = landmarks.points[rows, 2].mean()
+    corners = skin.vertices[skin.faces]
+    kept = (corners[:, :, 2].min(axis=1) < height + _MARGIN) & (corners[:, :, 2].max(axis=1) > height - _MARGIN)
+    longest = np.linalg.norm(corners[kept] - np.roll(corners[kept], 1, axis=1), axis=2).max()
+    places = np.column_stack([points, np.full(len(points), height)])
+    used = np.unique(skin.faces[kept])
+    near = KDTree(places).query(skin.vertices[used])[0] <= longest
+    return _by_differences(of, skin, landmarks, kept, used[near], rows)
+
+
+def _by_differences(
+    number: Number,
+    skin: Surface,
+    landmarks: Landmarks,
+    kept: np.ndarray,
+    vertices: Sequence[int] | np.ndarray,
+    rows: Sequence[int],
+) -> Derivative:
+    """Differences of a number of some triangles, in some vertices and the iliac spines, and in the landmarks of a
+    vertebra, of which the mean counts."""
+    used, faces = np.unique(skin.faces[kept], return_inverse=True)
+    part = Surface(skin.vertices[used], faces.reshape(-1, 3).astype(np.int32))
+    found = Derivative(number(part, landmarks), np.zeros_like(skin.vertices), np.zeros_like(landmarks.points))
+
+    def slope(rows: Sequence[int], axis: int, points: np.ndarray, by_skin: bool) -> float:
+        moved = points.copy()
+        moved[rows, axis] += STEP
+        there = (Surface(moved, part.faces), landmarks) if by_skin else (part, replace(landmarks, points=moved))
+        return (number(*there) - found.value) / STEP
+
+    for vertex, axis in product(np.unique(vertices).tolist(), range(3)):
+        found.vertices[vertex, axis] = slope([int(np.searchsorted(used, vertex))], axis, part.vertices, True)
+    spines = [landmarks.index(name) for name in ("asis_left", "asis_right")]
+    for together, axis in product([rows, spines[:1], spines[1:]], range(3)):
+        found.landmarks[together, axis] = slope(together, axis, landmarks.points, False) / len(together)
+    return found
+
+
+def _rows(landmarks: Landmarks, level: str) -> list[int]:
+    return [row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")]

@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from .rows import value_at
+
 if TYPE_CHECKING:
-    from .apical import ApicalVertebra
-    from .cobb import CobbAngle
     from .comparison import SkinComparison
     from .measures import TrunkMeasures
     from .skin_distance import DistanceStatistics
@@ -17,28 +17,57 @@ COLUMNS = ("where", "measure", "value")
 """Header of the rows."""
 
 
+_WHOLE = {
+    "max_thoracic_bsr_deg": "max_thoracic_bsr",
+    "max_lumbar_bsr_deg": "max_lumbar_bsr",
+    "max_hump_mm": "max_hump",
+    "max_hump_level": "hump_level",
+    "trunk_shift_mm": "trunk_shift.lateral",
+    "trunk_shift_forward_mm": "trunk_shift.forward",
+    "trunk_shift_of": "trunk_shift.upper",
+    "trunk_shift_over": "sacral_line.landmark",
+    "shoulder_difference_mm": "shoulders.difference",
+    "kyphosis_deg": "kyphosis",
+    "lordosis_deg": "lordosis",
+    "spine_height_mm": "spine_height.height",
+    "spine_height_over": "spine_height.lower",
+    "skin_change_max_mm": "skin_change_max",
+    "skin_change_mean_mm": "skin_change_mean",
+}
+"""Where `value_at` finds each measure."""
+_LEVEL = {
+    "bsr_deg": "bsr.{}",
+    "axial_rotation_deg": "axial_rotation.{}",
+    "hump_mm": "hump_height.{}",
+    "left_flank_mm": "flanks.{}.left",
+    "right_flank_mm": "flanks.{}.right",
+    "flank_asymmetry_percent": "flanks.{}.index",
+}
+
+
 def measures_record(measures: TrunkMeasures) -> dict[str, Any]:
     """Measures of one skin; None is missing, and `missing` says why."""
-    return {
-        "max_thoracic_bsr_deg": measures.max_thoracic_bsr,
-        "max_lumbar_bsr_deg": measures.max_lumbar_bsr,
-        "max_hump_mm": measures.max_hump,
-        "max_hump_level": measures.hump_level,
-        "trunk_shift_mm": None if measures.trunk_shift is None else measures.trunk_shift.lateral,
-        "trunk_shift_forward_mm": None if measures.trunk_shift is None else measures.trunk_shift.forward,
-        "trunk_shift_of": None if measures.trunk_shift is None else measures.trunk_shift.upper,
-        "trunk_shift_over": None if measures.sacral_line is None else measures.sacral_line.landmark,
-        "shoulder_difference_mm": None if measures.shoulders is None else measures.shoulders.difference,
-        "kyphosis_deg": dict(measures.kyphosis),
-        "lordosis_deg": dict(measures.lordosis),
-        "spine_height_mm": None if measures.spine_height is None else measures.spine_height.height,
-        "spine_height_over": None if measures.spine_height is None else measures.spine_height.lower,
-        "skin_change_max_mm": measures.skin_change_max,
-        "skin_change_mean_mm": measures.skin_change_mean,
-        "curves": [_curve(curve, apex) for curve, apex in zip(measures.cobb, measures.apices, strict=True)],
-        "levels": {level: _level(measures, level) for level in measures.tangents},
-        "missing": dict(measures.missing),
-    }  # fmt: skip
+    curves = [
+        {
+            "cobb_deg": curve.angle,
+            "upper": curve.upper,
+            "lower": curve.lower,
+            "apex": curve.apex,
+            "convex": curve.convex,
+            "apical_rotation_deg": apex.rotation,
+            "apical_translation_mm": apex.translation,
+            "apical_translation_from": apex.line,
+            "neutral_above": apex.neutral_above,
+            "neutral_below": apex.neutral_below,
+        }
+        for curve, apex in zip(measures.cobb, measures.apices, strict=True)
+    ]
+    levels = {
+        level: {name: value_at(measures, path.format(level)) for name, path in _LEVEL.items()}
+        for level in measures.tangents
+    }
+    whole = {name: value_at(measures, path) for name, path in _WHOLE.items()}
+    return whole | {"curves": curves, "levels": levels, "missing": dict(measures.missing)}
 
 
 def comparison_record(comparison: SkinComparison) -> dict[str, Any]:
@@ -71,33 +100,6 @@ def rows(record: Mapping[str, Any], where: str = "") -> Iterator[tuple[str, str,
                 yield from rows(entry, f"{where} {name} {number}".strip())
         else:
             yield where, name, " ".join(map(str, value)) if isinstance(value, list) else value
-
-
-def _curve(curve: CobbAngle, apex: ApicalVertebra) -> dict[str, Any]:
-    return {
-        "cobb_deg": curve.angle,
-        "upper": curve.upper,
-        "lower": curve.lower,
-        "apex": curve.apex,
-        "convex": curve.convex,
-        "apical_rotation_deg": apex.rotation,
-        "apical_translation_mm": apex.translation,
-        "apical_translation_from": apex.line,
-        "neutral_above": apex.neutral_above,
-        "neutral_below": apex.neutral_below,
-    }
-
-
-def _level(measures: TrunkMeasures, level: str) -> dict[str, float | None]:
-    flanks = measures.flanks[level]
-    return {
-        "bsr_deg": measures.bsr[level],
-        "axial_rotation_deg": measures.axial_rotation[level],
-        "hump_mm": measures.hump_height[level],
-        "left_flank_mm": None if flanks is None else flanks.left,
-        "right_flank_mm": None if flanks is None else flanks.right,
-        "flank_asymmetry_percent": None if flanks is None else flanks.index,
-    }
 
 
 def _distance(found: DistanceStatistics | None) -> dict[str, float] | None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .comparison import DETECTABLE
-from .followed_curves import FollowedCurve, followed_curves
+from .followed_curves import followed_curves
 
 if TYPE_CHECKING:
     from .measures import TrunkMeasures
@@ -79,6 +78,53 @@ class MeasureRow:
         return cells
 
 
+_BACK = (
+    (
+        "Rotation of the back (BSR), largest from T1 to T12",
+        "°",
+        "max_thoracic_bsr",
+        "rotation of the upper back",
+        "",
+        True,
+    ),
+    (
+        "Rotation of the back (BSR), largest from L1 to L5",
+        "°",
+        "max_lumbar_bsr",
+        "rotation of the lower back",
+        "",
+        True,
+    ),
+    ("Hump, largest", "mm", "max_hump", "hump", "hump", True),
+    ("Higher shoulder, by", "mm", "shoulders.difference", "shoulders", "shoulder difference", True),
+    ("Movement of the skin, largest", "mm", "skin_change_max", "", "", False),
+    ("Movement of the skin, mean", "mm", "skin_change_mean", "", "", False),
+)
+"""Name, unit, where `value_at` finds it, name within a sentence, name of the band, and whether it has a side."""
+_CURVE = (
+    ("Cobb angle {ends}", "°", "angle_after", "Cobb angle {ends}", "cobb_deg {upper}-{lower}", False),
+    ("Rotation of the apical vertebra {apex}", "°", "apex_after.rotation", "rotation of {apex}",
+     "apical_rotation_deg {apex}", True),
+    ("Apical vertebra {apex} beside {line}", "mm", "apex_after.translation", "", "", True),
+)  # fmt: skip
+_SPINE = (
+    (
+        "Top of the spine beside the sacrum",
+        "mm",
+        "trunk_shift.lateral",
+        "balance to the side",
+        "trunk_shift_mm",
+        True,
+    ),
+    ("Top of the spine in front of the sacrum", "mm", "trunk_shift.forward", "", "trunk_shift_forward_mm", False),
+    ("Kyphosis T5 to T12", "°", "kyphosis.T5-T12", "kyphosis", "kyphosis_deg T5-T12", False),
+    ("Kyphosis T1 to T12", "°", "kyphosis.T1-T12", "", "kyphosis_deg T1-T12", False),
+    ("Lordosis L1 to L5", "°", "lordosis.L1-L5", "lordosis", "lordosis_deg L1-L5", False),
+    ("Lordosis L1 to S1", "°", "lordosis.L1-S1", "", "lordosis_deg L1-S1", False),
+    ("Height of the spine", "mm", "spine_height.height", "height of the spine", "spine_height_mm", False),
+)
+
+
 def measure_rows(states: States) -> dict[str, list[MeasureRow]]:
     """Every measure of the whole trunk, by heading; those that no state has are left out.
 
@@ -90,31 +136,7 @@ def measure_rows(states: States) -> dict[str, list[MeasureRow]]:
 
 def skin_rows(states: States) -> list[MeasureRow]:
     """The measures of the skin."""
-    rotation = partial(MeasureRow, unit="°", alike=DETECTABLE, sided=True)
-    length = partial(MeasureRow, unit="mm", alike=LENGTH)
-    rows = [
-        rotation(
-            name="Rotation of the back (BSR), largest from T1 to T12",
-            short="rotation of the upper back",
-            values=_of(states, "max_thoracic_bsr"),
-        ),
-        rotation(
-            name="Rotation of the back (BSR), largest from L1 to L5",
-            short="rotation of the lower back",
-            values=_of(states, "max_lumbar_bsr"),
-        ),
-        length(name="Hump, largest", short="hump", values=_of(states, "max_hump"), sided=True, key="hump"),
-        length(
-            name="Higher shoulder, by",
-            short="shoulders",
-            values=_of(states, "shoulders", "difference"),
-            sided=True,
-            key="shoulder difference",
-        ),
-        length(name="Movement of the skin, largest", values=_of(states, "skin_change_max")),
-        length(name="Movement of the skin, mean", values=_of(states, "skin_change_mean")),
-    ]
-    return _known(rows)
+    return _rows(_BACK, states, DETECTABLE)
 
 
 def spine_rows(states: States) -> dict[str, list[MeasureRow]]:
@@ -124,98 +146,51 @@ def spine_rows(states: States) -> dict[str, list[MeasureRow]]:
         return {}
     groups = {}
     followed = [() if state is None else followed_curves(before, state) for state in states]
-    for place, curve in enumerate(followed[0]):
-        ends = " and ".join(filter(None, (curve.apex_before.neutral_above, curve.apex_before.neutral_below)))
-        heading = f"Curve {curve.ends}, convex to the {curve.before.convex}{', neutral ' * bool(ends)}{ends}"
-        groups[heading] = _known(_curve_rows(curve, [curves[place] if curves else None for curves in followed]))
-    groups["The spine as a whole"] = _known(_whole_spine_rows(states))
+    for place, first in enumerate(followed[0]):
+        curve, apex = first.before, first.apex_before
+        neutral = " and ".join(filter(None, (apex.neutral_above, apex.neutral_below)))
+        heading = f"Curve {first.ends}, convex to the {curve.convex}{', neutral ' * bool(neutral)}{neutral}"
+        words = {**vars(curve), "ends": first.ends, "line": _LINES.get(apex.line, apex.line)}
+        groups[heading] = _rows(_CURVE, [each[place] if each else None for each in followed], SPINE_ANGLE, words)
+    groups["The spine as a whole"] = _rows(_SPINE, states, SPINE_ANGLE)
     return {heading: rows for heading, rows in groups.items() if rows}
 
 
 def level_rows(states: States) -> list[MeasureRow]:
     """The rotation of the back at every vertebra."""
     levels = next((list(state.tangents) for state in states if state is not None), [])
-    bsr = [None if state is None else state.bsr for state in states]
-    row = partial(MeasureRow, unit="°", alike=DETECTABLE, sided=True)
-    return [
-        row(name=level, values=tuple(None if a is None else a.get(level) for a in bsr), key=f"bsr {level}")
-        for level in levels
-    ]
+    table = [(level, "°", f"bsr.{level}", "", f"bsr {level}", True) for level in levels]
+    return _rows(table, states, DETECTABLE, known=False)
 
 
-def _curve_rows(curve: FollowedCurve, states: Sequence[FollowedCurve | None]) -> Iterator[MeasureRow]:
-    apex, line = curve.before.apex, _LINES.get(curve.apex_before.line, curve.apex_before.line)
-    angle = partial(MeasureRow, unit="°", alike=SPINE_ANGLE)
-    yield angle(
-        name=f"Cobb angle {curve.ends}",
-        short=f"Cobb angle {curve.ends}",
-        values=tuple(state and state.angle_after for state in states),
-        key=f"cobb_deg {curve.before.upper}-{curve.before.lower}",
-    )
-    yield angle(
-        name=f"Rotation of the apical vertebra {apex}",
-        short=f"rotation of {apex}",
-        values=tuple(state and state.apex_after.rotation for state in states),
-        sided=True,
-        key=f"apical_rotation_deg {apex}",
-    )
-    yield MeasureRow(
-        name=f"Apical vertebra {apex} beside {line}",
-        unit="mm",
-        values=tuple(state and state.apex_after.translation for state in states),
-        sided=True,
-        alike=LENGTH,
-    )
+def _rows(
+    table: Sequence[tuple[str, str, str, str, str, bool]],
+    states: Sequence[Any],
+    angle: float,
+    words: Mapping[str, Any] | None = None,
+    *,
+    known: bool = True,
+) -> list[MeasureRow]:
+    """The rows of a table, those that no state has left out where only what is known is asked for."""
+    found = []
+    for name, unit, path, short, key, sided in table:
+        name, short, key = (text.format_map(words or {}) for text in (name, short, key))
+        values = tuple(value_at(state, path) for state in states)
+        if not known or any(value is not None for value in values):
+            alike = LENGTH if unit == "mm" else angle
+            found.append(
+                MeasureRow(name=name, unit=unit, values=values, sided=sided, alike=alike, short=short, key=key)
+            )
+    return found
 
 
-def _whole_spine_rows(states: States) -> Iterator[MeasureRow]:
-    length = partial(MeasureRow, unit="mm", alike=LENGTH)
-    yield length(
-        name="Top of the spine beside the sacrum",
-        short="balance to the side",
-        values=_of(states, "trunk_shift", "lateral"),
-        sided=True,
-        key="trunk_shift_mm",
-    )
-    yield length(
-        name="Top of the spine in front of the sacrum",
-        values=_of(states, "trunk_shift", "forward"),
-        key="trunk_shift_forward_mm",
-    )
-    for measure, ends, short in (
-        ("kyphosis", "T5-T12", "kyphosis"),
-        ("kyphosis", "T1-T12", ""),
-        ("lordosis", "L1-L5", "lordosis"),
-        ("lordosis", "L1-S1", ""),
-    ):
-        yield MeasureRow(
-            name=f"{measure.capitalize()} {ends.replace('-', ' to ')}",
-            unit="°",
-            values=_of(states, measure, ends),
-            alike=SPINE_ANGLE,
-            short=short,
-            key=f"{measure}_deg {ends}",
-        )
-    yield length(
-        name="Height of the spine",
-        short="height of the spine",
-        values=_of(states, "spine_height", "height"),
-        key="spine_height_mm",
-    )
-
-
-def _of(states: States, measure: str, part: str = "") -> tuple[float | None, ...]:
-    """A measure, or a part of it, in every state."""
-    found = [None if state is None else getattr(state, measure) for state in states]
-    if not part:
-        return tuple(found)
-    return tuple(
-        None if one is None else one[part] if isinstance(one, Mapping) else getattr(one, part) for one in found
-    )
-
-
-def _known(rows: Iterator[MeasureRow] | list[MeasureRow]) -> list[MeasureRow]:
-    return [row for row in rows if any(value is not None for value in row.values)]
+def value_at(found: Any, path: str) -> Any:
+    """What stands at a path such as `kyphosis.T5-T12` of fields and names; None where a part is missing."""
+    for part in path.split("."):
+        if found is None:
+            return None
+        found = found.get(part) if isinstance(found, Mapping) else getattr(found, part)
+    return found
 
 
 def rounded(value: float) -> float:

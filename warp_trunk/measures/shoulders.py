@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -29,48 +28,23 @@ class Shoulders:
     """Mean height of the left shoulder above the centroid of T1 [mm]."""
     right: float
     """Mean height of the right shoulder above the centroid of T1 [mm]."""
-    inner: float
-    """Where the heights were taken: from this distance beside T1 [mm] ..."""
-    outer: float
-    """... to this one [mm]."""
 
     @property
     def difference(self) -> float:
         """How much higher the right shoulder stands [mm], negative where the left one does."""
         return self.right - self.left
 
-    @property
-    def slope(self) -> float:
-        """How steeply the line over both shoulders rises to the right [degrees]."""
-        return math.degrees(math.atan2(self.difference, self.inner + self.outer))
-
 
 @dataclass(frozen=True, eq=False)
 class UpperOutline:
     """The upper outline of the trunk beside T1: at each place the edge of the skin that is highest there."""
 
-    aside: np.ndarray
-    """Distance of every vertex of the skin from T1 along the pelvis' axis, to the left [mm], shape (vertices,)."""
-    above: np.ndarray
-    """Height of every vertex above the centroid of T1 [mm], shape (vertices,)."""
     edge: int
     """The vertex at the edge of the narrower shoulder, from which distances are taken."""
-    places: np.ndarray
-    """Distances beside T1 at which heights are taken, left and right [mm], positive to the left, (2, PLACES)."""
+    heights: np.ndarray
+    """Heights of the places above the centroid of T1, left and right [mm], shape (2, PLACES)."""
     ends: np.ndarray
     """The two vertices of the highest edge at each place, shape (2, PLACES, 2)."""
-
-    @property
-    def shares(self) -> np.ndarray:
-        """Part of the way from the first to the second end at which each place lies, shape (2, PLACES)."""
-        start, end = self.aside[self.ends[..., 0]], self.aside[self.ends[..., 1]]
-        return (self.places - start) / (end - start)
-
-    @property
-    def heights(self) -> np.ndarray:
-        """Heights of the places above the centroid of T1 [mm], shape (2, PLACES)."""
-        low, high = self.above[self.ends[..., 0]], self.above[self.ends[..., 1]]
-        return low + self.shares * (high - low)
 
 
 def shoulder_heights(skin: Surface, spine: Spine, across: np.ndarray) -> Shoulders | None:
@@ -96,7 +70,7 @@ def shoulder_heights(skin: Surface, spine: Spine, across: np.ndarray) -> Shoulde
     if outline is None:
         return None
     left, right = (float(heights.mean()) for heights in outline.heights)
-    return Shoulders(left, right, float(outline.places[0, 0]), float(outline.places[0, -1]))
+    return Shoulders(left, right)
 
 
 def upper_outline(skin: Surface, spine: Spine, across: np.ndarray) -> UpperOutline | None:
@@ -115,23 +89,16 @@ def upper_outline(skin: Surface, spine: Spine, across: np.ndarray) -> UpperOutli
     reach = min(aside[left], -aside[right])
     if reach <= 0.0:
         return None
-    places = reach * np.linspace(INNER, OUTER, PLACES)
-    places = np.stack([places, -places])
-    ends = _highest(aside, above, faces, places.ravel())
-    return None if ends is None else UpperOutline(aside, above, edge, places, ends.reshape(2, PLACES, 2))
-
-
-def _highest(aside: np.ndarray, above: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray | None:
-    """Ends of the edge of `faces` that is highest at each place, shape (places, 2); None where none is crossed."""
     start, end = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
     a, b = aside[start], aside[end]
-    ends = np.empty((len(places), 2), dtype=np.int64)
-    for number, place in enumerate(places):
+    heights, ends = [], []
+    for place in np.outer([reach, -reach], np.linspace(INNER, OUTER, PLACES)).ravel():
         crossed = np.flatnonzero((a <= place) != (b <= place))
         if not len(crossed):
             return None
-        share = (place - a[crossed]) / (b[crossed] - a[crossed])
         low, high = above[start[crossed]], above[end[crossed]]
-        highest = crossed[np.argmax(low + share * (high - low))]
-        ends[number] = start[highest], end[highest]
-    return ends
+        there = low + (place - a[crossed]) / (b[crossed] - a[crossed]) * (high - low)
+        highest = int(np.argmax(there))
+        heights.append(there[highest])
+        ends.append((start[crossed[highest]], end[crossed[highest]]))
+    return UpperOutline(edge, np.reshape(heights, (2, PLACES)), np.reshape(ends, (2, PLACES, 2)))

@@ -47,18 +47,15 @@ class SkinQuality:
     @property
     def faults(self) -> tuple[str, ...]:
         """A sentence for each area that is larger than `AREA`; none for a good skin."""
-        found = []
-        if self.stretched_area > AREA:
-            found.append(
-                f"The predicted skin is stretched to more than {STRETCH:g} times its length over "
-                f"{self.stretched_area:.0f} cm2, most of it {self.stretched_at}; up to {AREA:g} cm2 is usual."
-            )
-        if self.folded_area > AREA:
-            found.append(
-                f"The predicted skin is folded sharply over {self.folded_area:.0f} cm2, most of it "
-                f"{self.folded_at}; up to {AREA:g} cm2 is usual."
-            )
-        return tuple(found)
+        kinds = (
+            (f"stretched to more than {STRETCH:g} times its length", self.stretched_area, self.stretched_at),
+            ("folded sharply", self.folded_area, self.folded_at),
+        )
+        return tuple(
+            f"The predicted skin is {what} over {area:.0f} cm2, most of it {place}; up to {AREA:g} cm2 is usual."
+            for what, area, place in kinds
+            if area > AREA
+        )
 
 
 @dataclass(frozen=True)
@@ -71,10 +68,6 @@ class SkinChange:
     """Area of each triangle before [mm2], shape (faces,)."""
     folded: np.ndarray
     """Share of each triangle that is folded sharply: a third for each such edge, shape (faces,)."""
-    fold: np.ndarray
-    """By how much the angle between two triangles has grown, 0 degrees being flat [degrees], shape (edges,)."""
-    middle: np.ndarray
-    """Where that edge was before [mm], shape (edges, 3)."""
     pairs: np.ndarray
     """The two triangles that share it, shape (edges, 2)."""
 
@@ -140,14 +133,13 @@ def skin_change(before: Surface, predicted: Surface) -> SkinChange:
     area = np.linalg.norm(area_vectors(before.vertices, before.faces), axis=1)
     if not (area > 0.0).all():
         raise InputError("skin quality: a triangle of the skin before has no area; merge vertices that coincide")
-    edges, pairs = _edges(before.faces)
+    pairs = _neighbours(before.faces)
     fold = _angles(predicted, pairs) - _angles(before, pairs)
     centroids = before.vertices[before.faces].mean(axis=1)
     apart = np.linalg.norm(centroids[pairs[:, 0]] - centroids[pairs[:, 1]], axis=1)
     sharp = pairs[10.0 * fold > FOLD * apart]
     folded = np.bincount(sharp.ravel(), minlength=len(area)) / 3.0
-    middle = before.vertices[edges].mean(axis=1)
-    return SkinChange(_largest_stretch(before, predicted), area, folded, fold, middle, pairs)
+    return SkinChange(_largest_stretch(before, predicted), area, folded, pairs)
 
 
 def _largest_stretch(before: Surface, predicted: Surface) -> np.ndarray:
@@ -176,14 +168,12 @@ def _middle_of_largest(part: np.ndarray, change: SkinChange, middle: np.ndarray)
     return np.average(middle[largest], axis=0, weights=change.area[largest])
 
 
-def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of each edge of a closed 2-manifold (edges, 2), and the two faces that share it (edges, 2)."""
+def _neighbours(faces: np.ndarray) -> np.ndarray:
+    """The two faces at each edge of a closed 2-manifold, shape (edges, 2)."""
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     order = np.lexsort(ends.T)
-    owner = (np.arange(len(ends)) // 3)[order]
-    ends = ends[order]
-    first = np.flatnonzero((ends[:-1] == ends[1:]).all(axis=1))
-    return ends[first], np.stack([owner[first], owner[first + 1]], axis=1)
+    first = np.flatnonzero((ends[order[:-1]] == ends[order[1:]]).all(axis=1))
+    return np.stack([order[first], order[first + 1]], axis=1) // 3
 
 
 def _angles(surface: Surface, pairs: np.ndarray) -> np.ndarray:

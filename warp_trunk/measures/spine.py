@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,61 +38,28 @@ class Spine:
         return self.endplates[self.levels.index(level)] if level in self.levels else np.full((2, 3), np.nan)
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Which landmarks the points of a spine are; `_MISSING` where there is none."""
-
-    own: np.ndarray
-    """Those of each level, shape (levels, most); `_NONE` after the last."""
-    count: np.ndarray
-    """How many each level has, shape (levels, 1)."""
-    endplates: np.ndarray
-    """Shape (levels, 2)."""
-    pedicles: np.ndarray
-    """Left and right, of each the upper and the lower point, shape (levels, 2, 2)."""
-    sacrum: np.ndarray
-    """Shape (2,)."""
-
-
-_MISSING, _NONE = -1, -2
-"""Rows after the last landmark: one of NaN, one of zeros."""
-
-
 def spine_of(landmarks: Landmarks) -> Spine:
     """The spine of a set of landmarks."""
     levels = landmarks.vertebrae()
-    rows = _rows_of(landmarks.names, levels)
-    points = np.concatenate([landmarks.points, np.zeros((1, 3)), np.full((1, 3), np.nan)])
+    bones: dict[str, dict[str, np.ndarray]] = {}
+    for name, point in zip(landmarks.names, landmarks.points, strict=True):
+        bone, _, place = name.partition("_")
+        bones.setdefault(bone, {})[place] = point
+    missing = np.full(3, np.nan)
+
+    def gather(names: Sequence[str], places: Sequence[str]) -> np.ndarray:
+        found = [bones.get(name, {}).get(place, missing) for name in names for place in places]
+        return np.array(found).reshape(len(names), len(places), 3)
+
+    sacrum = next((bone for bone in ("S1", "sacrum") if "superior_endplate" in bones.get(bone, {})), "S1")
+    sides = [f"{side}_pedicle_{end}" for side in ("left", "right") for end in ("superior", "inferior")]
+    centroids = [np.mean(list(bones[level].values()), axis=0) for level in levels]
     return Spine(
         levels=levels,
-        centroids=points[rows.own].sum(axis=1) / rows.count,
-        endplates=points[rows.endplates],
-        pedicles=0.5 * points[rows.pedicles].sum(axis=2),
-        sacrum=points[rows.sacrum],
-    )
-
-
-@lru_cache(maxsize=64)
-def _rows_of(names: tuple[str, ...], levels: tuple[str, ...]) -> _Rows:
-    """Found once for landmarks of these names, of which a patient has many sets."""
-    bones: dict[str, dict[str, int]] = {}
-    for row, name in enumerate(names):
-        bone, _, point = name.partition("_")
-        bones.setdefault(bone, {})[point] = row
-
-    def gather(bone: str, *points: str) -> list[int]:
-        return [bones[bone].get(point, _MISSING) for point in points]
-
-    own = [list(bones[level].values()) for level in levels]
-    most = max(map(len, own), default=0)
-    sacrum = next((bone for bone in ("S1", "sacrum") if "superior_endplate" in bones.get(bone, {})), None)
-    sides = [f"{side}_pedicle_{end}" for side in ("left", "right") for end in ("superior", "inferior")]
-    return _Rows(
-        own=np.array([[*rows, *[_NONE] * (most - len(rows))] for rows in own], dtype=int).reshape(len(own), most),
-        count=np.array([len(rows) for rows in own]).reshape(-1, 1),
-        endplates=np.array([gather(level, *ENDPLATES) for level in levels], dtype=int).reshape(-1, 2),
-        pedicles=np.array([gather(level, *sides) for level in levels], dtype=int).reshape(-1, 2, 2),
-        sacrum=np.array([_MISSING, _MISSING] if sacrum is None else gather(sacrum, *ENDPLATES)),
+        centroids=np.array(centroids).reshape(-1, 3),
+        endplates=gather(levels, ENDPLATES),
+        pedicles=0.5 * gather(levels, sides).reshape(-1, 2, 2, 3).sum(axis=2),
+        sacrum=gather([sacrum], ENDPLATES)[0],
     )
 
 

@@ -7,7 +7,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from .comparison import DETECTABLE
-from .rows import MISSING, MeasureRow, measure_rows, number, sided
+from .rows import MISSING, measure_rows, number, sided, value_at
 
 if TYPE_CHECKING:
     from .comparison import SkinComparison
@@ -58,17 +58,16 @@ def as_html(head: Row, rows: Sequence[Row], label: str = "", kind: str = "") -> 
 
 def measures_text(measures: TrunkMeasures) -> str:
     """Every measure of one skin: the whole trunk, then by level, then what is missing and why."""
-    whole = [line for heading, rows in measure_rows([measures]).items() for line in ([heading], *cells_of(rows))]
+    whole = [
+        line
+        for title, rows in measure_rows([measures]).items()
+        for line in ([title], *(row.cells() for row in rows))
+    ]
+    by_level = (measures.bsr, measures.axial_rotation, measures.hump_height)
     levels = [
-        [
-            level,
-            *(
-                sided(by_level[level])
-                for by_level in (measures.bsr, measures.axial_rotation, measures.hump_height)
-            ),
-            *(number(side) for side in ((None, None) if flanks is None else (flanks.left, flanks.right))),
-            sided(None if flanks is None else flanks.index),
-        ]
+        [level, *(sided(each[level]) for each in by_level)]
+        + [number(value_at(flanks, side)) for side in ("left", "right")]
+        + [sided(value_at(flanks, "index"))]
         for level, flanks in measures.flanks.items()
     ]
     head = [
@@ -121,8 +120,3 @@ def comparison_text(comparison: SkinComparison) -> str:
             "Area in cm²; the flanks may hold the planes where the arms are cut off.",
         ]
     )
-
-
-def cells_of(rows: Sequence[MeasureRow]) -> list[list[str]]:
-    """The cells of rows of measures."""
-    return [row.cells() for row in rows]

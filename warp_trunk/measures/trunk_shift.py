@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,23 +53,17 @@ def sacral_line(landmarks: Landmarks) -> SacralLine:
         InputError: no ASIS among the landmarks.
     """
     across = asis_axis(landmarks)
-    name, rows = _rows_of_sacrum(landmarks.names)
-    if rows:
-        return SacralLine(landmarks.points[rows, :2].mean(axis=0), across, name)
-    if "L5_inferior_endplate" in landmarks.names:
-        return SacralLine(landmarks.point("L5_inferior_endplate")[:2], across, "L5")
-    return SacralLine((landmarks.point("asis_left") + landmarks.point("asis_right"))[:2] / 2.0, across, "pelvis")
-
-
-@lru_cache(maxsize=64)
-def _rows_of_sacrum(names: tuple[str, ...]) -> tuple[str, list[int]]:
-    """The best landmarks of the sacrum and what they are called; none where there are none."""
-    best = (("S1", "S1_superior_endplate"), ("S1", "S1_"))
-    for name, start in (*best, ("S1", "sacrum_superior_endplate"), ("sacrum", "sacrum_")):
-        rows = [row for row, full in enumerate(names) if full.startswith(start)]
+    best = (
+        ("S1", "S1_superior_endplate"),
+        ("S1", "S1_"),
+        ("S1", "sacrum_superior_endplate"),
+        ("sacrum", "sacrum_"),
+    )
+    for name, start in (*best, ("L5", "L5_inferior_endplate")):
+        rows = [row for row, full in enumerate(landmarks.names) if full.startswith(start)]
         if rows:
-            return name, rows
-    return "", []
+            return SacralLine(landmarks.points[rows, :2].mean(axis=0), across, name)
+    return SacralLine((landmarks.point("asis_left") + landmarks.point("asis_right"))[:2] / 2.0, across, "pelvis")
 
 
 def trunk_shift(spine: Spine, line: SacralLine) -> TrunkShift | None:

@@ -12,7 +12,6 @@ from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.rows import LENGTH, SPINE_ANGLE, MeasureRow, measure_rows
-from warp_trunk.measures.table import cells_of
 
 from .page import rendered
 from .style import BEFORE, PLANS, Pose
@@ -95,7 +94,9 @@ def plans_page(poses: Sequence[Pose], results: Sequence[Result], drawings: Mappi
         ],
         differs=differences(before, plans),
         numbers_head=["", *(pose.look.title for pose in poses)],
-        numbers_rows=[line for heading, rows in groups.items() for line in ([heading], *cells_of(rows))],
+        numbers_rows=[
+            line for heading, rows in groups.items() for line in ([heading], *(row.cells() for row in rows))
+        ],
     )
 
 

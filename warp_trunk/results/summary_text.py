@@ -9,7 +9,7 @@ import numpy as np
 
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.rows import level_rows, measure_rows, sided
-from warp_trunk.measures.table import RESEARCH, as_markdown, as_text, cells_of
+from warp_trunk.measures.table import RESEARCH, as_markdown, as_text
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -56,7 +56,7 @@ def markdown(
     lines += [line for warning in warnings for line in (f"**Warning:** {warning}", "")]
     lines += [as_markdown(["measure", "before", "predicted"], _rows(before, after)), ""]
     if before.bsr:
-        rows = cells_of(level_rows([before, after]))
+        rows = [row.cells() for row in level_rows([before, after])]
         lines += [as_markdown(["rotation of the back at", "before", "predicted"], rows), ""]
     return "\n".join([*lines, RESEARCH])
 
@@ -64,7 +64,7 @@ def markdown(
 def _rows(before: TrunkMeasures, after: TrunkMeasures) -> list[list[str]]:
     """Every measure of the whole trunk, under headings."""
     groups = measure_rows([before, after])
-    return [line for heading, rows in groups.items() for line in ([heading], *cells_of(rows))]
+    return [line for heading, rows in groups.items() for line in ([heading], *(row.cells() for row in rows))]
 
 
 def _levels(summary: Summary, before: TrunkMeasures, after: TrunkMeasures) -> str:
