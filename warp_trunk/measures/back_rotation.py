@@ -119,8 +119,11 @@ def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> 
 def find_contacts(outline: np.ndarray, across: np.ndarray) -> Contacts | None:
     """The contacts of `dual_tangent`, of an outline (points, 2) whose origin is the spine [mm]."""
     hull = _back_of_hull(outline, across)
-    if hull is None:
-        return None
+    return None if hull is None else contacts_of(hull, across)
+
+
+def contacts_of(hull: np.ndarray, across: np.ndarray) -> Contacts | None:
+    """The contacts of a hull's corners (n, 2) along the back, from left to right, from the spine [mm]."""
     direction = across
     touching = None
     for _ in range(100):  # the perpendicular depends on the tangent: a fixed point, reached in a few steps

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from warp_trunk.geometry.section import section, trunk_loop
 from warp_trunk.geometry.surface import Surface
 
-from .back_rotation import DualTangent, find_contacts, tangent_of
+from .back_rotation import DualTangent, contacts_of, find_contacts, tangent_of, turn
 from .hump import hump_height, hump_top
 from .shoulders import DEEP, shoulder_heights, upper_outline
 from .spine import asis_axis, spine_of
@@ -59,8 +59,20 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
     """
     contacts = find_contacts(tangent.outline - tangent.spine, tangent.across)
     assert contacts is not None  # where there is a tangent there are contacts
-    touched = contacts.edges.reshape(-1, 2) + tangent.spine
-    return _of_section(attrgetter("angle"), skin, landmarks, level, touched)
+    bridge, rows = np.array_equal(*contacts.edges), _rows(landmarks, level)
+    kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
+    touched = edges[KDTree(cuts).query(contacts.edges.reshape(-1, 2) + tangent.spine)[1]]
+    used = np.unique(skin.faces[kept])
+
+    def angle(part: Surface, marks: Landmarks) -> float:
+        centroid, across = marks.points[rows].mean(axis=0), asis_axis(marks)
+        ends = part.vertices[np.searchsorted(used, touched)]
+        points = _at_height(ends, centroid[2]) - centroid[:2]
+        chain = points[:2] if bridge else np.insert(points, 2, points[1:3].mean(axis=0), axis=0)
+        found = contacts_of(chain, across)
+        return np.nan if found is None else -np.degrees(turn(across, found.points[0] - found.points[1]))
+
+    return _by_differences(angle, skin, landmarks, kept, touched.ravel(), rows)
 
 
 def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative | None:
@@ -69,7 +81,21 @@ def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: Du
     Arguments as for `rotation_derivative`.
     """
     top = hump_top(tangent)
-    return None if top is None else _of_section(hump_height, skin, landmarks, level, top.points)
+    if top is None:
+        return None
+    rows = _rows(landmarks, level)
+    kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
+    longest = np.linalg.norm(np.subtract(*skin.vertices[edges].swapaxes(0, 1)), axis=1).max()
+    near = np.concatenate(KDTree(cuts).query_ball_point(top.points, longest)).astype(int)
+
+    def height(part: Surface, marks: Landmarks) -> float:
+        centroid = marks.points[rows].mean(axis=0)
+        outline = trunk_loop(section(part, float(centroid[2])), centroid[:2])
+        found = None if outline is None else tangent_of(outline, centroid, asis_axis(marks))
+        hump = None if found is None else hump_height(found)
+        return np.nan if hump is None else hump
+
+    return _by_differences(height, skin, landmarks, kept, edges[near].ravel(), rows)
 
 
 def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | None:
@@ -93,33 +119,19 @@ def shoulder_derivative(skin: Surface, landmarks: Landmarks) -> Derivative | Non
     return _by_differences(difference, skin, landmarks, kept, [*outline.ends.ravel(), outline.edge], rows)
 
 
-def _of_section(
-    number: Callable[[DualTangent], float | None],
-    skin: Surface,
-    landmarks: Landmarks,
-    level: str,
-    points: np.ndarray,
-) -> Derivative:
-    """The derivative of a number of the section at a level that depends on the outline near some points (n, 2)."""
-    from scipy.spatial import KDTree  # heavy
+def _cut(skin: Surface, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which triangles are near a horizontal plane, the edges (n, 2) that it cuts, and where, (n, 2) [mm]."""
+    z = skin.vertices[:, 2]
+    kept = (z[skin.faces].min(axis=1) < height + _MARGIN) & (z[skin.faces].max(axis=1) > height - _MARGIN)
+    edges = np.concatenate([skin.faces[kept][:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    edges = edges[(z[edges[:, 0]] >= height) != (z[edges[:, 1]] >= height)]
+    return kept, edges, _at_height(skin.vertices[edges], height)
 
-    rows = _rows(landmarks, level)
 
-    def of(part: Surface, marks: Landmarks) -> float:
-        centroid = marks.points[rows].mean(axis=0)
-        outline = trunk_loop(section(part, float(centroid[2])), centroid[:2])
-        tangent = None if outline is None else tangent_of(outline, centroid, asis_axis(marks))
-        value = None if tangent is None else number(tangent)
-        return np.nan if value is None else value
-
-    height = landmarks.points[rows, 2].mean()
-    corners = skin.vertices[skin.faces]
-    kept = (corners[:, :, 2].min(axis=1) < height + _MARGIN) & (corners[:, :, 2].max(axis=1) > height - _MARGIN)
-    longest = np.linalg.norm(corners[kept] - np.roll(corners[kept], 1, axis=1), axis=2).max()
-    places = np.column_stack([points, np.full(len(points), height)])
-    used = np.unique(skin.faces[kept])
-    near = KDTree(places).query(skin.vertices[used])[0] <= longest
-    return _by_differences(of, skin, landmarks, kept, used[near], rows)
+def _at_height(ends: np.ndarray, height: float) -> np.ndarray:
+    """The points (edges, 2) at a height on edges from their ends (edges, 2, 3) [mm]."""
+    start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+    return (start + ((height - start[:, 2]) / way[:, 2])[:, None] * way)[:, :2]
 
 
 def _by_differences(
