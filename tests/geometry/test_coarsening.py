@@ -85,9 +85,3 @@ def test_slivers_are_collapsed_and_all_else_stays(height):
     assert enclosed_volume(mended) == pytest.approx(64000.0, rel=1e-4)
     assert len(mended.vertices) <= len(clean.vertices)
     assert without_slivers(clean) is clean
-
-
-def test_surface_that_is_open_is_left_to_its_own_check():
-    whole = with_slivers(box((40.0, 40.0, 40.0), splits=3), 20, 1e-3)
-    open_one = Surface(whole.vertices, whole.faces[1:])
-    assert without_slivers(open_one) is open_one

@@ -3,7 +3,7 @@ import pytest
 
 from support.synthetic import sphere
 from support.trunk_shapes import joined
-from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance, connected
+from warp_trunk.geometry.distance_field import Box, Grid, SurfaceDistance
 from warp_trunk.geometry.surface import Surface
 
 
@@ -49,13 +49,6 @@ def test_hollow_of_a_bottle_is_outside():
     assert field[middle, middle, middle + 8] < 0.0
 
 
-def test_diagonal_neighbours_connect_only_when_asked():
-    mask = np.zeros((3, 3, 3), dtype=bool)
-    mask[0, 0, 0] = mask[1, 1, 0] = True
-    assert connected(mask).max() == 2
-    assert connected(mask, diagonally=True).max() == 1
-
-
 @pytest.mark.parametrize("missing", [0, 40])
 def test_a_grid_has_the_sign_that_each_node_has_by_itself(missing: int) -> None:
     """Also where surfaces overlap, and through the hole of an open one, where no path separates the sides."""
@@ -66,18 +59,3 @@ def test_a_grid_has_the_sign_that_each_node_has_by_itself(missing: int) -> None:
     near = np.abs(field) < 8.0
     np.testing.assert_array_equal(field[near], distance.at(grid.positions(np.argwhere(near))))
     assert near.sum() > 1000
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_outermost_of_each_group_is_that_of_all_its_points(seed: int) -> None:
-    """Large groups and single points, inside, across and outside."""
-    random = np.random.default_rng(seed)
-    groups = [
-        random.normal(size=(count, 3)) * size + random.normal(size=3) * 25.0
-        for count, size in ((2000, 12.0), (1, 5.0), (300, 40.0), (3000, 3.0))
-    ]
-    distance = SurfaceDistance(sphere(50.0, subdivisions=4))
-    for points, (row, out) in zip(groups, distance.outermost(groups), strict=True):
-        alone = distance.at(points)
-        assert row == np.argmax(alone)
-        assert out == alone[row]

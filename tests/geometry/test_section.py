@@ -9,13 +9,6 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
 
-def test_circle_of_a_sphere_turns_counterclockwise():
-    (loop,) = section(sphere(50.0, (3.0, -4.0, 10.0), 5), 40.0)
-    radius = np.linalg.norm(loop - [3.0, -4.0], axis=1)
-    np.testing.assert_allclose(radius, 40.0, atol=0.1)
-    assert enclosed_area(loop) == pytest.approx(np.pi * 40.0**2, rel=0.005)
-
-
 @pytest.mark.parametrize("height", [-9.999, -5.0, 2.5, 10.0])
 def test_box_is_cut_in_its_rectangle_also_through_its_vertices(height):
     (loop,) = section(box((30.0, 40.0, 20.0), splits=2), height)

@@ -61,11 +61,3 @@ def test_smoothness_foretold_of_clean_values_is_near_what_errors_give(random: np
     ]
     foretold = likeliest_smoothness(clean, VARIANCE, roughness, clean=True)
     assert np.log(foretold) == pytest.approx(np.mean(logs), abs=0.4)
-
-
-def test_values_on_a_line_and_values_far_above_their_errors(random: np.random.Generator) -> None:
-    roughness = roughness_of(ALONG)
-    line, rough = 2.0 + 0.1 * ALONG, 1e3 * random.normal(size=17)
-    for values in (line, rough):
-        smoothed = smoother(likeliest_smoothness(values, VARIANCE, roughness), VARIANCE, roughness) @ values
-        np.testing.assert_allclose(smoothed, values, atol=0.2)

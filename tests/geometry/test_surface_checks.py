@@ -7,10 +7,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import (
     check_solid,
-    components,
     crossings,
     enclosed_volume,
-    linked_parts,
     manifold_fault,
 )
 
@@ -33,12 +31,6 @@ def test_a_finger_through_the_other_side_is_found():
     assert heights.min(axis=1).max() < -10.0
     with pytest.raises(InputError, match=r"skin: the surface must not cross itself"):
         check_solid(Surface(vertices, ball.faces), "skin")
-
-
-def test_two_spheres_cross_only_when_they_overlap():
-    assert len(crossings(joined(sphere(10.0), sphere(10.0, (20.5, 0.0, 0.0))))) == 0
-    assert len(crossings(joined(sphere(10.0), sphere(10.0, (18.0, 0.0, 0.0))))) > 0
-    assert len(crossings(joined(sphere(10.0), sphere(5.0)))) == 0
 
 
 def test_triangles_that_share_one_corner_may_cross():
@@ -78,17 +70,3 @@ def test_parts_that_touch_in_one_vertex_are_named():
     used, faces = np.unique(number[both.faces], return_inverse=True)
     pinched = Surface(both.vertices[used], faces.reshape(-1, 3).astype(np.int32))
     assert "touch in 1 single" in (manifold_fault(pinched) or "")
-
-
-def test_components_count_parts():
-    parts = components(joined(sphere(1.0), sphere(1.0, (5.0, 0, 0)), box((1.0, 1.0, 1.0), (9.0, 0, 0))))
-    assert parts.max() == 2
-    assert len(set(parts[:642])) == 1
-
-
-def test_parts_are_numbered_in_the_order_of_their_first_things() -> None:
-    links = np.array([[7, 2], [5, 9], [9, 1], [2, 8], [2, 8], [3, 3]])
-    assert linked_parts(links[:, 0], links[:, 1], 10).tolist() == [0, 1, 2, 3, 4, 1, 5, 2, 2, 1]
-
-    none = np.empty(0, dtype=np.int64)
-    assert linked_parts(none, none, 3).tolist() == [0, 1, 2]

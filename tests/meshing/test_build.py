@@ -6,7 +6,6 @@ import pytest
 
 from support.synthetic import box, shell_trunk, sphere
 from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings, manifold_fault
 from warp_trunk.io.surface_files import read_surface
@@ -40,14 +39,6 @@ def test_bone_nodes_are_those_of_the_bone_surface(trunk):
     np.testing.assert_allclose(np.linalg.norm(trunk.nodes[clear] - centres, axis=1), 25.0, atol=2.0)
 
 
-def test_neighbours_are_near_each_other_in_memory(trunk):
-    # with nodes in random order, the corners of a tetrahedron would be a third of all nodes apart
-    spread = np.ptp(trunk.tets, axis=1)
-    assert np.median(spread) < 0.1 * len(trunk.nodes)
-    lowest = trunk.tets.min(axis=1)
-    assert (np.diff(lowest) >= 0).all()
-
-
 def test_volume_is_skin_less_bones(trunk):
     union = 2 * 4 / 3 * np.pi * 25.0**3  # less the lens of height 2 * 3
     union -= 2 * np.pi / 3.0 * 3.0**2 * (3 * 25.0 - 3.0)
@@ -66,25 +57,6 @@ def test_second_build_comes_from_the_cache(tmp_path, monkeypatch):
     np.testing.assert_array_equal(first.trunk.tets, again.trunk.tets)
     np.testing.assert_array_equal(first.trunk.nodes, again.trunk.nodes)
     assert not make_trunk(SKIN, BONES, MeshOptions(tets=4001, bone_voxel=6.0)).from_cache
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("tets", 0), ("bone_margin", -1.0), ("bone_voxel", float("nan")), ("radius_edge_ratio", 0.9)],
-)
-def test_options_are_checked(name, value):
-    with pytest.raises(InputError, match=name):
-        MeshOptions(**{name: value})
-
-
-def test_bad_skin_is_named_before_any_work():
-    torn = Surface(SKIN.vertices, SKIN.faces[1:])
-    with pytest.raises(InputError, match=r"skin: .*open"):
-        make_trunk(torn, BONES, MeshOptions(cache=False))
-    pushed = SKIN.vertices.copy()
-    pushed[pushed[:, 2].argmax(), 2] = -120.0
-    with pytest.raises(InputError, match=r"skin: .*cross itself"):
-        make_trunk(Surface(pushed, SKIN.faces), BONES, MeshOptions(cache=False))
 
 
 def test_bone_just_below_and_through_the_skin():

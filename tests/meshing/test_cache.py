@@ -5,7 +5,7 @@ import pytest
 
 from support.synthetic import shell_trunk, sphere
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.meshing.cache import cache_folder, cache_key, load_cached, store_cached
+from warp_trunk.meshing.cache import cache_key, load_cached, store_cached
 
 KEY = "0" * 64
 
@@ -53,13 +53,6 @@ def test_key_depends_on_every_part():
     assert len(set(keys)) == 6 + 1 - (keys[4] == keys[5])
     assert keys[4] != keys[5]
     assert cache_key(skin, {"a": bone}, "o") == keys[0]
-
-
-def test_folder_is_the_systems_place_without_the_variable(monkeypatch, tmp_path):
-    monkeypatch.delenv("WARP_TRUNK_CACHE")
-    monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert cache_folder() == tmp_path / "warp-trunk"
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-import warp as wp
 from scipy.interpolate import BSpline
 
 from support.meshes import block, grid, trunk
@@ -17,11 +16,11 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, tet_volumes
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.io.trunk_file import read_trunk, write_trunk
+from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.meshing.layers import layered, part_negative, real_skin
 
 
@@ -112,32 +111,6 @@ def test_a_box_has_no_skin() -> None:
         real_skin(Surface(made.vertices, made.faces))
 
 
-def test_constants_come_from_the_case_then_from_the_literature_then_from_the_uniform_tissue() -> None:
-    layers = Layers(constants={"fat": {"youngs_modulus": 4.0}})
-    skin, fat, muscle = layers.tissues(Tissue(theta=3.0, youngs_modulus=20.0, density=1.0))
-    assert (skin.youngs_modulus, fat.youngs_modulus, muscle.youngs_modulus) == (130.0, 4.0, 10.0)
-    assert {skin.theta, fat.theta, muscle.theta} == {3.0}
-    assert fat.density == 950.0
-
-
-@pytest.mark.parametrize(
-    ("given", "rule"),
-    [
-        ({"skin_thickness": -1.0}, "'skin_thickness' must be from 0 to 200 mm, not -1"),
-        ({"fat_thickness": np.array([1.0, np.nan, 2.0])}, r"'fat_thickness' .* not nan \(skin vertex 1\)"),
-        ({"fat_thickness": 6000.0}, "not 6000; correct it, or the units of the case"),
-    ],
-)
-def test_thickness_out_of_range_is_refused(given: dict, rule: str) -> None:
-    with pytest.raises(InputError, match=rule):
-        Layers(**given)
-
-
-def test_thickness_of_another_skin_is_refused() -> None:
-    with pytest.raises(InputError, match=r"'fat_thickness' has 5 numbers but the skin has 49 vertices"):
-        layered(slab(), Layers(fat_thickness=np.ones(5)), "depth")
-
-
 def test_labels_of_a_mesh_are_taken(tmp_path: Path) -> None:
     """From the same mesh each its own; from a finer one, what lies there."""
     bare = slab()
@@ -151,22 +124,6 @@ def test_labels_of_a_mesh_are_taken(tmp_path: Path) -> None:
     height = finer.nodes[finer.tets][:, :, 2].mean(axis=1)
     assert (found[height > 34.0] == 0).all()
     assert (found[height < 16.0] == 2).all()
-
-
-def test_parts_of_tissue_come_back_from_a_file(tmp_path: Path) -> None:
-    made = layered(slab(), Layers(), "depth")
-    write_trunk(tmp_path / "trunk.vtu", made)
-    again = read_trunk(tmp_path / "trunk.vtu")[0]
-    np.testing.assert_array_equal(again.tissue, made.tissue)
-    assert layered(again, Layers(), "mesh") is again
-
-
-def test_parts_that_make_no_whole_are_refused() -> None:
-    made = layered(slab(), Layers(), "depth")
-    with pytest.raises(InputError, match="must be from 0 and add to 1"):
-        check_trunk(replace(made, tissue=0.9 * there(made.tissue)), "trunk")
-    with pytest.raises(InputError, match="'tissue' must be one whole number, or the part of each"):
-        check_trunk(replace(made, tissue=there(made.tissue)[:, 0]), "trunk")
 
 
 def test_meshes_that_cannot_give_labels_are_refused(tmp_path: Path) -> None:
@@ -207,27 +164,3 @@ def test_a_mixture_costs_the_mean_of_its_tissues(energy: EnergyName) -> None:
     np.testing.assert_allclose(cost(np.full(count, 0.3)), 0.7 * none + 0.3 * every, rtol=1e-12)
     alternate = (np.arange(count) % 2).astype(float)
     np.testing.assert_allclose(cost(alternate) + cost(1.0 - alternate), none + every, rtol=1e-12)
-
-
-@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
-def test_whole_parts_are_labels_and_one_tissue_needs_none(energy: EnergyName) -> None:
-    """Equal to the last bit, with the kernels of a trunk of one tissue."""
-    bare = block((2, 2, 2))
-    labels = (np.arange(len(bare.tets)) % 2).astype(np.int8)
-    tissues = [Tissue(), Tissue(youngs_modulus=30.0)]
-
-    def arrays(trunk: TrunkMesh, given: Tissue | list[Tissue]) -> list[np.ndarray]:
-        model = build_model(trunk, given, energy=energy, gravity=9.81, device="cpu", skin_rigidity=0.0)
-        kernels.append(model.elements.kernels)
-        return [array.numpy() for array in vars(model.elements).values() if isinstance(array, wp.array)]
-
-    kernels: list[object] = []
-    by_part = arrays(replace(bare, tissue=np.eye(2)[labels]), tissues)
-    for one, other in zip(by_part, arrays(replace(bare, tissue=labels), tissues), strict=True):
-        np.testing.assert_array_equal(one, other)
-    uniform = arrays(bare, Tissue())
-    for one, other in zip(uniform, arrays(layered(bare, Layers(), "none"), Tissue()), strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert kernels[0] is kernels[1]
-    assert kernels[1] is not kernels[2]
-    assert kernels[2] is kernels[3]

@@ -23,6 +23,23 @@ OBLIQUE = np.array([[0.98, -0.17, 0.10], [0.18, 0.98, -0.05], [-0.09, 0.07, 0.99
 """Nearly orthonormal; `grid` makes it so."""
 
 
+class Voxels:
+    """A grid of voxels, turned and perhaps mirrored, around a box [mm]."""
+
+    def __init__(self, low: np.ndarray, high: np.ndarray, spacing: tuple[float, ...], turn: np.ndarray) -> None:
+        self.affine = np.eye(4)
+        self.affine[:3, :3] = turn * np.array(spacing)
+        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+        own = corners @ np.linalg.inv(self.affine[:3, :3]).T
+        self.affine[:3, 3] = self.affine[:3, :3] @ np.floor(own.min(axis=0))
+        self.shape = tuple((np.ceil(np.ptp(own, axis=0)).astype(int) + 1).tolist())
+        self.points = np.argwhere(np.ones(self.shape)) @ self.affine[:3, :3].T + self.affine[:3, 3]
+
+    def mask(self, inside: np.ndarray) -> Mask:
+        """The voxels at these points, shape (n,) bool."""
+        return Mask(inside.reshape(self.shape), (0, 0, 0), self.affine, self.shape)
+
+
 def bones() -> dict[str, Surface]:
     """Four vertebrae with a canal, and hip bones."""
     return {name: bone for name, bone in spine_and_hips().items() if name in (*LEVELS, "hip_left", "hip_right")}

@@ -33,13 +33,6 @@ def test_no_curve_gives_the_input_back_to_the_bit() -> None:
         np.testing.assert_array_equal(bones[name].vertices, bone.vertices)
 
 
-def test_topology_and_names_are_kept() -> None:
-    skin, bones, landmarks = IMPOSED
-    np.testing.assert_array_equal(skin.faces, SKIN.faces)
-    assert list(bones) == list(BONES)
-    assert landmarks.names == LANDMARKS.names
-
-
 def test_landmarks_stay_on_their_vertebra() -> None:
     _, bones, landmarks = IMPOSED
     for bone in ("T4", "T9", "L3"):
@@ -58,24 +51,9 @@ def test_pelvis_stays() -> None:
         np.testing.assert_array_equal(landmarks.point(name), LANDMARKS.point(name))
 
 
-def test_cobb_angle_before_and_after() -> None:
-    assert np.ptp(tilts(IMPOSED[2])) == pytest.approx(50.0, abs=1.0)
-    assert np.ptp(tilts(correct(LANDMARKS, CURVE, 0.7))) == pytest.approx(15.0, abs=1.0)
-
-
 def test_correcting_all_gives_the_straight_spine_and_nothing_the_curved_one() -> None:
     np.testing.assert_array_equal(correct(LANDMARKS, CURVE, 1.0).points, LANDMARKS.points)
     np.testing.assert_allclose(correct(LANDMARKS, CURVE, 0.0).points, IMPOSED[2].points, atol=1e-12)
-
-
-def test_correction_moves_each_vertebra_rigidly() -> None:
-    after = correct(LANDMARKS, CURVE, 0.6)
-    for bone in VERTEBRAE:
-        gaps = [
-            np.linalg.norm(marks.of_bone(bone).points[:, None] - marks.of_bone(bone).points, axis=2)
-            for marks in (IMPOSED[2], after)
-        ]
-        np.testing.assert_allclose(gaps[1], gaps[0], atol=1e-9)
 
 
 def test_hump_stands_on_the_convex_side() -> None:

@@ -1,10 +1,7 @@
-import numpy as np
 import pytest
 
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.preparation.deformity import SpineCurve, impose
-from warp_trunk.preparation.deformity.deformity import guiding_skin
-from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, BONES, LANDMARKS = straight_trunk()
@@ -31,19 +28,3 @@ def test_shoulders_stand_as_in_patients(cobb: float) -> None:
     assert before is not None
     assert after is not None
     assert after.difference - before.difference == pytest.approx(7.0 * cobb / 58.0, abs=5.0)
-
-
-def test_no_curve_guides_nothing() -> None:
-    curve = SpineCurve(cobb=0.0)
-    before, after = guiding_skin(SKIN, LANDMARKS, vertebra_poses(LANDMARKS, curve), curve.shoulders)
-    assert before.shape == after.shape == (0, 3)
-
-
-def test_points_lie_on_the_skin_and_on_both_sides() -> None:
-    curve = SpineCurve(cobb=50.0)
-    before, after = guiding_skin(SKIN, LANDMARKS, vertebra_poses(LANDMARKS, curve), curve.shoulders)
-    assert len(before) == len(after) >= 8
-    for point in before:
-        assert np.linalg.norm(SKIN.vertices - point, axis=1).min() == 0.0
-    assert (before[:, 0] > 20.0).any()
-    assert (before[:, 0] < -20.0).any()

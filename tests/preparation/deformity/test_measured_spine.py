@@ -45,15 +45,6 @@ def test_levels_above_the_highest_fade_out(tmp_path: Path) -> None:
     assert (np.diff(np.abs(spine.turn[:5])) > 0.0).all()
 
 
-def test_correction_leaves_its_part_and_the_profile(tmp_path: Path) -> None:
-    spine = read_measured_spine(written(tmp_path))
-    left = spine.corrected(0.7)
-    np.testing.assert_allclose(left.tilt, 0.3 * spine.tilt)
-    np.testing.assert_allclose(left.pitch, spine.pitch)
-    with pytest.raises(InputError, match="between 0 and 1"):
-        spine.corrected(1.5)
-
-
 @pytest.mark.parametrize(
     ("levels", "edit", "rule"),
     [

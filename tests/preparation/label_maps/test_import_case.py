@@ -10,7 +10,6 @@ from voxelise_case import write_labels
 from support.label_maps import LEVELS, NUMBERS, bones, labels, write_map, write_masks, write_seg_nrrd
 from warp_trunk import find_landmarks
 from warp_trunk.case.landmarks import VERTEBRA_POINTS
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface_checks import check_solid
 from warp_trunk.io.surface_files import write_surface
@@ -127,8 +126,3 @@ def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
     assert made.found.unsure == {"T5": "the image ends in it, so that only a part is there"}
     assert "T5" in made.case.bones
     assert len(made.case.landmarks_before.names) == 3 * len(VERTEBRA_POINTS) + 2
-
-
-def test_a_trunk_needs_a_body(files):
-    with pytest.raises(InputError, match=r"^import: there is no body among the labels.* give --body FILE"):
-        import_case(read_source(files[0]), None, "a", QUICK)

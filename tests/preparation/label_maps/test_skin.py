@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support.blocks import blocks
+from support.label_maps import Voxels
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, enclosed_volume
 from warp_trunk.preparation.label_maps.mask import Mask
@@ -27,8 +28,8 @@ HANGING, RAISED = ((170, -10, 60), (190, 10, 320)), ((150, -10, 300), (300, 10, 
 
 def body(arms: str) -> Mask:
     """A trunk of elliptic sections that goes on above and below, with two arms joined to it at the shoulders."""
-    i, j, k = np.meshgrid(*map(np.arange, (161, 61, 121)), indexing="ij")
-    x, y, z = (SIDE * n + low for n, low in zip((i, j, k), LOW, strict=True))
+    voxels = Voxels(LOW, LOW + SIDE * np.array([160, 60, 120]), (SIDE,) * 3, np.eye(3))
+    x, y, z = voxels.points.T
     x = np.abs(x)
     inside = (x / WIDE) ** 2 + (y / DEEP) ** 2 < 1.0
     if arms == "hanging":
@@ -36,10 +37,7 @@ def body(arms: str) -> Mask:
         inside |= (x < 180.0) & (np.abs(y) < 38.0) & (np.abs(z - 300.0) < 40.0)
     else:
         inside |= (np.hypot(y, z - 310.0) < 38.0) & (x < 310.0)
-    affine = np.diag([SIDE, SIDE, SIDE, 1.0])
-    affine[:3, 3] = LOW
-    a, b, c = inside.shape
-    return Mask(inside, (0, 0, 0), affine, (a, b, c))
+    return voxels.mask(inside)
 
 
 def humeri(box: tuple) -> dict[str, Surface]:
@@ -74,10 +72,9 @@ def test_arms_whose_bones_have_no_labels_stay():
 
 def test_a_back_that_runs_along_the_voxels_has_no_stairs():
     side, turn = 3.0, Rotation.from_euler("x", 3.0, degrees=True)
-    i, j, k = np.meshgrid(*map(np.arange, (101, 81, 101)), indexing="ij")
-    affine = np.diag([side, side, side, 1.0])
-    affine[:3, 3] = -side * np.array([50.0, 40.0, 50.0])
-    points = np.stack([i, j, k], axis=-1).reshape(-1, 3) * side + affine[:3, 3]
+    voxels = Voxels(
+        -side * np.array([50.0, 40.0, 50.0]), side * np.array([50.0, 40.0, 50.0]), (side,) * 3, np.eye(3)
+    )
 
     def off(places: np.ndarray) -> np.ndarray:
         """Distance from an elliptic cylinder that leans by 3 degrees, to first order."""
@@ -85,8 +82,7 @@ def test_a_back_that_runs_along_the_voxels_has_no_stairs():
         reach = np.linalg.norm(own, axis=1)
         return (reach - 1.0) * reach / np.maximum(np.linalg.norm(own / [WIDE, DEEP], axis=1), 1e-9)
 
-    inside = (off(points) < 0.0).reshape(101, 81, 101)
-    skin, _ = body_skin(Mask(inside, (0, 0, 0), affine, (101, 81, 101)), {}, (), 8.0)
+    skin, _ = body_skin(voxels.mask(off(voxels.points) < 0.0), {}, (), 8.0)
     back = skin.vertices[(np.abs(skin.vertices[:, 2]) < 100.0) & (np.abs(skin.vertices[:, 0]) < 80.0)]
     assert len(back) > 500
     assert np.abs(off(back)).mean() < 0.11 * side

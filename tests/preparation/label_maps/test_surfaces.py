@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from support.blocks import blocks
-from support.label_maps import OBLIQUE, mask_of
+from support.label_maps import OBLIQUE, Voxels
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.surface_checks import components, enclosed_volume, manifold_fault
-from warp_trunk.preparation.label_maps.mask import Mask, reduced
+from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
+from warp_trunk.preparation.label_maps.mask import Mask
 from warp_trunk.preparation.label_maps.surfaces import bone_shape
 
 RADIUS, CENTRE = 20.0, np.array([3.3, -7.1, 101.2])
@@ -16,14 +15,11 @@ TURN = np.linalg.qr(OBLIQUE)[0]
 
 
 def ball(spacing, turn) -> Mask:
-    axes = turn * np.array(spacing)
-    affine = np.eye(4)
-    affine[:3, :3] = axes
-    n = np.ceil(RADIUS / np.array(spacing)).astype(int) + 3
-    affine[:3, 3] = CENTRE - axes @ n
-    points = np.argwhere(np.ones(2 * n + 1)) @ axes.T + affine[:3, 3]
-    inside = (np.linalg.norm(points - CENTRE, axis=1) < RADIUS).reshape(2 * n + 1)
-    return Mask(inside, (0, 0, 0), affine, inside.shape)
+    room = np.full(3, RADIUS + 3.0 * np.max(spacing))
+    voxels = Voxels(-room, room, spacing, turn)
+    mask = voxels.mask(np.linalg.norm(voxels.points, axis=1) < RADIUS)
+    mask.affine[:3, 3] += CENTRE
+    return mask
 
 
 @pytest.mark.parametrize("spacing", [(1.5, 1.5, 1.5), (1.0, 1.0, 3.0), (0.7, 0.7, 0.7)])
@@ -50,22 +46,6 @@ def test_smoothing_takes_the_stairs_off():
     assert smooth < 0.75 * rough
 
 
-def test_the_largest_piece_is_kept_and_the_others_are_told():
-    both = mask_of(blocks((((0, 0, 0), (20, 20, 20)), ((40, 0, 0), (46, 6, 6)))), (0.9, 0.9, 0.9))
-    shape = bone_shape(both, "a", 0.8)
-    assert components(shape.surface).max() == 0
-    assert shape.volume == pytest.approx(8000.0, rel=0.08)
-    assert shape.dropped == pytest.approx((216.0,), rel=0.25)
-
-
-def test_a_hollow_bone_is_filled():
-    mask = ball((1.5, 1.5, 1.5), np.eye(3))
-    middle = tuple(n // 2 for n in mask.shape)
-    mask.inside[middle] = False
-    shape = bone_shape(mask, "a", 0.8)
-    assert components(shape.surface).max() == 0
-
-
 def test_a_bone_cut_by_the_border_is_closed_there():
     mask = ball((1.5, 1.5, 1.5), np.eye(3))
     half = mask.inside[:, :, : mask.shape[2] // 2]
@@ -88,12 +68,3 @@ def test_a_few_voxels_are_no_bone():
     inside[2, 2, 2] = True
     with pytest.raises(InputError, match=r"^T7: has 1 voxels, 30 are needed"):
         bone_shape(Mask(inside, (0, 0, 0), np.eye(4), (5, 5, 5)), "T7", 0.8)
-
-
-def test_blocks_of_voxels_are_as_full_as_their_voxels():
-    inside = np.zeros((3, 4, 2), dtype=bool)
-    inside[0, 0, 0] = inside[2, 3, 1] = True
-    full = reduced(inside, (2, 2, 1))
-    assert full.shape == (2, 2, 2)
-    assert full[0, 0].tolist() == [0.25, 0.0]
-    assert full[1, 1].tolist() == [0.0, 0.25]

@@ -55,15 +55,6 @@ def test_deformed_cases_pass_every_check(kind):
         assert distance.at(bone.vertices).max() <= -4.0, name
 
 
-def test_no_curve_is_the_straight_trunk():
-    case = phantom_case(curve=SpineCurve(cobb=0.0))
-    skin, bones, landmarks = straight_trunk()
-    np.testing.assert_allclose(case.skin.vertices, skin.vertices, atol=1e-9)
-    np.testing.assert_allclose(case.planned_landmarks.points, landmarks.points, atol=1e-9)
-    for name, bone in bones.items():
-        np.testing.assert_allclose(case.bones[name].vertices, bone.vertices, atol=1e-9)
-
-
 def test_a_curve_that_is_too_strong_is_refused():
     with pytest.raises(InputError, match="ask for less"):
         phantom_case(curve=SpineCurve(cobb=120.0))

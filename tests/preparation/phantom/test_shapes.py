@@ -3,7 +3,7 @@ import pytest
 
 from warp_trunk.geometry.surface_checks import check_solid, enclosed_volume
 from warp_trunk.preparation.phantom.bones import rod, tube
-from warp_trunk.preparation.phantom.skin import spaced, stack
+from warp_trunk.preparation.phantom.skin import stack
 
 
 def test_a_tube_of_circles_is_a_cylinder_with_cones():
@@ -20,18 +20,6 @@ def test_a_tube_of_circles_is_a_cylinder_with_cones():
     check_solid(surface, "tube")
     # a cylinder of height 10 and two cones of height 3, all of radius 5
     assert enclosed_volume(surface) == pytest.approx(np.pi * 25.0 * (10.0 + 2.0), rel=1e-3)
-
-
-def test_rings_go_from_side_to_up():
-    z = np.array([0.0, 1.0, 2.0])
-    ones = np.ones((3, 1))
-    centres, side, up = z[:, None] * [0.0, 0.0, 1.0], ones * [1.0, 0.0, 0.0], ones * [0.0, 1.0, 0.0]
-    surface = tube(centres, side, up, np.full(3, 4.0), np.full(3, 2.0), around=8, exponent=4.0)
-    np.testing.assert_allclose(
-        surface.vertices[1 + np.array([0, 2, 4, 6])][:, :2], [[4, 0], [0, 2], [-4, 0], [0, -2]]
-    )
-    corner = surface.vertices[1 + 1] / [4.0, 2.0, 1.0]
-    assert corner[0] ** 4 + corner[1] ** 4 == pytest.approx(1.0)  # the superellipse of exponent 4
 
 
 def test_a_straight_rod_is_a_capsule():
@@ -55,10 +43,3 @@ def test_a_stack_of_half_discs_is_a_frustum():
     check_solid(surface, "stack")
     frustum = np.pi * 10.0 / 3.0 * (10.0**2 + 10.0 * 20.0 + 20.0**2)
     assert enclosed_volume(surface) == pytest.approx(frustum, rel=1e-3)
-
-
-def test_spaced_points_are_at_equal_lengths():
-    curve = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 3.0, 1.0]])
-    np.testing.assert_allclose(
-        spaced(curve, 5), [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 2, 1], [0, 3, 1]], atol=1e-12
-    )

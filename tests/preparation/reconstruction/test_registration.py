@@ -50,13 +50,6 @@ def test_a_lean_is_met_at_the_markers_and_nearly_between_them() -> None:
     assert off.max() < 0.2 * found.rigid_miss.max()
 
 
-def test_a_nugget_smooths() -> None:
-    there = Landmarks(NAMES, ON_SKIN.points + np.random.default_rng(1).normal(size=ON_SKIN.points.shape))
-    misses = [register_skin(SKIN, ON_SKIN, there, nugget).miss.mean() for nugget in (0.0, 10.0, 100.0)]
-    assert misses == sorted(misses)
-    assert misses[2] > 0.1
-
-
 def test_a_fold_is_refused_and_placed() -> None:
     points = ON_SKIN.points.copy()
     i = 20

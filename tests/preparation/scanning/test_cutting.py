@@ -45,14 +45,6 @@ def test_only_what_is_within_the_radius_goes():
     assert cut.vertices[~left, 2].max() < 1310.3
 
 
-def test_several_planes_meet_in_an_edge():
-    cut = cut_flat(
-        BALL, [CutPlane((0.0, 0.0, 1320.0), (0.0, 0.0, 1.0)), CutPlane((20.0, 0.0, 0.0), (1.0, 0.0, 0.0))], 5.0
-    )
-    check_solid(cut, "cut")
-    assert cut.vertices.max(axis=0) == pytest.approx([20.0, 50.0, 1320.0], abs=1.0)
-
-
 def test_rings_get_ring_shaped_ends():
     """A box with a bore, cut across the bore."""
     outer, inner = box((60.0, 60.0, 80.0), splits=4), box((20.0, 20.0, 60.0), splits=4)

@@ -30,11 +30,6 @@ def test_transform_comes_back_as_an_exact_rotation(tmp_path):
     np.testing.assert_allclose(read[:3, :3] @ read[:3, :3].T, np.eye(3), atol=1e-14)
 
 
-def test_commas_do(tmp_path):
-    text = ", ".join(str(value) for value in matrix().reshape(-1))
-    np.testing.assert_allclose(read_transform(written(tmp_path, text)), matrix(), atol=1e-12)
-
-
 def test_moved_surface_keeps_its_shape():
     ball = sphere(50.0, (1.0, 2.0, 3.0))
     centre = matrix()[:3, :3] @ [1.0, 2.0, 3.0] + matrix()[:3, 3]
@@ -45,13 +40,10 @@ def test_moved_surface_keeps_its_shape():
     ("what", "says"),
     [
         (matrix() * np.array([[1000.0], [1000.0], [1000.0], [1.0]]), "scales by 1000 to 1000"),
-        (matrix() @ np.diag([1.0, 2.0, 1.0, 1.0]), "scales by 1 to 2"),
         (matrix() @ np.diag([-1.0, 1.0, 1.0, 1.0]), "mirrors"),
         (matrix().T, "the last row must be 0 0 0 1"),
         (np.where(np.eye(4) > 0.0, np.nan, 0.0), "16 finite numbers, not 12 of 16"),
-        (np.eye(3), "16 finite numbers, not 9 of 9"),
         ("1 0 0 zero", "16 numbers and nothing else"),
-        ("", "not 0 of 0"),
     ],
 )
 def test_what_is_not_rigid_is_refused_in_one_line(tmp_path, what, says):
@@ -62,8 +54,3 @@ def test_what_is_not_rigid_is_refused_in_one_line(tmp_path, what, says):
     assert text.startswith(str(path))
     assert says in text
     assert "\n" not in text
-
-
-def test_missing_file(tmp_path):
-    with pytest.raises(InputError, match="there is no such file"):
-        read_transform(tmp_path / "none.txt")
