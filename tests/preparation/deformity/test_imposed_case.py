@@ -11,7 +11,6 @@ from warp_trunk.case import Case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.measures import measure
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.deformity.deformity import check_straight
 from warp_trunk.preparation.landmark_finder import find_landmarks
@@ -60,15 +59,12 @@ def test_real_rib_hump_is_of_the_size_seen_in_patients() -> None:
 
 def test_real_upper_back_is_within_a_standard_deviation_of_patients() -> None:
     # BMC Musculoskeletal Disorders 2014;15:366, n = 106, main thoracic curve of 54.6 degrees: upper curve
-    # 26.7 +- 7.9, T1 tilted by 2.6 +- 6.3 and clavicles by 2.9 +- 2.8 degrees, the right side higher.
+    # 26.7 +- 7.9, T1 tilted by 2.6 +- 6.3 degrees.
     case = real_case()
     axes = [np.subtract(*case.landmarks_before.of_bone(bone).points[:2]) for bone in ("T1", "T5")]
     t1, t5 = (float(np.degrees(np.arctan2(axis[0], axis[2]))) for axis in axes)
     assert t5 - t1 == pytest.approx(26.7, abs=7.9)
     assert t1 == pytest.approx(2.6, abs=6.3)
-    shoulders = measure(case.skin, case.landmarks_before).shoulders
-    assert shoulders is not None
-    assert shoulders.slope == pytest.approx(2.9, abs=2.8)
 
 
 def bent(bones: Mapping[str, Surface], degrees: float) -> dict[str, Surface]:
