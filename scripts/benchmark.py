@@ -7,7 +7,6 @@
     python scripts/benchmark.py table benchmark.json                              Markdown, or --page PAGE
     python scripts/benchmark.py scenes problem.npz                                what each part of a scene costs
     python scripts/benchmark.py scale CASE --tets 150000 225000 500000            growth with the mesh
-    python scripts/benchmark.py plans problem.npz --device cuda:0                 plans of one patient a second
 
 `phantom` stands for the built-in phantom instead of a case folder. All but `prepare`, and `scale` of a case,
 run where only numpy and warp are installed. Times are wall clock after set-up; kernels compile apart.
@@ -133,12 +132,12 @@ def choose_settings(given: argparse.Namespace, problem: Problem) -> list[Setting
 
 
 def print_tables(records: Sequence[Record]) -> None:
-    """The short table, the comparison of methods and every point."""
+    """The short table and every point."""
     for record in {(r.device, r.precision): r for r in records}.values():
         if record.compile_seconds is not None:
             print(f"- {record.hardware}, {record.precision}: kernels compile in {record.compile_seconds:.0f} s")
     print()
-    for text in (tables.short_table(records), tables.comparison(records), tables.long_table(records)):
+    for text in (tables.short_table(records), tables.long_table(records)):
         print(text)
 
 
@@ -148,11 +147,6 @@ def scale(given: argparse.Namespace) -> None:
     for name, group in itertools.groupby(measured, key=lambda size: size.name):
         print(f"\n{name}, {given.device}, {given.precision}\n")
         print(scaling.size_table(list(group)))
-
-
-def increments(given: argparse.Namespace) -> None:
-    """Prints the table of numbers of increments."""
-    print(scaling.increments_table(read_problem(given.problem), _setting(given), given.counts))
 
 
 def _setting(given: argparse.Namespace) -> Setting:
@@ -234,11 +228,6 @@ def _add_scenes(add: Add) -> None:
     one = add("scale", scale, "growth of time and memory with the mesh, and the mesh's error")
     one.add_argument("what", nargs="+", help="a case folder, phantom, or files made by prepare")
     one.add_argument("--tets", nargs="+", type=int, default=[150_000, 225_000, 500_000, 1_000_000])
-    add_place(one)
-
-    one = add("increments", increments, "the error of the number of increments")
-    one.add_argument("problem", help="a file made by prepare")
-    one.add_argument("--counts", nargs="+", type=int, default=[1, 2, 5, 10, 20])
     add_place(one)
 
 

@@ -146,7 +146,7 @@ def _bodies(folders: list[Path], options: Options) -> None:
     print("|---|---|---|---|---|---|---|")
     found: list[Outcome] = []
     for folder in folders:
-        skin, bones = _read(folder)
+        skin, bones = read_trunk(folder)
         for kind, cobb in CURVES.items():
             curve = SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0)
             case = make_case(skin, bones, curve, 0.65)
@@ -178,7 +178,7 @@ def _bodies(folders: list[Path], options: Options) -> None:
 
 def _cohort(folders: list[Path], options: Options) -> None:
     random = np.random.default_rng(options.seed)
-    trunks = [_read(folder) for folder in folders]
+    trunks = [read_trunk(folder) for folder in folders]
     found: list[Outcome] = []
     while len(found) < options.patients:
         skin, bones = trunks[random.integers(len(trunks))]
@@ -320,7 +320,7 @@ def _run(options: Options) -> RunOptions:
     )
 
 
-def _read(folder: Path) -> tuple[Surface, dict[str, Surface]]:
+def read_trunk(folder: Path) -> tuple[Surface, dict[str, Surface]]:
     bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
     return read_surface(folder / "skin.ply"), bones
 

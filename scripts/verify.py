@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from compare_bodies import CURVES, operated, plan_for
+from compare_bodies import CURVES, operated, plan_for, read_trunk
 
 from support.finite_elements import Solid, equilibrium
 from warp_trunk.bone_motion.plan import plan_surgery
@@ -34,7 +34,6 @@ from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import compare_skins, curves_after, measure
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import SpineCurve, make_case
@@ -255,12 +254,6 @@ def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
                 one.inverted,
                 one.status.name,
             )
-
-
-def read_trunk(folder: Path) -> Trunk:
-    """Skin and bones of a folder."""
-    bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
-    return read_surface(folder / "skin.ply"), bones
 
 
 def imposed(trunk: Trunk, kind: str) -> Case:

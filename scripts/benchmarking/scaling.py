@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk import InputError, Landmarks, Surface
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.relaxation import RelaxOptions
 
 from .prepare import load_case, mesh_case
-from .problem import Problem, compare_skins, read_problem, write_problem
+from .problem import compare_skins, read_problem, write_problem
 from .process import fresh
 from .record import Setting, peak_memory
 from .tables import markdown, number
@@ -151,30 +151,3 @@ def slopes(measured: Sequence[Size]) -> str:
 def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
     """The power of size with which values grow, by least squares of the logarithms."""
     return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
-
-
-def increments_table(problem: Problem, setting: Setting, counts: Sequence[int]) -> str:
-    """The answer of each number of increments against that of the largest, all relaxed to REFERENCE_TOLERANCE."""
-    counts = sorted(set(counts))
-    model, path = make_model(problem, setting), problem.bone_path()
-    relax = RelaxOptions(tolerance=REFERENCE_TOLERANCE)
-    warm_up(model, path, relax)
-    runs = {count: run_least(model, path, relax, increments=count) for count in counts}
-    reference = problem.skin(runs[counts[-1]].displacement)
-    rows = []
-    for count, timed in runs.items():
-        away = compare_skins(problem.skin(timed.displacement), reference, problem.landmarks_after)
-        converged = timed.last.status is RelaxStatus.CONVERGED
-        last = count == counts[-1]
-        rows.append(
-            [
-                f"{count}" + ("" if converged else f" ({timed.last.status.name})"),
-                number(timed.seconds),
-                str(sum(relaxation.linear_iterations for relaxation in timed.relaxations)),
-                "0" if last else number(away.max_error_mm),
-                "0" if last else number(away.mean_skin_error_mm),
-                "0" if last else number(away.bsr_error_deg),
-            ]
-        )
-    header = ["increments", "seconds", "linear iterations", "skin max [mm]", "skin mean [mm]", "BSR [degrees]"]
-    return markdown(header, rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 
 from warp_trunk import InputError
 
@@ -116,49 +116,6 @@ def long_table(records: Iterable[Record]) -> str:
         for record in records
     ]
     return markdown(header, rows)
-
-
-def comparison(records: Sequence[Record]) -> str:
-    """Newton to 0.01 mm against the gradient methods to 1 mm, and two threads against one, as ratios."""
-    by_setting = curves(records)
-    lines = []
-    for setting, points in by_setting.items():
-        if setting.method != "newton" or (mine := seconds_to(points, 0.01)) is None:
-            continue
-        lines.append(f"- {method(setting)}, {place(setting)}, {setting.precision}: {number(mine)} s to 0.01 mm")
-        for other, theirs in by_setting.items():
-            same_place = (other.device, other.threads) == (setting.device, setting.threads)
-            if (
-                other.method == "newton"
-                or (other.energy, other.bones) != (setting.energy, setting.bones)
-                or not same_place
-                or other.precision != setting.precision
-            ):
-                continue
-            reached = seconds_to(theirs, 1.0)
-            end = theirs[-1]
-            words = (
-                f"  - {other.method}: 1 mm in {number(reached)} s, {reached / mine:.0f} times as long"
-                if reached is not None
-                else f"  - {other.method}: {number(end.max_error_mm)} mm left after {number(end.seconds)} s, "
-                f"{end.seconds / mine:.0f} times as long"
-            )
-            if end.linear_iterations:  # its estimates of the error, at what an iteration costs Newton in all
-                estimates = end.linear_iterations * min(p.seconds / p.linear_iterations for p in points)
-                words += f"; at most {100.0 * estimates / end.seconds:.0f} % of the last run went to estimates"
-            lines.append(words)
-        single = replace(setting, threads=1, device="cpu")
-        alone = seconds_to(by_setting.get(single, []), 0.01)
-        if setting != single and alone is not None:
-            lines.append(f"  - newton on one thread: {number(alone)} s, {alone / mine:.2f} times as long")
-    checked = [record for record in records if record.estimated_error_mm]
-    if checked:
-        worst = max(checked, key=lambda record: record.max_error_mm / (record.estimated_error_mm or 1.0))
-        lines.append(
-            f"- true error over estimated error, largest of {len(checked)} points: "
-            f"{worst.max_error_mm / (worst.estimated_error_mm or 1.0):.2g} ({worst.method}, {worst.precision})"
-        )
-    return "\n".join(lines) + "\n"
 
 
 def number(value: float) -> str:

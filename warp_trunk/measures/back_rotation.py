@@ -148,15 +148,22 @@ def turn(a: np.ndarray, b: np.ndarray) -> float:
 
 def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:
     """Corners of the convex hull of points (n, 2) where it faces the back within `STEEPEST`, left to right."""
-    from scipy.spatial import ConvexHull  # heavy
-
-    hull = points[ConvexHull(points).vertices]  # counterclockwise, and so from left to right along the back
-    aside, back = hull @ across, hull @ np.array([-across[1], across[0]])
+    aside, back = points @ across, points @ np.array([-across[1], across[0]])
     sideways, backward = math.sin(STEEPEST) * aside, math.cos(STEEPEST) * back
     first, last = int(np.argmax(backward + sideways)), int(np.argmax(backward - sideways))
     if aside[first] <= aside[last]:
         return None
-    return hull[np.arange(first, last + 1 if last > first else last + 1 + len(hull)) % len(hull)]
+    between = np.flatnonzero((aside <= aside[first]) & (aside >= aside[last]))
+    chain: list[int] = []  # the upper hull, from left to right (Andrew 1979)
+    xs, ys = aside.tolist(), back.tolist()
+    for i in between[np.lexsort((back[between], -aside[between]))].tolist():
+        while len(chain) > 1:
+            a, b = chain[-2:]
+            if (xs[a] - xs[b]) * (ys[i] - ys[a]) < (ys[b] - ys[a]) * (xs[a] - xs[i]):
+                break
+            chain.pop()
+        chain.append(i)
+    return points[chain]
 
 
 def _touching(hull: np.ndarray, across: np.ndarray) -> Contacts | None:

@@ -8,7 +8,6 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from warp_trunk.geometry.section import section, trunk_loop
 from warp_trunk.geometry.surface import Surface
@@ -57,6 +56,8 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
         level: the vertebra.
         tangent: what was found there (`back_surface_rotation`).
     """
+    from scipy.spatial import KDTree  # heavy
+
     contacts = find_contacts(tangent.outline - tangent.spine, tangent.across)
     assert contacts is not None  # where there is a tangent there are contacts
     bridge, rows = np.array_equal(*contacts.edges), _rows(landmarks, level)
@@ -80,6 +81,8 @@ def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: Du
 
     Arguments as for `rotation_derivative`.
     """
+    from scipy.spatial import KDTree  # heavy
+
     top = hump_top(tangent)
     if top is None:
         return None
