@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.rib_cage import ends, follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebra, split
 from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.preparation.deformity import correct, impose
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 
@@ -149,45 +146,6 @@ def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -
         assert leaned(rib) == pytest.approx(part * 0.5 * split(*CURVED[vertebra(rib)]).tilt, abs=2e-3)
 
 
-@pytest.mark.parametrize("cobb", [40.0, 75.0])
-def test_a_correction_puts_the_costal_margin_back_in_order(cobb: float) -> None:
-    def apart(bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform]) -> np.ndarray:
-        """How far front ends of the ribs 7 to 10 are from the next, of both sides."""
-        tips = [
-            [
-                motions[rib].apply(ends(bones[rib].vertices, bones[vertebra(rib)].vertices)[1])
-                for rib in (f"rib_{side}_{number:02d}" for number in range(7, 11))
-            ]
-            for side in ("left", "right")
-        ]
-        return np.linalg.norm(np.diff(tips, axis=1), axis=2)
-
-    still = dict.fromkeys(RIBS, RigidTransform.identity())
-    curve = SpineCurve(cobb=cobb)
-    _, curved, landmarks = impose(SKIN, BONES, LANDMARKS, curve)
-    corrected = bone_motions(curved, landmarks, correct(LANDMARKS, curve.corrected(0.8), 0.0))
-    grown = np.abs(apart(curved, still) - apart(BONES, still)).mean()
-    left = np.abs(apart(curved, corrected) - apart(BONES, still)).mean()
-    assert left < 0.6 * grown
-
-
-def test_outer_ends_of_the_highest_ribs_stay_more_level_than_t1() -> None:
-    """A part of the tilt the other way makes up for the heads, which the tilt lifts by different heights."""
-    tilt = RigidTransform.from_rotation(Rotation.from_euler("y", 8.0, degrees=True))
-    way = {"T1": Vertebra(tilt, np.array([BONES["T1"].vertices.mean(axis=0), [0.0, 0.0, 1.0]]))}
-
-    def uneven(upper: float) -> float:
-        motions = follow(NO_STERNUM, way, RibShares(upper=upper))
-        rise = []
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            rib = BONES[f"rib_{side}_01"].vertices
-            outer = rib[(sign * rib[:, 0]).argmax()]
-            rise.append(motions[f"rib_{side}_01"].apply(outer)[2] - outer[2])
-        return abs(rise[0] - rise[1])
-
-    assert uneven(-0.5) < 0.85 * uneven(0.0)
-
-
 def test_known_bones_lead_the_others() -> None:
     known = {"sternum": RigidTransform.from_translation([0.0, -12.0, 0.0])}
     motions = follow(BONES, CURVED, RibShares(), known)
@@ -207,18 +165,6 @@ def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
     np.testing.assert_allclose(motions["scapula_left"].as_matrix(), way.as_matrix(), atol=1e-9)
     half = follow(bones, CURVED, RibShares(scapula=0.5), known)["scapula_left"]
     np.testing.assert_allclose((half * half).as_matrix(), way.as_matrix(), atol=1e-9)
-
-
-def test_what_lies_under_a_shoulder_blade_carries_it() -> None:
-    ribs = [f"rib_left_{number:02d}" for number in range(3, 7)]
-    backs = {rib: BONES[rib].vertices[BONES[rib].vertices[:, 1].argmax()] for rib in ribs}
-    corners = np.array([[0.0, 12.0, 0.0], [5.0, 12.0, 0.0], [0.0, 12.0, 5.0]])
-    blade = np.vstack([back + corners for back in backs.values()])
-    bones = {**BONES, "scapula_left": Surface(blade, BONES["rib_left_05"].faces[:1])}
-    swing = Rotation.from_rotvec([0.3, 0.0, 0.0])  # the front of each rib goes 50 mm, its back stays
-    known = {rib: RigidTransform.from_components(back - swing.apply(back), swing) for rib, back in backs.items()}
-    motion = follow(bones, CURVED, RibShares(), known)["scapula_left"]
-    assert np.linalg.norm(motion.apply(blade) - blade, axis=1).max() < 5.0
 
 
 def test_ribs_without_a_vertebra_are_left_out() -> None:

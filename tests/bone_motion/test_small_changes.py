@@ -16,15 +16,6 @@ def test_the_way_to_a_value_that_was_shifted_is_the_shift(value: object) -> None
     np.testing.assert_allclose(way(value, shifted(value, by)), by, atol=1e-9)
 
 
-def test_the_numbers_of_a_motion_move_points_by_mm() -> None:
-    """A mm of turn about z moves what is 1000 mm from it by a mm; a mm of shift moves everything by one."""
-    point = np.array([ARM, 0.0, 0.0])
-    turned = shifted(MOTION, np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0]))
-    np.testing.assert_allclose(turned.apply(MOTION.inv().apply(point)) - point, [0.0, 1e-3, 0.0], atol=1e-8)
-    moved = shifted(MOTION, np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0]))
-    np.testing.assert_allclose(moved.apply(point) - MOTION.apply(point), [0.0, 2.0, 0.0], atol=1e-12)
-
-
 def test_derivatives_by_each_value_and_through_points_that_are_not_read() -> None:
     points = RNG.normal(size=(5, 3))
 

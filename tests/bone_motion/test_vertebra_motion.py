@@ -58,18 +58,6 @@ def test_what_a_curve_turned_its_correction_turns_back_about_the_same_axis(tilt:
     assert (by_way * shared(straight, corrected).inv()).magnitude() == pytest.approx(0.0, abs=1e-12)
 
 
-def test_seen_in_a_mirror_turn_tilt_and_shift_change_sign() -> None:
-    mirror = np.diag([-1.0, 1.0, 1.0])
-    rotation = Rotation.from_rotvec([0.1, 0.2, -0.3])
-    motion = about(rotation, (6.0, 1.0, 2.0))
-    seen = RigidTransform.from_components(
-        mirror @ motion.translation, Rotation.from_matrix(mirror @ rotation.as_matrix() @ mirror)
-    )
-    here, there = parts(motion, AXIS), split(seen, np.array([CENTRE, AXIS]) @ mirror)
-    assert (there.turn, there.tilt, there.shift) == pytest.approx((-here.turn, -here.tilt, -here.shift), abs=1e-9)
-    assert there.flexion == pytest.approx(here.flexion, abs=1e-12)
-
-
 @pytest.mark.parametrize("degrees", [-17.0, 4.0])
 def test_a_motion_less_all_of_its_turn_only_leans(degrees: float) -> None:
     rotation = Rotation.from_euler("YXZ", [15.0, 6.0, degrees], degrees=True)
@@ -79,12 +67,6 @@ def test_a_motion_less_all_of_its_turn_only_leans(degrees: float) -> None:
     assert left.rotation.as_euler("YXZ", degrees=True) == pytest.approx([15.0, 6.0, 0.0], abs=1e-9)
     np.testing.assert_allclose(left.apply(CENTRE), found.motion.apply(CENTRE), atol=1e-9)
     np.testing.assert_allclose(found.without(0.0, around[1]), found.motion.apply(around[1]), atol=1e-12)
-
-
-def test_what_does_not_go_with_the_curve_is_direct() -> None:
-    motion = about(Rotation.from_rotvec([0.0, 0.0, 0.2]))
-    assert parts(motion, np.array([0.0, 0.0, 1.0])).direct == 0.0
-    assert parts(motion, np.array([0.0, 0.0, 1.0]), 0.05).direct == pytest.approx(0.15)
 
 
 def test_the_turn_of_a_leaning_vertebra_is_found_whichever_way_it_leans() -> None:

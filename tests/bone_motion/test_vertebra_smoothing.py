@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from support.marked_spine import before_and_after, with_errors
-from warp_trunk.bone_motion.steps import ARM, RememberedSteps
 from warp_trunk.bone_motion.vertebra_smoothing import smooth_vertebrae, smoothing_warnings, vertebra_smoothing
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import fit_rigid
 
 BEFORE, AFTER = before_and_after()
@@ -85,39 +82,3 @@ def test_a_kink_that_stands_out_of_the_errors_is_followed() -> None:
     wanted = fit_rigid(BEFORE.points[rows], points[rows]).rotation
     found = fit_rigid(BEFORE.points[rows], smooth_vertebrae(BEFORE, kinked).points[rows]).rotation
     assert np.degrees((found * wanted.inv()).magnitude()) < 3.0
-
-
-def test_what_errors_will_do_is_foretold_of_landmarks_that_have_none() -> None:
-    """The spread of smoothed turns and shifts over draws, against the derivative with the errors expected."""
-    error = 1.5
-    steps = RememberedSteps(BEFORE.points, AFTER.points)
-    calm = smooth_vertebrae(BEFORE, AFTER, steps, expected=np.sqrt(2.0) * error)
-    assert calm is not AFTER
-    rows = [np.array([BEFORE.index(f"{level}_{name}") for name in VERTEBRA_POINTS]) for level in LEVELS]
-    motions = [steps.fit(steps.rows(BEFORE.points, row), steps.rows(calm.points, row)) for row in rows]
-    said = []
-    for motion, row in zip(motions, rows, strict=True):
-        middle = motion.apply(BEFORE.points[row].mean(axis=0))
-        weights = np.zeros((6, 6))
-        weights[:3, :3] = np.eye(3) / ARM  # turns, and ways of the middle
-        weights[3:, :3] = np.cross(np.eye(3), middle, axisa=0).T / ARM
-        weights[3:, 3:] = np.eye(3)
-        before, after = steps.adjoint([motion], [weights])
-        said.append(error * np.sqrt(np.square(before).sum(axis=(1, 2)) + np.square(after).sum(axis=(1, 2))))
-    random, drawn = np.random.default_rng(8), []
-    for _ in range(300):
-        before, after = (
-            replace(marks, points=marks.points + error * random.normal(size=marks.points.shape))
-            for marks in (BEFORE, AFTER)
-        )
-        found = smooth_vertebrae(before, after)
-        numbers = []
-        for motion, row in zip(motions, rows, strict=True):
-            other = fit_rigid(before.points[row], found.points[row])
-            middle = BEFORE.points[row].mean(axis=0)
-            turn = (other.rotation * motion.rotation.inv()).as_rotvec()
-            numbers.append([*turn, *(other.apply(middle) - motion.apply(middle))])
-        drawn.append(numbers)
-    ratio = np.array(said) / np.std(drawn, axis=0)
-    assert ratio[:, :3].mean() == pytest.approx(1.0, abs=0.12)
-    assert ratio[:, 3:].mean() == pytest.approx(1.0, abs=0.12)

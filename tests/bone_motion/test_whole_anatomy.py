@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 from scipy.spatial.transform import RigidTransform
 
 from warp_trunk.bone_motion.rib_cage import ends
@@ -53,21 +51,3 @@ def test_a_clavicle_keeps_both_of_its_joints(side: str) -> None:
     for neighbour in ("sternum", f"scapula_{side}"):
         joint = ends(bones[clavicle].vertices, bones[neighbour].vertices)[0]
         assert np.linalg.norm(motions[clavicle].apply(joint) - motions[neighbour].apply(joint)) < 4.0
-
-
-def test_cartilages_leave_neither_end_by_more_than_half_of_a_tenth_of_their_length() -> None:
-    bones, motions = moved()
-    for side, number in product(SIDES, range(1, 8)):
-        cartilage, rib = f"costal_cartilage_{side}_{number:02d}", f"rib_{side}_{number:02d}"
-        joint, other = ends(bones[cartilage].vertices, bones[rib].vertices)
-        parted = np.linalg.norm(motions[cartilage].apply(joint) - motions[rib].apply(joint))
-        assert parted < 0.06 * np.linalg.norm(other - joint) + 1.0
-
-
-def test_gaps_between_ribs_stay_open() -> None:
-    bones, motions = moved()
-    for side, number in product(SIDES, range(1, 12)):
-        one, other = (f"rib_{side}_{k:02d}" for k in (number, number + 1))
-        was = KDTree(bones[one].vertices).query(bones[other].vertices)[0].min()
-        now = KDTree(motions[one].apply(bones[one].vertices)).query(motions[other].apply(bones[other].vertices))[0]
-        assert now.min() > min(1.0, was)

@@ -52,7 +52,3 @@ def test_numbers_and_names_are_what_they_look_like():
             number(text)
     assert is_plain("T7 – μ")
     assert not any(is_plain(name) for name in ("a\nb", "a\x00", "\ud800", "a\u2028b"))
-
-
-def test_an_error_is_one_line_whatever_is_in_it():
-    assert str(InputError("a\nb\x1b[31m\ud800: é")) == r"a\nb\x1b[31m\ud800: é"

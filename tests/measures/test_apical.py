@@ -61,12 +61,6 @@ def test_neutral_vertebra_is_the_one_turned_least_where_none_turns_back():
     assert (apex.neutral_above, apex.neutral_below) == ("T3", "L2")
 
 
-def test_nothing_is_neutral_beside_an_apex_that_is_not_turned():
-    apex = next(a for a in measured(known_spine(to_left=THORACIC, turned={"T8": 4.0})).apices if a.level == "T8")
-    assert (apex.neutral_above, apex.neutral_below) == (None, None)
-    assert apex.rotation == pytest.approx(4.0, abs=1e-9)
-
-
 def test_curve_is_followed_between_the_end_vertebrae_it_had():
     """T4 to T12 from 60 to 20 degrees, while the largest tilts after are those of T6 and T10; then beyond 0."""
     curves = measured(known_spine(to_left=THORACIC)).cobb

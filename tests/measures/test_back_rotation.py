@@ -51,17 +51,6 @@ def test_grooved_section_turns_with_its_rotation(degrees):
     assert angle(touching) == pytest.approx(supports[0] + degrees, abs=1e-9)
 
 
-def test_known_prominences_give_their_angle_to_the_last_bits():
-    """Two circles of one radius: the common tangent is parallel to the line of their centres."""
-    t = np.linspace(0.0, 2.0 * math.pi, 20001)[:-1]
-    circle = 30.0 * np.column_stack([np.cos(t), np.sin(t)])
-    a, b = np.array([60.0, 40.0]), np.array([-50.0, 55.0])
-    valley = np.array([[5.0, 20.0], [5.0, -100.0]])
-    outline = np.vstack([circle + a, circle + b, valley])
-    expected = math.degrees(math.atan2(a[1] - b[1], a[0] - b[0]))
-    assert angle(dual_tangent(outline, np.array([5.0, 0.0]), LEFT)) == pytest.approx(expected, abs=1e-3)
-
-
 def test_a_fine_facet_of_a_convex_back_is_no_bridge():
     """Facets of a coarse section must not decide: its rotation is that of the smooth one."""
     turn = rotation(10.0)
@@ -91,14 +80,6 @@ def test_right_side_further_back_is_positive():
     assert found.right[1] > found.left[1]
     assert found.left[0] > found.right[0]
     assert found.height == pytest.approx(200.0)
-
-
-def test_level_that_misses_the_trunk_is_missing_and_not_zero():
-    found = back_surface_rotation(tube(ellipse()), spine({"T1": 450.0, "T8": 200.0}))
-    assert list(found) == ["T1", "T8"]
-    assert found["T1"] is None
-    assert found["T8"] is not None
-    assert found["T8"].angle == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("half_width", [40.0, 400.0])

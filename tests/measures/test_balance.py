@@ -6,7 +6,6 @@ import pytest
 from support.known_spine import BODY, DISC, known_spine
 from support.there import there
 from support.trunk_shapes import with_points
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.sagittal import spine_height
@@ -29,14 +28,6 @@ def test_spine_that_leans_forward_stands_in_front_of_the_sacrum():
     shift = there(shift_of(leaning))
     assert (shift.lateral, shift.forward) == pytest.approx((0.0, expected), abs=1e-9)
     assert (shift.upper, shift.lower) == ("T1", "L5")
-
-
-def test_the_middle_of_the_pelvis_is_no_sacrum_to_lean_over():
-    names = [name for name in known_spine().names if not name.startswith("L5")]
-    landmarks = known_spine()
-    points = np.array([landmarks.point(name) for name in names])
-    shift = there(shift_of(Landmarks(tuple(names), points)))
-    assert (shift.lower, shift.forward) == ("pelvis", None)
 
 
 def test_height_is_that_of_the_stack_and_shrinks_with_the_cosine_of_a_tilt():

@@ -1,7 +1,6 @@
 """Measures of a trunk with their definitions: the back, the spine, and one skin compared with another."""
 
 from .apical import ApicalVertebra
-from .asymmetry import mirror_asymmetry
 from .back_rotation import DualTangent, back_surface_rotation
 from .cobb import CobbAngle, cobb_angles, curves_after
 from .comparison import BsrError, SkinComparison, compare_skins
@@ -31,6 +30,5 @@ __all__ = [
     "compare_skins",
     "curves_after",
     "measure",
-    "mirror_asymmetry",
     "tissue_volume_change",
 ]

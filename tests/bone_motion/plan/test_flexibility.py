@@ -36,13 +36,6 @@ def test_share_that_bends_out() -> None:
     assert flexibility["T12"] == pytest.approx(0.75, abs=1e-6)
 
 
-def test_without_films_nothing_is_known_of_it() -> None:
-    surgery = plan_surgery(case(None, None), PLAN)
-    assert {curve.flexibility for curve in surgery.curves} == {None}
-    lumbar = surgery.curves[-1]
-    assert lumbar.cobb_after == pytest.approx(20.0, abs=0.1)
-
-
 def test_unfused_curve_corrects_by_what_bent_out() -> None:
     """Unless the plan says another share."""
     assert plan_surgery(case(), PLAN).curves[-1].cobb_after == pytest.approx(10.0, abs=0.1)

@@ -41,6 +41,9 @@ def test_plan_comes_back(tmp_path: Path, plan: Plan) -> None:
         ("uiv = 4\nliv = 5", "'uiv' must be a vertebra such as T4 or L1, not 4"),
         ('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 65', "must be 0 to 1, not 65"),
         ("uiv", "cannot be read as TOML"),
+        ('uiv = "L3"\nliv = "L1"', "'uiv' must lie above 'liv', but L3 is not above L1"),
+        ('uiv = "T4"\nliv = "L1"\nunfused = "free"', "'unfused' must be follow or fixed, not 'free'"),
+        ('uiv = "T4"\nliv = "L1"\n' + 2 * '[[curve]]\napex = "T8"\n', "the curve of T8 is planned twice"),
     ],
 )
 def test_what_is_wrong_names_the_file(tmp_path: Path, text: str, rule: str) -> None:

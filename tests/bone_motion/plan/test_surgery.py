@@ -3,7 +3,6 @@
 import math
 import os
 import re
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -112,14 +111,6 @@ def test_without_a_target_nothing_moves(unfused: Any) -> None:
     assert surgery.warnings == ()
 
 
-def test_small_targets_move_little() -> None:
-    """The way from nothing to a correction has no jump: a tenth of a percent moves tenths of a millimetre."""
-    case = imposed()
-    surgery = plan_surgery(case, Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=1e-3),)))
-    moved = np.abs(surgery.landmarks_after.points - case.landmarks_before.points).max()
-    assert 0.01 < moved < 0.5
-
-
 @pytest.mark.parametrize(
     ("kind", "cobb", "direction", "of"),
     [
@@ -199,14 +190,6 @@ def test_unfused_curve_corrects_by_its_share(share: float) -> None:
     assert left == pytest.approx(1.0 - share, abs=0.02 if share else 1.0)
 
 
-def test_unfused_curve_corrects_no_more_than_the_planned_one() -> None:
-    case = imposed()
-    lumbar = cobb_angles(case.landmarks_before)[-1]
-    plan = Plan(uiv="T4", liv="T12", spontaneous=0.9, curves=(CurvePlan(apex="T8", correction=0.2),))
-    after = plan_surgery(case, plan).landmarks_after
-    assert angle_between(after, lumbar.upper, lumbar.lower, 0) == pytest.approx(0.8 * lumbar.angle, abs=0.5)
-
-
 @pytest.mark.parametrize("of", ["phantom", "anatomy"])
 def test_imposed_curve_is_corrected_as_it_was_imposed(of: str) -> None:
     """70 % of every curve, all levels fused: what `correct` does by taking 70 % of the imposed curve away.
@@ -240,28 +223,6 @@ def test_height_is_that_of_a_straightened_arc() -> None:
     top, foot = "T1_superior_endplate", "L5_inferior_endplate"
     tall = surgery.landmarks_after.point(top)[2] - surgery.landmarks_after.point(foot)[2]
     assert tall == pytest.approx(lengths, abs=1.0)
-
-
-def test_other_bones_follow_and_the_pelvis_stays() -> None:
-    before = imposed().landmarks_before
-    names = (*before.names, "sternum_top", "sacrum_tip")
-    front = before.of_bone("T4").points.mean(axis=0) - np.array([0.0, 120.0, 0.0])
-    points = np.vstack([before.points, front, [0.0, 90.0, 900.0]])
-    case = case_of(Landmarks(names, points))
-    after = plan_surgery(
-        case, Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.5),))
-    ).landmarks_after
-    assert np.linalg.norm(after.point("sternum_top") - points[-2]) > 3.0
-    np.testing.assert_array_equal(after.point("sacrum_tip"), points[-1])
-
-
-def test_planned_case_holds_the_plan_and_nothing_of_another_surgery() -> None:
-    case = replace(imposed(), actual_skin=NOTHING)
-    surgery = plan_surgery(case, Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.5),)))
-    planned = surgery.planned_case(case)
-    assert planned.landmarks_after is surgery.landmarks_after
-    assert planned.actual_skin is None
-    assert case.landmarks_after is None
 
 
 def test_curve_that_grows_is_told() -> None:

@@ -51,12 +51,6 @@ def test_a_mesh_comes_back_through_every_format(ending, trunk, motion, bones, tm
     assert {frozenset(face) for face in back.skin_nodes[back.skin_faces].tolist()} == as_set
 
 
-@pytest.mark.parametrize("ending", [".vtk", ".xdmf", ".msh"])
-def test_viewers_get_the_displacement(ending, trunk, motion, tmp_path):
-    write_volume(tmp_path / f"a{ending}", trunk, motion, TISSUE)
-    np.testing.assert_allclose(meshio.read(tmp_path / f"a{ending}").point_data["displacement"], motion, atol=1e-12)
-
-
 def test_abaqus_gets_sets_material_and_every_displacement(trunk, motion, tmp_path):
     write_volume(tmp_path / "a.inp", trunk, motion, TISSUE)
     sets = meshio.read(tmp_path / "a.inp").point_sets
@@ -135,15 +129,6 @@ def test_meshes_that_do_not_fit_are_refused(change, rule, trunk, bones, tmp_path
         read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
     assert "a.vtu" in str(error.value)
     assert rule in str(error.value)
-
-
-@pytest.mark.parametrize("name", ["a.vtu", "a.vtk", "a.xdmf", "a.msh", "a.inp", "a.stl"])
-def test_damaged_meshes_are_refused(name, trunk, bones, tmp_path):
-    (tmp_path / name).write_bytes(b"*NODE\n1, two\n$MeshFormat\n<VTK")
-    with pytest.raises(InputError, match=name):
-        read_volume(tmp_path / name, skin_of(trunk), bones)
-    with pytest.raises(InputError, match="no such file"):
-        read_volume(tmp_path / f"missing-{name}", skin_of(trunk), bones)
 
 
 def test_export_writes_the_mesh_of_a_result(tmp_path, capsys):

@@ -13,7 +13,7 @@ import pytest
 
 from support.label_maps import write_nrrd
 from warp_trunk.errors import InputError
-from warp_trunk.io.image_files.image_reader import image_stem, read_labels, read_scan
+from warp_trunk.io.image_files.image_reader import read_labels, read_scan
 
 VALUES = np.zeros((4, 5, 6), dtype=np.uint8)
 VALUES[1, 2, 3], VALUES[3, 4, 5] = 7, 200
@@ -64,10 +64,6 @@ def test_two_affines_that_differ_are_reported_and_the_sform_is_taken(tmp_path):
     image = read_labels(nifti(tmp_path / "a.nii", change=both))
     assert "its sform and its qform put voxels" in image.notes[0]
     np.testing.assert_allclose(image.affine, np.diag([-1, -1, 1, 1]) @ RAS, atol=1e-5)
-
-
-def test_one_more_dimension_of_one_is_none(tmp_path):
-    assert read_labels(nifti(tmp_path / "a.nii", VALUES[..., None])).layers.shape == (1, 4, 5, 6)
 
 
 def test_a_ct_is_read_in_hounsfield_units(tmp_path):
@@ -138,9 +134,3 @@ def test_a_file_that_packs_more_than_it_can_hold_is_not_unpacked(tmp_path):
     (tmp_path / "a.nii.gz").write_bytes(packed.getvalue())
     with pytest.raises(InputError, match="it is cut off"):
         read_labels(tmp_path / "a.nii.gz")
-
-
-def test_stems_of_image_files():
-    assert [image_stem(Path(name)) for name in ("a/T8.nii.gz", "T8.seg.nrrd", "x.y.nii", "T8.NRRD")] == [
-        "T8", "T8", "x.y", "T8",
-    ]  # fmt: skip

@@ -158,14 +158,3 @@ def test_ply_keeps_every_bit_and_the_order(tmp_path):
     np.testing.assert_array_equal(back.faces, PYRAMID.faces)
     assert back.vertices.dtype == np.float64
     assert back.faces.dtype == np.int32
-
-
-def test_ply_with_coincident_and_loose_vertices_is_not_touched(tmp_path):
-    vertices = np.vstack([PYRAMID.vertices, PYRAMID.vertices[:1], [[5.0, 5.0, 5.0]]])
-    write_surface(tmp_path / "a.ply", Surface(vertices, PYRAMID.faces))
-    np.testing.assert_array_equal(read_surface(tmp_path / "a.ply").vertices, vertices)
-
-
-def test_unknown_ending_is_refused_on_writing(tmp_path):
-    with pytest.raises(InputError, match="xyzzy"):
-        write_surface(tmp_path / "a.xyzzy", PYRAMID)
