@@ -70,7 +70,7 @@ def test_window_holds_every_skin_and_is_symmetric(landmarks):
 
 def test_window_ends_below_the_iliac_spines(landmarks):
     nodes, _, faces = box_mesh()
-    seen = window([(Surface(nodes - [0.0, 0.0, 300.0], faces), landmarks)])
+    seen = window([(Surface(nodes - [0.0, 0.0, 300.0], faces), landmarks)], 0.75)
     assert seen.z[-1] == pytest.approx(40.0 - BELOW, abs=0.5)
 
 

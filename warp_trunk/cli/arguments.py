@@ -1,7 +1,5 @@
 """Flags of the command line, made of the fields of a command's dataclass by tyro."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout

@@ -1,7 +1,5 @@
 """From the words of a command line to a command, whose file is loaded only then, and to an exit status."""
 
-from __future__ import annotations
-
 import ast
 import atexit
 import difflib

@@ -1,7 +1,5 @@
 """warp-trunk simulate and demo, and what every command that simulates shares."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace

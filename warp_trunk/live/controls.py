@@ -1,17 +1,14 @@
 """The sliders of the page in all browsers, and where they stood before."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import viser
 
 from .sliders import Sliders, Wish, first_wish
-
-if TYPE_CHECKING:
-    import viser
 
 PAUSE = 0.7
 """Sliders that rest for so long [s] have been released: undo returns to where they were then."""

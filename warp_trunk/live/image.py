@@ -1,16 +1,10 @@
 """The immediate estimate: the skin as the spline of the landmarks carries it, with the likely relaxation added."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.spline import spline_response
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.case.landmarks import Landmarks
 
 _REMEMBERED = 8
 """Number of the last relaxations from which the error of an image is estimated."""

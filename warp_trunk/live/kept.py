@@ -1,27 +1,21 @@
 """Plans that were kept, now or before: cases on disk, and views to compare with."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, read_plan
 from warp_trunk.bone_motion.plan.plan_file import PLAN, write_planned_case
+from warp_trunk.case import Case
 from warp_trunk.case.case_writer import HEADER
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 
 from .motion_plan import MotionPlan
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-
-    from .session import PlanView
+from .session import PlanView
 
 MOST_NAME = 60
 """No plan has a longer name [characters]."""

@@ -1,7 +1,5 @@
 """A server that only this machine reaches, and only its own page: viser as it is would answer anyone."""
 
-from __future__ import annotations
-
 import contextlib
 import http
 import io

@@ -1,24 +1,16 @@
 """Where the motions of a case take its bones, and the points that stand for landmarks where there is no spine."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
-from warp_trunk.case import write_case
+from warp_trunk.case import Case, write_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.motions import Motion, check_motions, check_passing
 from warp_trunk.run.patient import motions_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from scipy.spatial.transform import RigidTransform
-
-    from warp_trunk.case import Case
 
 _INWARD = 0.1
 """Handles lie this fraction of the way from the surface of a bone to its centre: no two bones share one."""

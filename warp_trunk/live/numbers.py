@@ -1,14 +1,13 @@
 """The table that follows the sliders, and the status over it, as HTML; all that comes from files is escaped."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.bone_motion.plan import PlannedSurgery
+from warp_trunk.case import Case
+from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.points import follow_points
 from warp_trunk.measures.rows import MISSING, number, skin_rows, spine_rows
@@ -16,12 +15,7 @@ from warp_trunk.measures.table import as_html
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .motion_plan import MotionPlan
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.measures import TrunkMeasures
-
-    from .session import PlanView
+from .session import PlanView
 
 NOTE = "A research simulation, not for clinical use."
 _BARS, _ROW = 210, 17

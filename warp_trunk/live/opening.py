@@ -1,26 +1,21 @@
 """From a case folder to the page, until it is to end."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from warp_trunk.bone_motion.plan import Plan
+from warp_trunk.case import Case
 from warp_trunk.errors import InputError
+from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of, with_mesh_given
+from warp_trunk.run.progress import Progress
 
 from .motion_plan import with_handles
 from .sliders import MotionSliders, SpineSliders, first_wish
-
-if TYPE_CHECKING:
-    from warp_trunk.bone_motion.plan import Plan
-    from warp_trunk.case import Case
-    from warp_trunk.run.options import RunOptions
-    from warp_trunk.run.progress import Progress
 
 PACKAGES = ("threadpoolctl", "viser")
 """The packages of the extra `live`."""

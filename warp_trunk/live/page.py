@@ -1,16 +1,17 @@
 """The planning page: what is asked in browsers goes to the session, what the session knows to the browsers."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Self
+
+import viser
 
 from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
+from warp_trunk.run.patient import Patient
 
 from .controls import Controls
 from .kept import KeptPlans
@@ -19,11 +20,6 @@ from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
 from .session import Latest, PlanView, Session, worker
 from .sliders import Sliders, SpineSliders, first_wish
-
-if TYPE_CHECKING:
-    import viser
-
-    from warp_trunk.run.patient import Patient
 
 NOTHING = "nothing"
 """The first choice of the comparison."""
@@ -81,7 +77,7 @@ class Page:
             self._numbers = gui.add_html("")
         panel.dock_right()
 
-    def __enter__(self) -> Page:
+    def __enter__(self) -> Self:
         self._writer.start()
         self.session.__enter__()
         self.session.ask(first_wish(self._sliders))

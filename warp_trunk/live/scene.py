@@ -1,23 +1,15 @@
 """The scene: skin, bones, lines of depth, and from where they are seen."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import viser
 
 from warp_trunk.bone_motion.plan.record import rank
+from warp_trunk.case import Case
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .bones import BonePoses
 from .motion_plan import MotionPlan
-
-if TYPE_CHECKING:
-    import viser
-
-    from warp_trunk.case import Case
-
-    from .session import PlanView
+from .session import PlanView
 
 SKIN, BONE, FUSED, INK = (226, 190, 168), (236, 228, 206), (0, 114, 178), (70, 58, 52)
 """Colours; blue is what is planned, as in the report."""

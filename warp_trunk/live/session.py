@@ -1,35 +1,29 @@
 """From a wish to its views: one thread plans and shows the image, one owns the model, one measures."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 from threadpoolctl import threadpool_limits
 
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import measure
+from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.run.patient import Patient
 from warp_trunk.run.warnings import curve_warnings
 
 from .image import Images
 from .motion_plan import MotionPlan
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
 from .sliders import Sliders, Wish
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
-    from warp_trunk.measures import TrunkMeasures
-    from warp_trunk.run.patient import Patient
 
 FIRST = {"cpu": 1.0, "cuda": 0.1}
 """Tolerance of a relaxation while sliders may still move, by the kind of device [mm]."""

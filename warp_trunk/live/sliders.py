@@ -1,16 +1,15 @@
 """The sliders of a patient, where they stand first, and the surgery that they ask for."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner
 from warp_trunk.bone_motion.plan.record import rank
+from warp_trunk.case import Case
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.apical import axial_rotation
@@ -18,9 +17,6 @@ from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import asis_axis, spine_of
 
 from .motion_plan import MotionPlan, plan_motions
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
 
 Wish = Mapping[str, Any]
 """Where the controls of a patient stand: the value of each by its name."""

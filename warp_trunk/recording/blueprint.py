@@ -1,19 +1,16 @@
 """The layout of a recording when the Rerun viewer opens it. Imports Rerun, which is heavy."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from warp_trunk.case import Case
+from warp_trunk.measures import TrunkMeasures
+
 from .colours import SKIN
 from .numbers import BarPlot
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.measures import TrunkMeasures
 
 FOV = np.radians(53.0)
 """The angle that a pane of the viewer sees from top to bottom, less a margin."""

@@ -1,25 +1,21 @@
 """The trunk in numbers: rotations by level as bars, energy and error as plots, a table. Imports Rerun."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import rerun as rr
 
+from warp_trunk.engine.relaxation import Energy
+from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.rows import measure_rows
 from warp_trunk.measures.table import RESEARCH, as_markdown
+from warp_trunk.results.bands import Band
 
 from .colours import BEFORE, NOW, TARGET, TEXT
 
-if TYPE_CHECKING:
-    from warp_trunk.engine.relaxation import Energy
-    from warp_trunk.measures import TrunkMeasures
-    from warp_trunk.results.bands import Band
-
-    Angles = Mapping[str, float | None]
+Angles = Mapping[str, float | None]
 
 TERMS = {"distance": "edges", "area": "faces"}
 """What the plot calls a term of an energy that has another name there."""

@@ -4,25 +4,21 @@ Rerun keeps references to the arrays it is given and writes them later from anot
 logged here is a new array (a test holds this).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 
+from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.case import Case
+from warp_trunk.engine.simulation import Increment
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.results.bands import Bands
 
 from .colours import BEFORE, NOW, TARGET
 from .stream import open_streams
-
-if TYPE_CHECKING:
-    from warp_trunk.bone_motion.bone_path import BonePath
-    from warp_trunk.case import Case
-    from warp_trunk.engine.simulation import Increment
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.results.bands import Bands
 
 
 class Recording:
@@ -119,7 +115,7 @@ class Recording:
         for stream in self._streams:
             stream.close()
 
-    def __enter__(self) -> Recording:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

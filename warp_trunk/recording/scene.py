@@ -1,22 +1,18 @@
 """The trunk in space: skin, bones, landmarks and the section at the worst level. Imports Rerun, which is heavy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import rerun as rr
 
+from warp_trunk.case import Case
+from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import DualTangent, TrunkMeasures
 
 from .colours import BONE, NOW, SKIN, TEXT, painted
-
-if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.measures import DualTangent, TrunkMeasures
 
 
 class Scene:

@@ -4,8 +4,6 @@ Rerun writes from a thread of its own. When the disk is full that thread only pr
 would never end; so every wait here has a limit, and what fails is left behind with a warning.
 """
 
-from __future__ import annotations
-
 import importlib
 import logging
 import threading

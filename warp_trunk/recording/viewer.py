@@ -1,7 +1,6 @@
 """The viewer of Rerun, as a program and in the browser."""
 
-from __future__ import annotations
-
+import contextlib
 import os
 import socket
 import subprocess
@@ -12,6 +11,7 @@ import urllib.request
 import webbrowser
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 
 from warp_trunk.errors import InputError
 
@@ -49,15 +49,8 @@ def start_viewer(*options: str) -> str:
     """
     port = free_port()
     with tempfile.TemporaryFile() as output:
-        process = subprocess.Popen(
-            viewer_command("--port", str(port), "--expect-data-soon", *options),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
-            env=viewer_environment(),
-            start_new_session=True,
-        )
-        if not listening(process, port):
+        process = _started("--port", str(port), "--expect-data-soon", *options, output=output)
+        if not _listens(process, port):
             stop(process)
             output.seek(0)
             words = output.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
@@ -75,6 +68,14 @@ def viewer_command(*arguments: str) -> list[str]:
 def viewer_environment() -> dict[str, str]:
     """The environment in which Rerun sends no statistics of its use: it sends none in continuous integration."""
     return {**os.environ, "CI": "1"}
+
+
+def _started(*arguments: str, output: Any = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
+    """A viewer in a session of its own."""
+    return subprocess.Popen(
+        viewer_command(*arguments), stdin=subprocess.DEVNULL, stdout=output, stderr=output,
+        env=viewer_environment(), start_new_session=True,
+    )  # fmt: skip
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:
@@ -95,7 +96,7 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def listening(process: subprocess.Popen[bytes], port: int) -> bool:
+def _listens(process: subprocess.Popen[bytes], port: int) -> bool:
     """Whether the process listens on the port, waiting until it does or ends."""
     end = time.monotonic() + WAIT
     while process.poll() is None and time.monotonic() < end:
@@ -132,10 +133,8 @@ def view_in_browser(recording: Path) -> int:
         url = address(server)
         print(f"serving {recording} at {url} (Ctrl-C ends)", flush=True)
         webbrowser.open(url)
-        try:
+        with contextlib.suppress(KeyboardInterrupt):
             server.serve_forever()
-        except KeyboardInterrupt:
-            return 0
     return 0
 
 
@@ -156,18 +155,15 @@ def page_server(recording: Path) -> ThreadingHTTPServer:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             path = self.path.partition("?")[0]
-            if path == "/recording.rrd":
-                self._answer(recording.read_bytes(), "application/octet-stream")
-            elif path in parts:
-                self._answer(parts[path], PAGE[path])
-            else:
+            kind = PAGE.get(path, "application/octet-stream")
+            body = recording.read_bytes() if path == "/recording.rrd" else parts.get(path)
+            if body is None:
                 self.send_error(404)
-
-        def _answer(self, body: bytes, kind: str) -> None:
+                return
             self.send_response(200)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            self.send_header("Content-Security-Policy", POLICY)
+            headers = {"Content-Type": kind, "Content-Length": len(body), "Content-Security-Policy": POLICY}
+            for name, value in headers.items():
+                self.send_header(name, str(value))
             self.end_headers()
             self.wfile.write(body)
 
@@ -180,21 +176,11 @@ def page_server(recording: Path) -> ThreadingHTTPServer:
 def _page() -> dict[str, bytes]:
     """The parts of Rerun's page, from its own server, which is stopped again."""
     port, unused = free_port(), free_port()
-    process = subprocess.Popen(
-        viewer_command("--serve-web", "--web-viewer-port", str(port), "--port", str(unused)),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=viewer_environment(),
-        start_new_session=True,
-    )
+    process = _started("--serve-web", "--web-viewer-port", str(port), "--port", str(unused))
     try:
-        if not listening(process, port):
+        if not _listens(process, port):
             raise InputError("--web: the web viewer cannot be served; open the result without --web")
-        parts = {}
-        for path in PAGE:
-            with urllib.request.urlopen(f"http://{LOOPBACK}:{port}{path}", timeout=30.0) as answer:
-                parts[path] = answer.read()
-        return parts
+        root = f"http://{LOOPBACK}:{port}"
+        return {path: urllib.request.urlopen(f"{root}{path}", timeout=30.0).read() for path in PAGE}
     finally:
         stop(process)

@@ -1,14 +1,12 @@
 """The back coloured by its hump: how far each place stands behind the other side. Imports matplotlib."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from scipy.ndimage import gaussian_filter
 
@@ -16,9 +14,6 @@ from .panels import panels, shaded
 from .relief import BEHIND, Relief, Window
 from .skin_pictures import lines
 from .style import INK, Pose
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOUR_STEP = 5.0
 """Difference between two colours of the hump [mm]."""

@@ -11,13 +11,12 @@ import numpy as np
 
 from warp_trunk.case.landmarks import ASIS, VERTEBRAE
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.preparation.landmark_finder import FoundLandmarks
 
 from .style import FAINT, INK, RC, file_of, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from warp_trunk.preparation.landmark_finder import FoundLandmarks
 
 DOUBT = "#d55e00"
 """Colour of the vertebrae whose landmarks were not found."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from warp_trunk.engine.tissue import Tissue
+
 if TYPE_CHECKING:
-    from warp_trunk.engine.tissue import Tissue
     from warp_trunk.results import Summary
 
 BONES = {

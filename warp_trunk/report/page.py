@@ -8,21 +8,19 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.comparison import DETECTABLE
-from warp_trunk.measures.part import agreement_rows
+from warp_trunk.measures.part import Agreement, agreement_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.measures.table import as_html
 
 from . import tables
 from .modelled import modelled, not_modelled, option_rows, value_text
 from .sentences import glance, sentences
+from .style import Pose
 
 if TYPE_CHECKING:
-    from warp_trunk.measures import SkinComparison
-    from warp_trunk.measures.part import Agreement
     from warp_trunk.results import Summary
-
-    from .style import Pose
 
 
 _OPTIONAL = ("error", "shoulders", "sure", "hump", "trends")

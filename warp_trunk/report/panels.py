@@ -1,21 +1,16 @@
 """Pictures of trunks in a row, all at one scale, and of one trunk coloured by a number. Imports matplotlib."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 
-from .relief import Relief, Viewpoint, Window, relief
+from .relief import Relief, Viewpoint, Window
 from .style import FAINT, INK, Pose, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
 
 WIDTH, GAP, TITLE, SIDES = 2.3, 0.14, 0.34, 0.3
 """Of a trunk with the space around it, of that space, of the line above and of the line below it [inches]."""
@@ -81,6 +76,7 @@ def coloured(
     pose: Pose,
     seen: Window,
     view: Viewpoint,
+    skin: Relief,
     values: np.ndarray,
     part: np.ndarray,
     *,
@@ -92,8 +88,8 @@ def coloured(
     """One trunk coloured by values of its pixels, shape (rows, columns), mixed in by `part`, with the scale."""
     palette = colormaps[colours]
     painted = palette(norm(np.nan_to_num(values)))[:, :, :3]
-    image = shaded(relief(pose.skin, pose.landmarks, seen, view), painted, part)
-    figure, (axes, below) = panels([pose.look.heading], seen.extent, view, [image], legend=0.8)
+    heading, image = pose.look.heading, shaded(skin, painted, part)
+    figure, (axes, below) = panels([heading], seen.extent, view, [image], legend=0.8)
     bar = figure.colorbar(ScalarMappable(norm, palette), cax=below, orientation="horizontal", ticks=ticks)
     bar.ax.set_xlabel(label, fontsize=8.5)
     return figure, axes

@@ -1,14 +1,12 @@
 """Pictures of a part of the body without a spine: its skin, how far it moves, and sections where it moves most."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.geometry.normals import area_vectors
@@ -20,9 +18,6 @@ from warp_trunk.measures.part import agreement
 from .relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint
 from .skin_pictures import values_picture
 from .style import FAINT, PREDICTED, RC, Pose, file_of, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _VIEWS = {BEHIND: (0.0, 1.0), RIGHT: (-1.0, 0.0), FRONT: (0.0, -1.0), LEFT: (1.0, 0.0)}
 """Where the viewer stands, x and y of LPS."""

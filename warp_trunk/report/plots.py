@@ -6,16 +6,15 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures.rows import sided
 
 from .relief import in_pelvis
 from .style import FAINT, INK, PREDICTED, Pose, new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.results import Summary
     from warp_trunk.results.bands import Band
 

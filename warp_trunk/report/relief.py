@@ -1,19 +1,14 @@
 """A trunk as a relief: its depth and its slope, seen from one side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.spine import asis_axis
-
-if TYPE_CHECKING:
-    from warp_trunk.case.landmarks import Landmarks
 
 MARGIN = 10.0
 """Empty space around the trunk [mm]."""
@@ -66,6 +61,14 @@ class Relief:
     """Smooth unit normals, shape (rows, columns, 3); NaN beside the trunk."""
     spine: np.ndarray
     """Centroids of the vertebrae, x and z [mm], top to bottom, shape (vertebrae, 2)."""
+    corners: np.ndarray
+    """The vertices of the triangle in each pixel, shape (rows, columns, 3)."""
+    weights: np.ndarray
+    """Their weights there, same shape; NaN beside the trunk."""
+
+    def values(self, of_vertices: np.ndarray) -> np.ndarray:
+        """The visible values of the vertices, a number for each, shape (rows, columns); NaN beside the trunk."""
+        return np.einsum("ijk,ijk->ij", self.weights, of_vertices[self.corners])
 
 
 def in_pelvis(points: np.ndarray, landmarks: Landmarks) -> np.ndarray:
@@ -94,7 +97,7 @@ def seen_from(points: np.ndarray, landmarks: Landmarks, view: Viewpoint) -> np.n
     return np.column_stack([x, y, z])
 
 
-def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float = 0.75, view: Viewpoint = BEHIND) -> Window:
+def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float, view: Viewpoint = BEHIND) -> Window:
     """The window that shows all trunks, with square pixels of a size in mm, as wide from every side; from behind
     and in front it is symmetric about the middle of the pelvis."""
     points = np.concatenate([in_pelvis(skin.vertices, landmarks) for skin, landmarks in poses])
@@ -123,31 +126,14 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: Viewpoint = 
     """
     vertices = seen_from(skin.vertices, landmarks, view)
     face, weights = _first_hits(vertices, skin.faces, seen)
-    beside = face < 0
+    weights[face < 0] = np.nan
     corners = skin.faces[face]
     depth = np.einsum("ijk,ijk->ij", weights, vertices[:, 1][corners])
     normal = np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, skin.faces))[corners])
-    depth[beside], normal[beside] = np.nan, np.nan
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()])
-    return Relief(depth, normal, seen_from(centroids.reshape(-1, 3), landmarks, view)[:, [0, 2]])
-
-
-def seen_values(
-    skin: Surface, landmarks: Landmarks, seen: Window, values: np.ndarray, view: Viewpoint = BEHIND
-) -> np.ndarray:
-    """The visible values of the vertices, shape (rows, columns); NaN beside the trunk.
-
-    Args:
-        skin: the skin [mm].
-        landmarks: those that go with it [mm].
-        seen: where to look.
-        values: a number for each vertex, shape (vertices,).
-        view: from where.
-    """
-    face, weights = _first_hits(seen_from(skin.vertices, landmarks, view), skin.faces, seen)
-    shown = np.einsum("ijk,ijk->ij", weights, values[skin.faces[face]])
-    return np.where(face < 0, np.nan, shown)
+    spine = seen_from(centroids.reshape(-1, 3), landmarks, view)[:, [0, 2]]
+    return Relief(depth, normal, spine, corners, weights)
 
 
 def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[np.ndarray, np.ndarray]:
@@ -164,11 +150,6 @@ def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[
     weights = wp.zeros(shape, dtype=wp.vec3, device="cpu")
     right, down, forward = wp.vec3(-seen.pixel, 0.0, 0.0), wp.vec3(0.0, 0.0, -seen.pixel), wp.vec3(0.0, -1.0, 0.0)
     corner = wp.vec3(*(np.array([seen.x[0], near, seen.z[0]]) - middle))
-    wp.launch(
-        first_hit,
-        dim=shape,
-        inputs=[mesh.id, corner, right, down, forward, float(near - far)],
-        outputs=[face, weights],
-        device="cpu",
-    )
+    inputs = [mesh.id, corner, right, down, forward, float(near - far)]
+    wp.launch(first_hit, dim=shape, inputs=inputs, outputs=[face, weights], device="cpu")
     return face.numpy(), weights.numpy().astype(np.float64)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.followed_curves import FollowedCurve, followed_curves, main_curves
 
+from .style import Pose
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from warp_trunk.measures import SkinComparison, TrunkMeasures
     from warp_trunk.results.bands import Bands
-
-    from .style import Pose
 
 
 def sentences(
@@ -46,11 +45,10 @@ def glance(poses: Sequence[Pose]) -> list[tuple[str, str]]:
         for curve in main_curves(_known_curves(before, predicted))
     ]
     level = before.worst_level  # the same one after surgery, where another may be the largest
-    rotations = (None, None) if level is None else (before.bsr[level], predicted.bsr.get(level))
-    for name, was, will, unit in (
-        (f"rotation of the back at {level}", *rotations, "°"),
-        ("hump, largest", before.max_hump, predicted.max_hump, " mm"),
-        ("difference of the shoulders", *map(_shoulders, (before, predicted)), " mm"),
+    for name, (was, will), unit in (
+        (f"rotation of the back at {level}", _rotations(before, predicted), "°"),
+        ("hump, largest", (before.max_hump, predicted.max_hump), " mm"),
+        ("difference of the shoulders", (_shoulders(before), _shoulders(predicted)), " mm"),
     ):
         if was is not None and will is not None:
             tiles.append((name, f"{abs(was):.0f} → {abs(will):.0f}{unit}"))
@@ -62,15 +60,16 @@ def glance(poses: Sequence[Pose]) -> list[tuple[str, str]]:
 
 def band_sentence(bands: Bands, level: str | None) -> str:
     """How sure the rotation at a level is; empty where that is not known."""
-    band = None if level is None else bands.bsr_deg.get(level)
+    band = bands.bsr_deg.get(level or "")
     if band is None:
         return ""
-    low, high = (f"{abs(value):.0f}" for value in (band.low, band.high))
+    least, most = sorted((abs(band.low), abs(band.high)))
+    between = f"between {least:.0f} and {most:.0f} degrees"
     if round(band.low) * round(band.high) < 0:
-        between = f"between {low} degrees with the left side further back and {high} with the right side"
-    else:
-        least, most = sorted((abs(band.low), abs(band.high)))
-        between = f"between {least:.0f} and {most:.0f} degrees"
+        between = (
+            f"between {abs(band.low):.0f} degrees with the left side further back and {band.high:.0f} with the "
+            "right side"
+        )
     rough = "" if band.linear else " That is a rough figure: small errors have uneven effects there."
     return (
         f"In 19 of 20 such operations the rotation at {level} would be {between}, if the bones are seen and moved "
@@ -80,6 +79,12 @@ def band_sentence(bands: Bands, level: str | None) -> str:
 
 def _known_curves(before: TrunkMeasures, after: TrunkMeasures) -> list[FollowedCurve]:
     return [curve for curve in followed_curves(before, after) if curve.angle_after is not None]
+
+
+def _rotations(before: TrunkMeasures, after: TrunkMeasures) -> tuple[float | None, float | None]:
+    """The rotation of the back before and after, both at the level where it is largest before."""
+    level = before.worst_level
+    return (None, None) if level is None else (before.bsr[level], after.bsr.get(level))
 
 
 def _height_gained(before: TrunkMeasures, after: TrunkMeasures) -> float | None:
@@ -102,10 +107,12 @@ def _plan(curves: Sequence[FollowedCurve]) -> str:
     main = main_curves(curves)
     rest = [curve for curve in curves if curve not in main]
     verb = "straighten" if all(abs(c.angle_after or 0.0) <= c.before.angle for c in curves) else "change"
-    text = f"The operation is planned to {verb} the main {_plural('curve', main)} of the spine {_listed(main)}."
+    text = (
+        f"The operation is planned to {verb} the main curve{'s' * (len(main) > 1)} of the spine {_listed(main)}."
+    )
     if rest:
-        goes = "goes" if len(rest) == 1 else "go"
-        text += f" The smaller {_plural('curve', rest)} {goes} {_listed(rest)}."
+        verb = "s go" if len(rest) > 1 else " goes"
+        text += f" The smaller curve{verb} {_listed(rest)}."
     return text
 
 
@@ -115,31 +122,24 @@ def _listed(curves: Sequence[FollowedCurve]) -> str:
         _minus(f"from {c.before.angle:.0f} to {c.angle_after:.0f} degrees ({c.ends}, to the {c.before.convex})")
         for c in curves
     ]
-    return f"{', '.join(each[:-1])} and {each[-1]}" if len(each) > 1 else each[0]
-
-
-def _plural(noun: str, things: Sequence[object]) -> str:
-    return noun if len(things) == 1 else f"{noun}s"
+    return " and ".join(filter(None, (", ".join(each[:-1]), each[-1])))
 
 
 def _change(before: TrunkMeasures, predicted: TrunkMeasures, several: bool) -> str:
-    level = before.worst_level
-    was = None if level is None else before.bsr[level]
-    will = None if level is None else predicted.bsr.get(level)
+    was, will = _rotations(before, predicted)
     if was is None:
         return "The rotation of the back could not be measured."
-    most = f"The rotation of the back is largest at vertebra {level}"
+    most = f"The rotation of the back is largest at vertebra {before.worst_level}"
     if will is None:
         return f"{most}, {abs(was):.0f} degrees; the prediction could not be measured there."
+    text = f"{most}: {abs(will):.0f} degrees are predicted there instead of {abs(was):.0f}"
     if was * will < 0.0 and abs(will) >= 0.5:
         text = (
             f"{most}: it is predicted to change from {abs(was):.0f} degrees with the {_side(was)} side further "
             f"back to {abs(will):.0f} degrees with the {_side(will)} side further back"
         )
-    else:
-        text = f"{most}: {abs(will):.0f} degrees are predicted there instead of {abs(was):.0f}"
     lumbar, after = before.max_lumbar_bsr, predicted.max_lumbar_bsr
-    if several and str(level).startswith("T") and lumbar is not None and after is not None:
+    if several and str(before.worst_level).startswith("T") and lumbar is not None and after is not None:
         text += f", and in the lower back {abs(after):.0f} instead of {abs(lumbar):.0f}"
     return f"{text}."
 
@@ -164,7 +164,7 @@ def _higher(difference: float) -> str:
 
 def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
     level = predicted.worst_level
-    angle = None if level is None else predicted.bsr[level]
+    angle = predicted.bsr.get(level or "")
     if level is None or angle is None:
         return "The rotation of the predicted back could not be measured."
     if abs(angle) < DETECTABLE:
@@ -172,21 +172,17 @@ def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
             f"The predicted rotation of the back is below {DETECTABLE:g} degrees at every vertebra, the smallest "
             "difference that such measurements can detect."
         )
-    was = before.bsr.get(level)
+    was, hump, will = before.bsr.get(level), before.max_hump, predicted.max_hump
     verb = "still stands" if was is not None and abs(was) >= 0.5 and was * angle > 0.0 else "then stands"
-    return (
+    text = (
         f"The {_side(angle)} side of the back {verb} further back, by {abs(angle):.0f} degrees at vertebra {level}"
-        f"{_hump(before.max_hump, predicted.max_hump, angle)}."
     )
-
-
-def _hump(was: float | None, hump: float | None, angle: float) -> str:
-    """The largest hump before and after, with its sides where they are not all that of the rotation."""
-    if hump is None or was is None:
-        return ""
-    if min(was * angle, hump * angle) > 0.0:
-        return f"; the hump is {abs(hump):.0f} mm high instead of {abs(was):.0f}"
-    return f"; the largest hump is {abs(hump):.0f} mm ({_side(hump)}) instead of {abs(was):.0f} ({_side(was)})"
+    if hump is None or will is None:
+        return f"{text}."
+    if min(hump * angle, will * angle) > 0.0:  # the side of the rotation
+        return f"{text}; the hump is {abs(will):.0f} mm high instead of {abs(hump):.0f}."
+    after, before_it = f"{abs(will):.0f} mm ({_side(will)})", f"{abs(hump):.0f} ({_side(hump)})"
+    return f"{text}; the largest hump is {after} instead of {before_it}."
 
 
 def _trust(comparison: SkinComparison | None) -> str:

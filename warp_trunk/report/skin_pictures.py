@@ -1,35 +1,41 @@
 """The trunk from behind, in front and the side: shaded, with what each view shows. Imports matplotlib."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, Normalize
+from matplotlib.figure import Figure
 
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.shoulders import INNER, OUTER, upper_outline
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
+from warp_trunk.measures.spine import asis_axis, spine_of
 
 from .panels import coloured, panels, shaded
-from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, seen_values, window
+from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 from .style import INK, Pose
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LINE_STEP = 10.0
 """Distance in depth between two lines [mm]."""
 STEEP = 0.3
 """Where the skin faces back by less than this, lines would run into each other; the cosine of 73 degrees."""
-COARSE = 1.0
-"""Size of a pixel where nothing is measured in the picture [mm]."""
+FINE, COARSE = 0.75, 1.0
+"""Size of a pixel, and where nothing is measured in the picture [mm]."""
 BUST = 190.0
 """The picture of the shoulders ends this far below T1 [mm]."""
 STRETCH_STEP = 0.05
 """Difference of stretch between two colours."""
+
+
+def looks(
+    poses: Sequence[Pose], view: Viewpoint = BEHIND, pixel: float = COARSE, lowest: float = -np.inf
+) -> tuple[Window, list[Relief]]:
+    """The relief of every pose from one side above a height [mm], in one window."""
+    seen = window([(pose.skin, pose.landmarks) for pose in poses], pixel, view)
+    seen = Window(seen.x, seen.z[seen.z > lowest], seen.pixel)
+    return seen, [relief(pose.skin, pose.landmarks, seen, view) for pose in poses]
 
 
 def back_picture(
@@ -51,7 +57,7 @@ def back_picture(
         steep = ~(back.normal[:, :, 1] > STEEP)
         lines(axes, seen, np.ma.masked_where(steep, back.depth), levels.tolist(), "solid")
     if doubtful is not None:
-        hatch(plots[1], seen, seen_values(poses[1].skin, poses[1].landmarks, seen, doubtful))
+        hatch(plots[1], seen, reliefs[1].values(doubtful))
     return figure
 
 
@@ -70,10 +76,9 @@ def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[
 
 def plain_picture(poses: Sequence[Pose], view: Viewpoint, lowest: float = -np.inf) -> tuple[Figure, list[Axes]]:
     """Every pose from one side, above a height [mm], and the panels."""
-    seen = window([(pose.skin, pose.landmarks) for pose in poses], COARSE, view)
-    seen = Window(seen.x, seen.z[seen.z > lowest], seen.pixel)
-    looks = [shaded(relief(pose.skin, pose.landmarks, seen, view)) for pose in poses]
-    return panels([pose.look.heading for pose in poses], seen.extent, view, looks)
+    seen, reliefs = looks(poses, view, lowest=lowest)
+    headings = [pose.look.heading for pose in poses]
+    return panels(headings, seen.extent, view, [shaded(one) for one in reliefs])
 
 
 def shoulders_picture(poses: Sequence[Pose]) -> Figure | None:
@@ -83,11 +88,13 @@ def shoulders_picture(poses: Sequence[Pose]) -> Figure | None:
     tops = [seen_from(pose.landmarks.of_bone("T1").points, pose.landmarks, FRONT).mean(axis=0) for pose in poses]
     figure, plots = plain_picture(poses, FRONT, min(z for _, _, z in tops) - BUST)
     for axes, pose, (x, _, z) in zip(plots, poses, tops, strict=True):
-        found, colour = pose.measures.shoulders, pose.look.colour
-        if found is None:
+        found, colour, marks = pose.measures.shoulders, pose.look.colour, pose.landmarks
+        outline = upper_outline(pose.skin, spine_of(marks), asis_axis(marks))
+        if found is None or outline is None:
             continue
-        for height, sign in ((found.right, 1.0), (found.left, -1.0)):  # the right side is on the left
-            outer, inner = x + sign * found.outer, x + sign * found.inner
+        reach = abs(seen_from(pose.skin.vertices[[outline.edge]], marks, FRONT)[0, 0] - x)
+        for height, sign in ((found.right, reach), (found.left, -reach)):  # the right side is on the left
+            outer, inner = x + sign * OUTER, x + sign * INNER
             axes.plot([outer, inner], [z + height] * 2, color=colour, linewidth=2.2)
             axes.plot([inner, x], [z + height] * 2, color=colour, linewidth=0.8, linestyle=":")
         words, side = "level", "right" if found.difference > 0.0 else "left"
@@ -107,14 +114,14 @@ def stretch_picture(pose: Pose, change: SkinChange, view: Viewpoint) -> Figure:
         change: how its triangles are stretched and folded.
         view: from where it is seen.
     """
-    seen = window([(pose.skin, pose.landmarks)], COARSE, view)
+    seen, (skin,) = looks([pose], view)
     stretch, doubtful = (
-        seen_values(pose.skin, pose.landmarks, seen, at_vertices(pose.skin, values), view)
+        skin.values(at_vertices(pose.skin, values))
         for values in (change.stretch, change.doubtful.astype(np.float64))
     )
     norm = BoundaryNorm(np.arange(LOOK, 1.55, STRETCH_STEP), 256, extend="max")
     figure, axes = coloured(
-        pose, seen, view, stretch, 0.9 * (np.nan_to_num(stretch) > LOOK),
+        pose, seen, view, skin, stretch, 0.9 * (np.nan_to_num(stretch) > LOOK),
         colours="YlOrRd", norm=norm, label="length over that before", ticks=[1.25, STRETCH, 1.45],
     )  # fmt: skip
     hatch(axes, seen, doubtful)
@@ -137,18 +144,18 @@ def sure_picture(pose: Pose, skin_sd: np.ndarray | None) -> Figure | None:
     """
     if skin_sd is None:
         return None
-    seen = window([(pose.skin, pose.landmarks)])
-    values = seen_values(pose.skin, pose.landmarks, seen, skin_sd)
+    seen, (back,) = looks([pose], pixel=FINE)
+    values = back.values(skin_sd)
     norm = BoundaryNorm(np.arange(max(2.0, float(np.ceil(np.nanmax(values)))) + 1.0), 256)
     part, label = 0.9 * np.isfinite(values), "standard deviation [mm]"
-    return coloured(pose, seen, BEHIND, values, part, colours="YlOrBr", norm=norm, label=label)[0]
+    return coloured(pose, seen, BEHIND, back, values, part, colours="YlOrBr", norm=norm, label=label)[0]
 
 
 def values_picture(pose: Pose, values: np.ndarray, view: Viewpoint, label: str, *, signed: bool = False) -> Figure:
     """A skin from one side, coloured by a number of each vertex, shape (vertices,), NaN for none."""
     most = max(float(np.nanquantile(np.abs(values), 0.999)), 1e-3)
     colours, norm = "PuOr_r" if signed else "YlOrRd", Normalize(-most if signed else 0.0, most)
-    seen = window([(pose.skin, pose.landmarks)], COARSE, view)
-    shown = seen_values(pose.skin, pose.landmarks, seen, values, view)
+    seen, (skin,) = looks([pose], view)
+    shown = skin.values(values)
     part = 1.0 * np.isfinite(shown)
-    return coloured(pose, seen, view, shown, part, colours=colours, norm=norm, label=label)[0]
+    return coloured(pose, seen, view, skin, shown, part, colours=colours, norm=norm, label=label)[0]

@@ -1,27 +1,20 @@
 """The spine before surgery and as planned, from behind and from the right, with its vertebrae as boxes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from warp_trunk.measures import curves_after
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.measures import CobbAngle, curves_after
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.measures.trunk_shift import sacral_line
 
 from .panels import Extent, panels
 from .relief import BEHIND, RIGHT, Viewpoint, seen_from
 from .style import FAINT, INK, Pose
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.measures import CobbAngle
 
 MARGIN = 22.0
 """Space around the spine [mm]."""

@@ -6,13 +6,12 @@ import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from warp_trunk.case.landmarks import Landmarks
 
 INK, FAINT = "#222222", "#888888"
 RC: dict[Any, Any] = {

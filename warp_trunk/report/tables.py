@@ -9,16 +9,15 @@ import numpy as np
 
 from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
+from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.part import swept_volumes
-from warp_trunk.measures.points import profile
+from warp_trunk.measures.points import FollowedPoint, profile
 from warp_trunk.measures.rows import level_rows, number, skin_rows, spine_rows
 
-if TYPE_CHECKING:
-    from warp_trunk.measures import SkinComparison
-    from warp_trunk.measures.points import FollowedPoint
-    from warp_trunk.results.bands import Bands
+from .style import Pose
 
-    from .style import Pose
+if TYPE_CHECKING:
+    from warp_trunk.results.bands import Bands
 
 BAND_HEAD = (
     "measure",

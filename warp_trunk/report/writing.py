@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
@@ -26,13 +27,11 @@ from .page import page, part_page
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page
 from .plots import convergence_plot, rotation_plot, section_plots
-from .relief import BEHIND, FRONT, RIGHT, relief, window
+from .relief import BEHIND, FRONT, RIGHT
 from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from warp_trunk.results import Result
 
 PLANS_PAGE, PLANS_PICTURES = "plans.html", "plans"
@@ -140,9 +139,8 @@ def notebook_html(result: Result) -> str:
     if not result.landmarks_before.names:
         return words
     poses = poses_of(result)
-    seen = window([(pose.skin, pose.landmarks) for pose in poses])
+    seen, reliefs = skins.looks(poses, pixel=skins.FINE)
     with rc_context(RC):
-        reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
         picture = base64.b64encode(file_of(skins.back_picture(poses, reliefs, seen), "png")).decode()
     return f'{words}<img src="data:image/png;base64,{picture}" alt="The back before and after" width="800">'
 
@@ -165,8 +163,7 @@ def poses_of(result: Result) -> list[Pose]:
 
 
 def _backs(poses: Sequence[Pose], doubtful: np.ndarray | None = None) -> dict[str, Figure | None]:
-    seen = window([(pose.skin, pose.landmarks) for pose in poses])
-    reliefs = [relief(pose.skin, pose.landmarks, seen) for pose in poses]
+    seen, reliefs = skins.looks(poses, pixel=skins.FINE)
     back = skins.back_picture(poses, reliefs, seen, doubtful)
     return {"back": back, "hump": hump_picture(poses, reliefs, seen)}
 
