@@ -13,7 +13,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 MOMENTS = int(os.environ.get("WARP_TRUNK_KILLS", "4"))
-"""Random moments at which a run is killed; every move of a file is one more."""
+"""Moments at which a run is killed; every move of a file is one more."""
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
     """Findings on every killed run, see killed_runs.py."""
     folder = tmp_path_factory.mktemp("killed")
     done = subprocess.run(
-        [sys.executable, "-m", "support.killed_runs", str(folder), "7", str(MOMENTS)],
+        [sys.executable, "-m", "support.killed_runs", str(folder), str(MOMENTS)],
         cwd=Path(__file__).parents[1],
         capture_output=True,
         text=True,

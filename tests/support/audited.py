@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_WATCHED = {
-    "open",
-    "pickle.find_class",
-    "subprocess.Popen",
-    "os.system",
-    "os.exec",
-    "socket.connect",
-    "socket.bind",
-}
+_WATCHED = ["open", "pickle.find_class", "subprocess.Popen", "os.system", "os.exec"]
+_WATCHED += ["socket.connect", "socket.bind"]
 _seen: list[list[tuple[str, str]]] = []
 
 
@@ -36,13 +30,11 @@ def audited() -> Iterator[list[tuple[str, str]]]:
         yield events
     finally:
         _seen.pop()
-        events[:] = [e for e in events if not (e[0] == "open" and _is_code(e[1]))]
-
-
-def _is_code(path: str) -> bool:
-    return (
-        path.endswith((".py", ".so"))
-        or ".pyc" in path  # a number follows while it is written
-        or path.startswith((sys.prefix, sys.base_prefix, "/proc/self/"))
-        or not path
-    )
+        code = (sys.prefix, sys.base_prefix, "/proc/self/")
+        events[:] = [
+            (event, path)
+            for event, path in events
+            if not (
+                event == "open" and (not path or re.search(r"\.(py|so)$|\.pyc", path) or path.startswith(code))
+            )
+        ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -22,46 +21,32 @@ class Client:
     """One connection to a page, in the protocol of its own browser client (viser)."""
 
     def __init__(self, address: str) -> None:
-        """Connects and finds the first slider that corrects a curve of the fusion.
-
-        Args:
-            address: the page's.
-        """
+        """Connects to the page at an address and finds the first slider that corrects a curve of the fusion."""
         self._wire = connect(
             address.replace("http", "ws", 1),
             origin=address,  # type: ignore[arg-type]  # a NewType of str
             subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]  # likewise
             max_size=None,
         )
+        away = {"fov": 0.6, "near": 1.0, "far": 9e3, "image_height": 600, "image_width": 1000}
+        turn, origin, up = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
         self._send(
             messages.ViewerCameraMessage(
-                wxyz=(1.0, 0.0, 0.0, 0.0),
-                position=(0.0, 1e3, 0.0),
-                fov=0.6,
-                near=1.0,
-                far=9e3,
-                image_height=600,
-                image_width=1000,
-                look_at=(0.0, 0.0, 0.0),
-                up_direction=(0.0, 0.0, 1.0),
+                wxyz=turn, position=(0.0, 1e3, 0.0), look_at=origin, up_direction=up, **away
             )
         )
-        self._slider = self._status = self._keep = ""
+        found: dict[str, str] = {}
         for message in self._received():
             kind, props = message["type"], message.get("props") or {}
-            if (
-                kind == "GuiSliderMessage"
-                and props["label"] == SLIDER
-                and not props["disabled"]
-                and not self._slider
-            ):
-                self._slider = message["uuid"]
-            if kind == "GuiHtmlMessage" and not self._status:
-                self._status = message["uuid"]
+            if kind == "GuiSliderMessage" and props["label"] == SLIDER and not props["disabled"]:
+                found.setdefault("slider", message["uuid"])
+            if kind == "GuiHtmlMessage":
+                found.setdefault("status", message["uuid"])
             if kind == "GuiButtonMessage" and props["label"] == KEEP:
-                self._keep = message["uuid"]
-            if self._slider and self._status and self._keep:
+                found["keep"] = message["uuid"]
+            if len(found) == 3:
                 break
+        self._slider, self._status, self._keep = found["slider"], found["status"], found["keep"]
 
     def __enter__(self) -> Client:
         return self
@@ -69,19 +54,17 @@ class Client:
     def __exit__(self, *_: object) -> None:
         self._wire.close()
 
-    def move(self, value: int) -> tuple[float, float]:
-        """Moves the slider; the times until new vertices of the skin are here, and until relaxed ones [s]."""
-        start, first, last = time.perf_counter(), 0.0, 0.0
+    def move(self, value: int) -> None:
+        """Moves the slider and waits for new vertices of the skin, then for relaxed ones."""
+        moved = False
         self._send(messages.GuiUpdateMessage(self._slider, {"value": value}))
         for message in self._received():
             updates = message.get("updates") or {}
-            if message["type"] == "SceneNodeUpdateMessage" and message["name"] == SKIN and "vertices" in updates:
-                last = time.perf_counter() - start
-                first = first or last
-            told = message.get("uuid") == self._status and RELAXED in updates.get("content", "")
-            if told and first:
-                break
-        return first, last
+            moved |= (
+                message["type"] == "SceneNodeUpdateMessage" and "vertices" in updates and message["name"] == SKIN
+            )
+            if moved and message.get("uuid") == self._status and RELAXED in updates.get("content", ""):
+                return
 
     def keep(self) -> None:
         """Presses the button that keeps the plan; what comes of it is not waited for."""

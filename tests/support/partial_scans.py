@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+import trimesh
 
 from warp_trunk.geometry.surface import Surface
-
-from .meshes import rotation
 
 
 @dataclass(frozen=True)
@@ -25,18 +22,13 @@ class PartialScans:
 
 
 def patches(skin: Surface, fraction: float, count: int, seed: int, allowed: np.ndarray) -> np.ndarray:
-    """Faces in `count` geodesic discs that hold this fraction of the faces; bool. `allowed` may be centres."""
-    corners = skin.vertices[skin.faces]
-    first, second = skin.faces.reshape(-1), np.roll(skin.faces, -1, axis=1).reshape(-1)
-    length = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).reshape(-1)
-    graph = coo_array((length, (first, second)), shape=(len(skin.vertices),) * 2).tocsr()
-    random = np.random.default_rng(seed)
-    candidates = np.unique(skin.faces[allowed])
+    """Faces in `count` discs that hold this fraction of the faces; bool. `allowed` may be centres."""
+    middles, random = skin.vertices[skin.faces].mean(axis=1), np.random.default_rng(seed)
     removed = np.zeros(len(skin.faces), dtype=bool)
     for number in range(count):
-        far = candidates[~np.isin(candidates, np.unique(skin.faces[removed]))]
-        distance = dijkstra(graph, indices=random.choice(far))
-        order = np.argsort(np.where(allowed & ~removed, distance[skin.faces].max(axis=1), np.inf))
+        touched = np.isin(skin.faces, skin.faces[removed]).any(axis=1)
+        centre = middles[random.choice(np.flatnonzero(allowed & ~touched))]
+        order = np.argsort(np.where(allowed & ~removed, np.linalg.norm(middles - centre, axis=1), np.inf))
         wanted = round(fraction * len(skin.faces) * (number + 1) / count) - int(removed.sum())
         removed[order[:wanted]] = True
     return removed
@@ -71,21 +63,16 @@ def scan(
     random = np.random.default_rng(seed)
     unseen = np.zeros(len(skin.faces), dtype=bool) if unseen is None else unseen
     removed = patches(skin, fraction, count, seed, ~unseen) if fraction else np.zeros(len(skin.faces), dtype=bool)
-    a, b, c = np.moveaxis(skin.vertices[skin.faces], 1, 0)
-    normal = np.cross(b - a, c - a)
-    vertex_normal = np.zeros_like(skin.vertices)
-    np.add.at(vertex_normal, skin.faces.reshape(-1), np.repeat(normal, 3, axis=0))
-    vertex_normal /= np.linalg.norm(vertex_normal, axis=1)[:, None]
+    mesh = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
+    normal, vertex_normal = mesh.face_normals, mesh.vertex_normals
     azimuth = np.degrees(np.arctan2(normal[:, 1], normal[:, 0]))
     parts, transforms = {}, {}
     for view in range(views):
         off = np.abs((azimuth - 360.0 * (view + 0.5) / views + 180.0) % 360.0 - 180.0)
         seen = (off <= 180.0 / views + overlap) & ~removed & ~unseen
         used, faces = np.unique(skin.faces[seen], return_inverse=True)
-        if isotropic:
-            error = noise * random.normal(size=(len(used), 3))
-        else:
-            error = noise * random.normal(size=(len(used), 1)) * vertex_normal[used]
+        error = noise * random.normal(size=(len(used), 3 if isotropic else 1))
+        error = error * (1.0 if isotropic else vertex_normal[used])
         matrix = _moved(random, skin, shift, turn) if view else np.eye(4)
         points = (skin.vertices[used] + error) @ matrix[:3, :3].T + matrix[:3, 3]
         name = f"view_{view + 1}.ply"
@@ -97,8 +84,6 @@ def scan(
 def _moved(random: np.random.Generator, skin: Surface, shift: float, turn: float) -> np.ndarray:
     """Turned about the middle of the skin and shifted, both in a random direction."""
     axis, direction = random.normal(size=(2, 3))
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation(turn, tuple(axis.tolist()))
-    middle = skin.vertices.mean(axis=0)
-    matrix[:3, 3] = middle - matrix[:3, :3] @ middle + shift * direction / np.linalg.norm(direction)
+    matrix = trimesh.transformations.rotation_matrix(np.radians(turn), axis, skin.vertices.mean(axis=0))
+    matrix[:3, 3] += shift * direction / np.linalg.norm(direction)
     return matrix
