@@ -7,8 +7,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
-
 import warp_trunk
 
 ROOT = Path(warp_trunk.__file__).parent
@@ -16,30 +14,10 @@ KERNELS = Path(importlib.import_module("warp_trunk.kernels").__path__[0])
 HEAVY = ["rerun", "tetgen", "trimesh", "warp", "meshio", "scipy", "tyro", "rich", "matplotlib", "jinja2"]
 
 
-def sources():
-    return sorted([*ROOT.rglob("*.py"), *KERNELS.rglob("*.py")])
-
-
-def imported(path):
-    """Names that a source imports anywhere, absolute ones only."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            found.add(node.module)
-    return found
-
-
 def python(code):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
-
-
-def test_sources_are_found():
-    names = {path.name for path in sources()}
-    assert {"commands.py", "model.py", "newton.py", "tets.py"} <= names
 
 
 def test_importing_the_package_imports_nothing_heavy():
@@ -61,13 +39,8 @@ print([line for line in libraries.splitlines() if "libcuda.so" in line])
     assert python(code) == "[]"
 
 
-def test_kernels_are_never_imported_by_their_bare_name():
-    """A package called kernels exists on the package index."""
-    for path in sources():
-        assert "kernels" not in {name.split(".")[0] for name in imported(path)}, path
-
-
 def test_bare_kernels_cannot_be_imported_outside_the_checkout(tmp_path):
+    """A package called kernels exists on the package index; ruff refuses the bare name."""
     done = subprocess.run([sys.executable, "-c", "import kernels"], cwd=tmp_path, capture_output=True, text=True)
     assert "ModuleNotFoundError" in done.stderr
 
@@ -98,8 +71,3 @@ def test_every_other_file_is_listed_for_the_wheel():
     no_source = {".py", ".pyc"}
     others = {path for path in ROOT.rglob("*") if path.is_file() and path.suffix not in no_source}
     assert others == {ROOT.parent / room.replace(".", "/") / name for room in listed for name in listed[room]}
-
-
-def test_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="attribute simulatte"):
-        getattr(warp_trunk, "simulatte")  # noqa: B009  (types say so too)

@@ -20,11 +20,11 @@ def visit_kernel(first: int, end: int, slab: int, step: int, visits: wp.array2d(
         visits[slab, i] = visits[slab, i] + step
 
 
-def visits(threads: int, size: int, bounds: np.ndarray | None = None) -> np.ndarray:
+def visits(threads: int, size: int, bounds: np.ndarray | None = None, least: int = 1) -> np.ndarray:
     """How often each range visited each item after two launches."""
     parallel = Parallel("cpu", threads)
     out = wp.zeros((threads, max(size, 1)), dtype=wp.int32, device="cpu")
-    launch = parallel.record(visit_kernel, size if bounds is None else bounds, [3], [out], least=1)
+    launch = parallel.record(visit_kernel, size if bounds is None else bounds, [3], [out], least=least)
     launch()
     launch()
     return out.numpy()[:, :size]
@@ -36,18 +36,14 @@ def test_every_item_once_by_one_range(threads: int, size: int) -> None:
     seen = visits(threads, size)
     assert (seen.sum(axis=0) == 6).all()
     assert ((seen > 0).sum(axis=0) == 1).all()
+    assert np.ptp((seen > 0).sum(axis=1)) <= 1
 
 
-def test_given_bounds_are_kept() -> None:
+def test_given_bounds_are_kept_and_few_items_not_split() -> None:
+    """Below `least` the first range does all: waking a thread costs more than it saves."""
+    assert visits(2, 10, least=11).tolist() == [[6] * 10, [0] * 10]
     seen = visits(3, 10, np.array([0, 7, 7, 10]))
     assert [list(np.flatnonzero(row)) for row in seen] == [list(range(7)), [], [7, 8, 9]]
-
-
-@pytest.mark.parametrize(("threads", "size"), [(1, 5), (2, 5), (4, 10), (3, 2)])
-def test_split_covers_the_range_evenly(threads: int, size: int) -> None:
-    bounds = Parallel("cpu", threads).split(size)
-    assert (bounds[0], bounds[-1], len(bounds)) == (0, size, threads + 1)
-    assert np.ptp(np.diff(bounds)) <= 1
 
 
 def test_zero_threads_are_all_cores() -> None:
@@ -94,10 +90,3 @@ def test_refuses() -> None:
         choose_threads(-2)
     with pytest.raises(InputError, match=r"device.*cpu"):
         choose_device("tpu")
-
-
-def test_few_items_are_not_split() -> None:
-    """Below `least` the first range does all: waking a thread costs more than it saves."""
-    out = wp.zeros((2, 10), dtype=wp.int32, device="cpu")
-    Parallel("cpu", 2).record(visit_kernel, 10, [1], [out], least=11)()
-    assert out.numpy().tolist() == [[1] * 10, [0] * 10]

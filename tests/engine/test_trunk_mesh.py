@@ -36,21 +36,12 @@ def test_vtu_is_plain_for_others(trunk, tmp_path):
     np.testing.assert_array_equal(mesh.point_data["bone"], trunk.bone)
     np.testing.assert_array_equal(mesh.point_data["displacement"], 0.0)
     parts = mesh.cell_data_dict["part"]["triangle"]
-    assert [np.sum(parts == 1), np.sum(parts == 2)] == [len(trunk.skin_faces), len(trunk.bone_faces)]
+    assert np.bincount(parts).tolist() == [0, len(trunk.skin_faces), len(trunk.bone_faces)]
 
 
-def test_displacement_of_another_mesh_is_refused(trunk, tmp_path):
+def test_what_does_not_fit_is_named(trunk, tmp_path):
     with pytest.raises(InputError, match="one row a node"):
         write_trunk(tmp_path / "trunk.vtu", trunk, np.zeros((3, 3)))
-
-
-def test_missing_cut_and_foreign_files_are_named(trunk, tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        read_trunk(tmp_path / "nowhere.vtu")
-    write_trunk(tmp_path / "trunk.vtu", trunk)
-    (tmp_path / "cut.vtu").write_bytes((tmp_path / "trunk.vtu").read_bytes()[:5000])
-    with pytest.raises(InputError, match=r"cut\.vtu: cannot be read"):
-        read_trunk(tmp_path / "cut.vtu")
     meshio.write(tmp_path / "foreign.vtu", meshio.Mesh(trunk.nodes, [("tetra", trunk.tets)]))
     with pytest.raises(InputError, match="cannot be read as a trunk mesh"):
         read_trunk(tmp_path / "foreign.vtu")

@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import warp as wp
+from warp_trunk.kernels.assembly import PAIRS, vec10i
 
 from warp_trunk.bone_motion.bone_path import BonePath
 from warp_trunk.engine.build import build_model
@@ -17,6 +19,7 @@ from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.state import State
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
+from .matrices import element_matrices, places_apart
 from .meshes import rotate, rotation
 
 
@@ -87,3 +90,30 @@ def bent_and_noisy(trunk: TrunkMesh) -> np.ndarray:
     """A stretch and turn of some millimetres, and noise that inverts a few tetrahedra."""
     bend = trunk.nodes @ (1.1 * rotation(25.0, (1.0, 2.0, 0.5))).T - trunk.nodes
     return bend + np.random.default_rng(8).normal(scale=2.5, size=bend.shape)
+
+
+def dense_hessian(model: Model, displacement: np.ndarray, name: str) -> np.ndarray:
+    """Of the tetrahedra by the kernel of that name, over all nodes of the mesh, shape (3 nodes, 3 nodes)."""
+    tets, nodes = len(model.corners), len(model.order)
+    blocks = model.zeros(wp.types.matrix((3, 3), model.scalar), len(PAIRS) * tets)
+    places, moved = model.array(places_apart(tets), vec10i), model.array(displacement[model.order], model.vec3)
+    inputs = [0, tets, 0, model.tets, model.elements.arrays, places, moved]
+    wp.launch(getattr(model.elements.kernels, name), 1, inputs, [blocks], device="cpu")
+    dense, numbers = np.zeros((3 * nodes, 3 * nodes)), 3 * model.order[model.corners][..., None] + np.arange(3)
+    numbers = numbers.reshape(tets, 12)
+    np.add.at(dense, (numbers[:, :, None], numbers[:, None, :]), element_matrices(blocks.numpy()))
+    return dense
+
+
+def differenced_gradient(model: Model, at: np.ndarray, step: float = 1e-5) -> np.ndarray:
+    """Central differences of the gradient in every coordinate, shape (3 nodes, 3 nodes)."""
+    moves = step * np.eye(at.size).reshape(-1, *at.shape)
+    state, columns = State(model), []
+    for move in moves:
+        ends = []
+        for moved in (at + move, at - move):
+            state.set_displacement(moved)
+            state.evaluate()
+            ends.append(gradient_of(state).ravel())
+        columns.append((ends[0] - ends[1]) / (2.0 * step))
+    return np.array(columns)

@@ -1,4 +1,4 @@
-"""The Newton system: the matrix, a preconditioner and the solver, each against SciPy."""
+"""The Newton system: the matrix and the solver, against SciPy."""
 
 from __future__ import annotations
 
@@ -13,38 +13,11 @@ from support.matrices import on_host
 from support.meshes import block_with_bone
 from support.models import evaluated, model_of
 from support.reference import Reference
-from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots, Preconditioner
+from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots
 from warp_trunk.engine.multigrid import Multigrid
-from warp_trunk.engine.parallel import Launch
 from warp_trunk.engine.state import State
 
 TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
-
-
-@wp.kernel
-def multiply_blocks(
-    blocks: wp.array(dtype=wp.mat33d),  # pyright: ignore[reportInvalidTypeForm]
-    r: wp.array(dtype=wp.vec3d),  # pyright: ignore[reportInvalidTypeForm]
-    iteration: wp.array(dtype=wp.int32),  # pyright: ignore[reportInvalidTypeForm]
-    z: wp.array(dtype=wp.vec3d),  # pyright: ignore[reportInvalidTypeForm]
-    products: wp.array(dtype=wp.float64, ndim=2),  # pyright: ignore[reportInvalidTypeForm]
-):
-    i = wp.tid()
-    z[i] = blocks[i] * r[i]
-    wp.atomic_add(products, iteration[0], 0, wp.dot(r[i], z[i]))
-
-
-class BlockJacobi:
-    """The second preconditioner: nothing else knows of it."""
-
-    def __init__(self, matrix: BlockMatrix) -> None:
-        self._matrix = matrix
-
-    def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
-        inverse = self._matrix.inverse_diagonal
-        return self._matrix.model.parallel.record_undivided(
-            multiply_blocks, len(inverse), [inverse, r, r_dot_z.iteration], [z, r_dot_z.products]
-        )
 
 
 NOISE = 0.3 * np.random.default_rng(1).normal(size=TRUNK.nodes.shape)
@@ -82,11 +55,9 @@ def test_the_matrix_follows_its_state() -> None:
     np.testing.assert_array_equal(moved.blocks.numpy(), fresh.blocks.numpy())
 
 
-@pytest.mark.parametrize("make", [Multigrid, BlockJacobi])
-def test_solves_with_any_preconditioner(make: Any) -> None:
+def test_the_solution_is_that_of_a_dense_solve() -> None:
     state, matrix = stretched()
-    preconditioner: Preconditioner = make(matrix)
-    solver = ConjugateGradient(matrix, preconditioner, state.gradient)
+    solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
     solution = solver.solve(absolute=1e-9, relative=0.0)
     right_side = -np.asarray(state.gradient.numpy(), dtype=np.float64)[: len(matrix.inverse_diagonal)]
     dense = np.asarray(on_host(matrix).todense())
