@@ -23,7 +23,13 @@ def result() -> wt.Result:
     return wt.simulate(coarse_phantom(), tets=26_000, bone_voxel=8.0, bone_tolerance=2.0, increments=1)
 
 
-@pytest.mark.parametrize("name", wt.__all__)
+LONG = {"best_plan", "make_case"}
+"""Examples of whole searches, which run with the slow tests."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in wt.__all__]
+)
 def test_example_of_every_public_name(name: str, result: wt.Result, tmp_path: Path) -> None:
     known: dict[str, Any] = {
         "wt": wt,
@@ -41,6 +47,7 @@ def test_example_of_every_public_name(name: str, result: wt.Result, tmp_path: Pa
     assert runner.run(example).failed == 0
 
 
+@pytest.mark.slow
 def test_notebook_of_the_documentation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its cells run in order; what the last line of a cell shows is asked for as a notebook does."""
     monkeypatch.chdir(tmp_path)

@@ -17,7 +17,8 @@ from support.continuum import Continuum
 from support.meshes import block, block_with_bone, grid, rotate, rotation, single_tet, trunk
 from support.models import held_turned, increments, model_of, relax
 from support.reference import Reference, volumes
-from warp_trunk.engine.relaxation import Relaxation, RelaxStatus
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 
@@ -272,6 +273,19 @@ def check_ending(case: Case) -> tuple[Relaxation, np.ndarray]:
         rounding = 1e-6 * np.abs(displacement).max()
         assert reference.error(displacement, 1e-4 * case.tolerance) <= 2.0 * ended.estimated_error + rounding
     return ended, displacement
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.01])
+def test_distance_on_the_way_counts_the_steps_to_follow(tolerance: float) -> None:
+    """Each step leaves more than half of the way here, so that the last is less than half of what is left."""
+    case = turned_block(gravity=1e3)
+    relaxer = Relaxer(model_of(case.trunk, case.tissue, gravity=1e3), RelaxOptions(tolerance=tolerance))
+    relaxer.state.set_displacement(case.displacement)
+    ended = relaxer.relax(confirm=False)
+    assert ended.status is RelaxStatus.NEAR
+    found = relaxer.state.host_displacement()
+    true = Reference(case.trunk, case.tissue, 1e3).error(found, 1e-4 * tolerance)
+    assert true < 1.5 * ended.estimated_error
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -32,7 +32,6 @@ WITHIN = 0.04
 """Part of them by which a few last bits may change them: 960 and 984 on two machines, for one load factor."""
 SPOILT = 3.0
 """A wrong weight of the coarse correction that takes a tenth more; 1.5 takes no more than last bits may."""
-SCENES = pytest.mark.parametrize(("trunk", "energy"), HELD)
 
 
 @cache
@@ -63,15 +62,13 @@ def iterations(name: str, energy: EnergyName) -> int:
     return spent
 
 
-@SCENES
+@pytest.mark.parametrize(("trunk", "energy"), HELD)
 def test_linear_solves_take_the_iterations_that_they_took(trunk: str, energy: EnergyName) -> None:
     assert iterations(trunk, energy) == pytest.approx(HELD[trunk, energy], rel=WITHIN)
 
 
-@SCENES
-def test_a_spoiled_coarse_correction_is_noticed(
-    trunk: str, energy: EnergyName, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_a_spoiled_coarse_correction_is_noticed(energy: EnergyName, monkeypatch: pytest.MonkeyPatch) -> None:
     invert = multigrid.invert
     monkeypatch.setattr(multigrid, "invert", lambda *given: SPOILT * invert(*given))
-    assert iterations(trunk, energy) > (1.0 + WITHIN) * HELD[trunk, energy]
+    assert iterations("small", energy) > (1.0 + WITHIN) * HELD["small", energy]
