@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from support.meshes import block, single_tet
-from support.models import held_turned, model_of, relax
+from support.models import evaluated, held_turned, model_of, relax
 from support.reference import Reference
+from warp_trunk.engine.certify import Certificate, Step
+from warp_trunk.engine.linear import BlockMatrix, LinearSolution
+from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
@@ -51,3 +54,21 @@ def test_what_is_on_the_way_is_not_claimed() -> None:
     assert relaxer.relax(confirm=False).status is RelaxStatus.NEAR
     assert relaxer.relax(near=True).status is RelaxStatus.CONVERGED
     assert Reference(trunk).error(relaxer.state.host_displacement(), 1e-6) <= 2e-3
+
+
+@pytest.mark.parametrize(
+    ("earlier", "wanted"), [([], 0.6 / 0.4), ([Step(0.8, 0.2)], 0.6 / 0.4), (None, 0.5 / 0.9)]
+)
+def test_the_distance_is_that_within_which_there_is_an_equilibrium(
+    earlier: list[Step] | None, wanted: float
+) -> None:
+    """A step of 1 mm that left 0.6: of the newest as long as what is left, left / (1 - q), by hand."""
+    model = model_of(block((1, 1, 2)))
+    state = evaluated(model, np.zeros((len(model.order), 3)))
+    matrix = BlockMatrix(state)
+    certificate = Certificate(state, matrix, Multigrid(matrix))
+    for step in [Step(5.0, 0.5)] if earlier is None else earlier:
+        certificate.add(step)
+    solution = LinearSolution(9, length=0.4, error=0.1, negative_curvature=False, norm=1.0, exhausted=False)
+    last = None if earlier is None else Step(1.0, 0.6)
+    assert certificate._reach(solution, last, 1.0, 0.4) == pytest.approx(wanted)
