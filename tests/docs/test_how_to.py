@@ -67,14 +67,9 @@ def run(page: str, folder: Path, small: str = SMALL) -> None:
     assert ended.returncode == 0, f"{ended.stdout[-3000:]}\n{ended.stderr[-3000:]}"
 
 
-def anna() -> Case:
-    """The synthetic patient."""
-    return dataclasses.replace(coarse_phantom(), name="anna")
-
-
 def write_patient(folder: Path) -> None:
     """The patient of the pages: a case, two plans, the scan after surgery."""
-    case = anna()
+    case = dataclasses.replace(coarse_phantom(), name="anna")
     write_case(folder / "cases" / "anna", case)
     write_surface(folder / "scan_after.ply", case.skin)
     for liv in ("L1", "L3"):

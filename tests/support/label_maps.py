@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from voxelise_case import grid_around, label_map, theirs, voxelise, write_labels
+from voxelise_case import grid_around, label_map, theirs, write_labels
 
 from support.blocks import spine_and_hips
 from warp_trunk.geometry.surface import Surface
@@ -132,12 +132,3 @@ def write_seg_nrrd(path: Path, space: str = "left-posterior-superior") -> Path:
         keys[f"Segment{number}_Layer"] = str(int(number > 0))
     signs = [-1.0, -1.0, 1.0, 1.0] if space.startswith("right") else np.ones(4)
     return write_nrrd(path, layers, np.diag(signs) @ affine, keys, space=space)
-
-
-def mask_of(surface: Surface, spacing: tuple[float, float, float], turn: np.ndarray | None = None) -> Mask:
-    """A surface on voxels."""
-    affine, shape = grid_around(surface, spacing, np.eye(3) if turn is None else turn)
-    box, inside = voxelise(surface, affine, shape)
-    i, j, k = (part.start for part in box)
-    a, b, c = shape
-    return Mask(inside, (i, j, k), affine, (a, b, c))

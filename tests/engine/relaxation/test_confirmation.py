@@ -9,7 +9,7 @@ from support.reference import Reference
 from warp_trunk.engine.certify import Certificate, Step
 from warp_trunk.engine.linear import BlockMatrix, LinearSolution
 from warp_trunk.engine.multigrid import Multigrid
-from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.newton import Newton, Relaxer
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 
@@ -31,6 +31,19 @@ def test_a_saddle_is_left_although_no_force_points_away_from_it(precision: str, 
     assert abs(trunk.nodes[3, 2] + found[3, 2]) > 5.0
     assert np.linalg.eigvalsh(reference.hessian(found))[0] > 0.0
     assert reference.error(found) <= 2.0 * ended.estimated_error
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_direction_of_negative_curvature_is_followed_downwards(side: float) -> None:
+    """Beside a saddle the gradient says which of its two ways that is."""
+    trunk, start = single_tet(), np.zeros((4, 3))
+    start[3] = [2.0, 2.0, -9.5]
+    state = evaluated(model_of(trunk, Tissue(epsilon=0.0, theta=0.0)), start)
+    newton = Newton(state)
+    newton.begin(0.01)
+    newton._down = np.array([[0.0, 0.0, side]])
+    newton.propose(None, 1.0)
+    assert np.vdot(state.gradient.numpy()[0], newton.direction.numpy()[0]) < 0.0
 
 
 @pytest.mark.parametrize("theta", [0.0, 10.0, 1000.0])
