@@ -156,7 +156,5 @@ def hanging(cells: int, nu: float) -> Exact:
     sinking = np.concatenate([[0.0], np.cumsum(half * np.array(inside) @ weights)])
     curve = CubicHermiteSpline(z, sinking, [stretch(height) - 1.0 for height in z])
     return Exact(
-        brick(cells, all_but_the_top),
-        lambda X: np.column_stack([np.zeros((len(X), 2)), curve(X[:, 2])]),
-        GRAVITY,
+        brick(cells, all_but_the_top), lambda X: np.column_stack([np.zeros((len(X), 2)), curve(X[:, 2])]), GRAVITY
     )

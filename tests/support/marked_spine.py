@@ -45,6 +45,5 @@ def with_errors(landmarks: Landmarks, random: np.random.Generator) -> Landmarks:
     length = random.gamma(1.96, 2.1 / 1.96, (len(landmarks.names), 1))
     direction = random.standard_normal((len(landmarks.names), 3))
     return Landmarks(
-        landmarks.names,
-        landmarks.points + length * direction / np.linalg.norm(direction, axis=1, keepdims=True),
+        landmarks.names, landmarks.points + length * direction / np.linalg.norm(direction, axis=1, keepdims=True)
     )

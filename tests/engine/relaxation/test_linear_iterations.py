@@ -22,11 +22,7 @@ LOAD_FACTORS = (0.1, 0.5, 1.0)
 """Parts of the correction whose gradients are solved for."""
 ACCURACIES = [10.0**-digits for digits in range(1, 9)]
 """Of the solves of each: a solve tests convergence every fourth iteration, which many of them blur."""
-HELD = {
-    ("phantom", "itmsm"): 2488,
-    ("small", "itmsm"): 2192,
-    ("small", "neo-hookean"): 624,
-}
+HELD = {("phantom", "itmsm"): 2488, ("small", "itmsm"): 2192, ("small", "neo-hookean"): 624}
 """Iterations of all solves of a trunk, on any machine."""
 WITHIN = 0.04
 """Part of them by which a few last bits may change them: 960 and 984 on two machines, for one load factor."""
