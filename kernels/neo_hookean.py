@@ -71,25 +71,25 @@ def crushing_depth(j: Any):
 def volumetric_pressure(j: Any):
     """The derivative of j^2 / 2 + `crushing_energy`, which lambda cof F has as a factor in the stress."""
     short = crushing_depth(j)
-    bent = wp.min(short, type(j)(STIFFENS))
-    return j - type(j)(CRUSH) * bent * bent * (bent + type(j)(3.0) * (short - bent))
+    stiffening = wp.min(short, type(j)(STIFFENS))
+    return j - type(j)(CRUSH) * stiffening * stiffening * (stiffening + type(j)(3.0) * (short - stiffening))
 
 
 @wp.func
 def volumetric_stiffness(j: Any):
     """The derivative of `volumetric_pressure`."""
-    bent = wp.min(crushing_depth(j), type(j)(STIFFENS))
-    return type(j)(1.0) + type(j)(3.0 * CRUSH) * bent * bent
+    stiffening = wp.min(crushing_depth(j), type(j)(STIFFENS))
+    return type(j)(1.0) + type(j)(3.0 * CRUSH) * stiffening * stiffening
 
 
 @wp.func
 def crushing_energy(j: Any):
     """The energy that resists crushing, over lambda and per rest volume."""
     short = crushing_depth(j)
-    bent = wp.min(short, type(j)(STIFFENS))
-    over = short - bent
-    squares = bent * bent + type(j)(4.0) * bent * over + type(j)(6.0) * over * over
-    return type(j)(0.25 * CRUSH) * bent * bent * squares
+    stiffening = wp.min(short, type(j)(STIFFENS))
+    over = short - stiffening
+    squares = stiffening * stiffening + type(j)(4.0) * stiffening * over + type(j)(6.0) * over * over
+    return type(j)(0.25 * CRUSH) * stiffening * stiffening * squares
 
 
 @wp.func

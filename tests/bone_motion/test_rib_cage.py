@@ -50,7 +50,7 @@ def test_without_a_motion_nothing_moves() -> None:
 def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
     motions = follow(BONES, CURVED, RibShares())
     for rib in RIBS:
-        head, _ = ends(BONES[rib].vertices, BONES[vertebra(rib)].vertices)
+        head, _ = ends(BONES[rib], BONES[vertebra(rib)])
         there = CURVED[vertebra(rib)].motion.apply(head)
         np.testing.assert_allclose(motions[rib].apply(head), there, atol=1e-9)
 
@@ -68,7 +68,7 @@ def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
 def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> None:
     way = {"T8": Vertebra(RigidTransform.from_translation([20.0, 0.0, 0.0]), UPRIGHT)}
     whole, part = (follow(NO_STERNUM, way, RibShares(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
-    head, tip = ends(BONES["rib_left_08"].vertices, BONES["T8"].vertices)
+    head, tip = ends(BONES["rib_left_08"], BONES["T8"])
     assert whole.apply(tip)[0] - tip[0] == pytest.approx(20.0, abs=1e-9)
     assert part.apply(head)[0] - head[0] == pytest.approx(20.0, abs=1e-9)
     assert part.apply(tip)[0] - tip[0] < 17.0
@@ -80,7 +80,7 @@ def test_cartilages_keep_their_length_within_a_tenth() -> None:
         sternum = BONES["sternum"].vertices
         for rib in RIBS:
             if int(rib[-2:]) <= 7:
-                _, tip = ends(BONES[rib].vertices, BONES[vertebra(rib)].vertices)
+                _, tip = ends(BONES[rib], BONES[vertebra(rib)])
                 anchor = sternum[np.linalg.norm(sternum - tip, axis=1).argmin()]
                 before = np.linalg.norm(tip - anchor)
                 after = np.linalg.norm(motions[rib].apply(tip) - motions["sternum"].apply(anchor))
@@ -117,7 +117,7 @@ def test_where_screws_turn_a_vertebra_its_ribs_lag_within_the_facets(degrees: fl
     motions = follow(NO_STERNUM, directly(degrees), RibShares())
     gaps = []
     for rib in RIBS:
-        head, _ = ends(BONES[rib].vertices, BONES[vertebra(rib)].vertices)
+        head, _ = ends(BONES[rib], BONES[vertebra(rib)])
         gaps.append(np.linalg.norm(motions[rib].apply(head) - CURVED[vertebra(rib)].motion.apply(head)))
     assert 0.5 < max(gaps) <= 3.0 + 1e-9
 
@@ -128,7 +128,7 @@ def test_ribs_take_a_share_of_their_own_of_what_screws_turn() -> None:
     part, all_ = (follow(NO_STERNUM, motions, shares)[rib] for motions in (directly(5.0), CURVED))
     assert turned(part) - turned(all_) == pytest.approx((0.2 - 0.5 * 0.6) * 5.0, abs=0.1)
     whole = follow(NO_STERNUM, directly(5.0), replace(shares, direct=1.0))[rib]
-    head, _ = ends(BONES[rib].vertices, BONES["T6"].vertices)
+    head, _ = ends(BONES[rib], BONES["T6"])
     np.testing.assert_allclose(whole.apply(head), CURVED["T6"].motion.apply(head), atol=1e-9)
 
 
@@ -151,7 +151,7 @@ def test_known_bones_lead_the_others() -> None:
     motions = follow(BONES, CURVED, RibShares(), known)
     assert "sternum" not in motions
     free = follow(BONES, CURVED, RibShares())
-    _, tip = ends(BONES["rib_left_05"].vertices, BONES["T5"].vertices)
+    _, tip = ends(BONES["rib_left_05"], BONES["T5"])
     assert np.linalg.norm(motions["rib_left_05"].apply(tip) - free["rib_left_05"].apply(tip)) > 1.0
 
 

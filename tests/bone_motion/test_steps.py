@@ -39,7 +39,7 @@ def all_kinds() -> dict[str, Surface]:
     middle = bones["sternum"].vertices.mean(axis=0)
     for number in (2, 6):
         rib = f"rib_left_{number:02d}"
-        _, tip = ends(bones[rib].vertices, bones[f"T{number}"].vertices)
+        _, tip = ends(bones[rib], bones[f"T{number}"])
         bones[f"costal_cartilage_left_{number:02d}"] = rod(tip, middle)
     bones["scapula_left"] = Surface(bones["rib_left_04"].vertices + np.array([8.0, 15.0, 0.0]), NO_FACES)
     bones["clavicle_left"] = rod(middle + np.array([0.0, 0.0, 60.0]), bones["scapula_left"].vertices.mean(axis=0))

@@ -49,5 +49,5 @@ def test_a_clavicle_keeps_both_of_its_joints(side: str) -> None:
     bones, motions = moved()
     clavicle = f"clavicle_{side}"
     for neighbour in ("sternum", f"scapula_{side}"):
-        joint = ends(bones[clavicle].vertices, bones[neighbour].vertices)[0]
+        joint = ends(bones[clavicle], bones[neighbour])[0]
         assert np.linalg.norm(motions[clavicle].apply(joint) - motions[neighbour].apply(joint)) < 4.0

@@ -125,7 +125,7 @@ def given_motions(bones: Mapping[str, Surface], given: Mapping[str, RigidTransfo
     for bone in bones:
         first, second = _neighbours(bone)
         if bone not in given and first in bones and (first in given or second in given):
-            joints = ends(bones[bone].vertices, bones[first].vertices)
+            joints = ends(bones[bone], bones[first])
             goals = [motions.get(end, motions[bone]).apply(joints[[i]]) for i, end in enumerate((first, second))]
             motions[bone] = _held_at_ends(motions[bone], joints, *goals)
     return motions
@@ -158,7 +158,7 @@ def _between_neighbours(
     by_spline = steps.fit(vertices, steps.carried(spline, vertices))
     if first not in motions:
         return by_spline
-    joints = ends(vertices, bones[first].vertices)
+    joints = ends(bones[bone], bones[first])
     goals = [
         steps(methodcaller("apply", joints[:1]), motions[first]),
         steps(methodcaller("apply", joints[1:]), motions[second])

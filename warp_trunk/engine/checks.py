@@ -12,7 +12,6 @@ from warp_trunk.errors import InputError
 from .energies.by_name import EnergyName, WeightsName
 from .rest_mesh import PRECISIONS
 from .tissue import Tissue
-from .topology import find_pieces
 from .trunk_mesh import TrunkMesh, tet_volumes
 
 
@@ -101,3 +100,19 @@ def holds(points: np.ndarray) -> bool:
         return False
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(spread[1] > 1e-6 * spread[0])
+
+
+def find_pieces(tets: np.ndarray, nodes: int) -> np.ndarray:
+    """The lowest node of the connected piece that each node is in, shape (nodes,)."""
+    corners = tets.ravel()
+    around = np.argsort(corners, kind="stable")
+    used, start = np.unique(corners[around], return_index=True)
+    label = np.arange(nodes)
+    while True:
+        lowest = np.repeat(label[tets].min(axis=1), 4)
+        found = label.copy()
+        found[used] = np.minimum.reduceat(lowest[around], start)
+        found = found[found]  # the label of the label: a piece grows by more than one layer in a round
+        if np.array_equal(found, label):
+            return label
+        label = found

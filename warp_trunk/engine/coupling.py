@@ -6,7 +6,7 @@ import numpy as np
 
 from .assembly import assembly_of_blocks
 from .state import State
-from .topology import coupling_pattern
+from .topology import Pattern, places_of_blocks, unique_edges
 
 
 class Coupling:
@@ -36,3 +36,16 @@ class Coupling:
         for total, by in zip(sums, weights, strict=True):
             np.add.at(total, self._column, np.einsum("bji,bj->bi", self._blocks, by[self._row]))
         return sums
+
+
+def coupling_pattern(stencils: np.ndarray, size: int) -> Pattern:
+    """The blocks of the first `size` nodes (rows) with all others (columns, numbered from 0)."""
+    edges, edge_of = unique_edges(stencils)
+    across = np.flatnonzero((edges[:, 0] < size) & (edges[:, 1] >= size))
+    low, high = edges[across].T
+    none = np.full(len(edges), -1, dtype=np.int32)
+    upper = none.copy()
+    upper[across] = np.arange(len(across))
+    row_start = np.searchsorted(low, np.arange(size + 1)).astype(np.int32)
+    block_of = places_of_blocks(stencils, edge_of, np.full_like(stencils, -1), upper, none)
+    return Pattern(row_start, (high - size).astype(np.int32), block_of)

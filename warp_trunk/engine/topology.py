@@ -1,4 +1,4 @@
-"""Topology of tetrahedra: edges, faces, the blocks of a sparse matrix, and connected pieces."""
+"""Topology of tetrahedra: edges, faces, the blocks of a sparse matrix."""
 
 from __future__ import annotations
 
@@ -72,23 +72,10 @@ def square_pattern(stencils: np.ndarray, size: int) -> Pattern:
     diagonal = np.append(diagonal, -1).take(np.minimum(stencils, size))
     row_start = np.searchsorted(keys[order], np.arange(size + 1) * max(size, 1)).astype(np.int32)
     columns = (keys[order] % max(size, 1)).astype(np.int32)
-    return Pattern(row_start, columns, _block_of(stencils, edge_of, diagonal, upper, lower))
+    return Pattern(row_start, columns, places_of_blocks(stencils, edge_of, diagonal, upper, lower))
 
 
-def coupling_pattern(stencils: np.ndarray, size: int) -> Pattern:
-    """The blocks of the first `size` nodes (rows) with all others (columns, numbered from 0)."""
-    edges, edge_of = unique_edges(stencils)
-    across = np.flatnonzero((edges[:, 0] < size) & (edges[:, 1] >= size))
-    low, high = edges[across].T
-    none = np.full(len(edges), -1, dtype=np.int32)
-    upper = none.copy()
-    upper[across] = np.arange(len(across))
-    row_start = np.searchsorted(low, np.arange(size + 1)).astype(np.int32)
-    block_of = _block_of(stencils, edge_of, np.full_like(stencils, -1), upper, none)
-    return Pattern(row_start, (high - size).astype(np.int32), block_of)
-
-
-def _block_of(
+def places_of_blocks(
     stencils: np.ndarray, edge_of: np.ndarray, diagonal: np.ndarray, upper: np.ndarray, lower: np.ndarray
 ) -> np.ndarray:
     """`Pattern.block_of`, by the block of each corner and those of each edge above and below the diagonal."""
@@ -126,19 +113,3 @@ def faces_shared(tets: np.ndarray) -> np.ndarray:
     _, edge = np.unique(low * nodes + middle, return_inverse=True)  # its number, so that no product overflows
     _, face, count = np.unique(edge * nodes + high, return_inverse=True, return_counts=True)
     return count[face]
-
-
-def find_pieces(tets: np.ndarray, nodes: int) -> np.ndarray:
-    """The lowest node of the connected piece that each node is in, shape (nodes,)."""
-    corners = tets.ravel()
-    around = np.argsort(corners, kind="stable")
-    used, start = np.unique(corners[around], return_index=True)
-    label = np.arange(nodes)
-    while True:
-        lowest = np.repeat(label[tets].min(axis=1), 4)
-        found = label.copy()
-        found[used] = np.minimum.reduceat(lowest[around], start)
-        found = found[found]  # the label of the label: a piece grows by more than one layer in a round
-        if np.array_equal(found, label):
-            return label
-        label = found

@@ -12,7 +12,7 @@ FARTHEST = 1e7
 """No coordinate is farther from zero than this, in any unit; sums of cubes of such numbers stay exact enough."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surface:
     """Triangles in patient axes (LPS: +x left, +y back, +z up).
 

@@ -77,8 +77,9 @@ class NeoHookean:
         y = (square - 3.0) / 4.0
         shape = 0.75 * mu * (square / 2.0 - 1.5 - j) + 0.5 * mu * (y - np.log1p(y))
         short = np.maximum(CRUSHED - 1.0 - j, 0.0)
-        bent, over = np.minimum(short, STIFFENS), np.maximum(short - STIFFENS, 0.0)
-        volume = 0.5 * j**2 + CRUSH / 4.0 * bent**2 * (bent**2 + 4.0 * bent * over + 6.0 * over**2)
+        stiffening, over = np.minimum(short, STIFFENS), np.maximum(short - STIFFENS, 0.0)
+        squares = stiffening**2 + 4.0 * stiffening * over + 6.0 * over**2
+        volume = 0.5 * j**2 + CRUSH / 4.0 * stiffening**2 * squares
         return self.rest_volume.numpy()[tets] * (shape + bulk * volume)
 
 
