@@ -21,15 +21,12 @@ from warp_trunk.cli.output import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 from warp_trunk.cli.simulate import COMMON
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures import cobb_angles
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.recording import viewer
-from warp_trunk.results import prepare_folder
-from warp_trunk.results.result import find_recording
 from warp_trunk.run.options import RunOptions
 
 
@@ -55,31 +52,6 @@ def test_help_shows_what_people_set_and_the_whole_help_the_rest(capsys: pytest.C
     assert options - {"mesh", "simulation"} - shown == ONLY_IN_PYTHON
     assert "--help-all" in said["--help"]
     assert "Requested number of tetrahedra" in said["--help"]  # documented at the field of the option
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["simulate"], "PATH"),
-        (["simulate", "case", "--method", "magic"], "--method"),
-        (["simulate", "case", "--epsilon", "-1"], "epsilon"),
-        (["simulate", "case", "--increments", "many"], "--increments"),
-        (["simulate", "case", "--colour", "red"], "--colour"),
-        (["simulate", "no/such/case"], "no/such/case"),
-        (["simulated"], "simulate"),
-        ([], "demo"),
-        (["view", "no/such/result"], "recording.rrd"),
-        (["make-case", "--skin", "s.ply", "--bones", "no/such", "--out", "x"], "no/such"),
-        (["make-case", "--skin", "s.ply", "--bones", "b", "--out", "x", "--cobb", "500"], "cobb"),
-    ],
-)
-def test_bad_input_ends_in_one_line_and_status_two(arguments, named, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(arguments) == BAD_INPUT
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("warp-trunk: ")
-    assert named in line
-    assert not set(line) & set("│─\x1b")
 
 
 @pytest.fixture(scope="module")
@@ -121,10 +93,7 @@ def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., i
         "epsilon": small_case().tissue.epsilon,
     } == parameters  # fmt: skip
     assert not (tmp_path / "recording.rrd").exists()
-
-
-def test_only_convergence_ends_with_zero(commands: Callable[..., int], tmp_path: Path) -> None:
-    assert commands(tmp_path, "--max-steps=1", "--tolerance=1e-4", "--no-record") == NOT_CONVERGED
+    assert commands(tmp_path / "short", "--max-steps=1", "--tolerance=1e-4", "--no-record") == NOT_CONVERGED
 
 
 def test_an_interrupt_ends_in_one_line(
@@ -165,7 +134,7 @@ def test_make_case_writes_a_case_of_the_curve_asked_for(
     assert lumbar < 0.0 < thoracic  # the thoracic curve is convex to the left, the lumbar one to the right
 
 
-def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeypatch):
+def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeypatch, capsys):
     (tmp_path / "recording.rrd").write_bytes(b"")
     started = []
 
@@ -179,19 +148,7 @@ def test_view_opens_the_recording_on_the_loopback_address_only(tmp_path, monkeyp
     (command,) = started
     assert command[command.index("--bind") + 1] == "127.0.0.1"
     assert command[-1] == str(tmp_path / "recording.rrd")
-
-
-def test_view_without_a_display_says_what_to_do(tmp_path, monkeypatch, capsys):
-    (tmp_path / "recording.rrd").write_bytes(b"")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
     assert main(["view", str(tmp_path)]) == BAD_INPUT
     assert "there is no display for the viewer's window; use `view --web`" in capsys.readouterr().err
-
-
-def test_a_folder_checked_twice_is_left_empty(tmp_path):
-    prepare_folder(tmp_path / "a" / "b")
-    prepare_folder(tmp_path / "a" / "b")
-    assert list((tmp_path / "a" / "b").iterdir()) == []
-    with pytest.raises(InputError):
-        find_recording(tmp_path / "a")

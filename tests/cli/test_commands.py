@@ -112,9 +112,3 @@ def test_a_typo_is_told_in_one_line(arguments, said, capsys):
     assert line.startswith("warp-trunk: ")
     assert [part for part in said if part not in line] == [], line
     assert not set(line) & set("╭│─\x1b")
-
-
-def test_a_file_in_place_of_a_case_folder_is_said_to_be_one(tmp_path, capsys):
-    (tmp_path / "case.toml").write_text('units = "mm"')
-    assert main(["simulate", str(tmp_path / "case.toml")]) == BAD_INPUT
-    assert "case.toml: is a file; a case folder with case.toml was expected" in capsys.readouterr().err

@@ -30,17 +30,6 @@ def test_triangulate_writes_landmarks_that_a_case_reads(tmp_path, capsys) -> Non
     assert "Reprojection error: mean 0.00" in said
 
 
-def test_triangulate_refuses_in_one_line(tmp_path, capsys) -> None:
-    pa, lateral = biplanar(straight_trunk()[2])
-    lateral.points[5] += [0.0, 60.0]
-    status = main(["triangulate", *write_films(tmp_path, (pa, lateral)), "--out", str(tmp_path / "x.csv")])
-    said = capsys.readouterr().err.splitlines()
-    assert status == 2
-    assert len(said) == 1
-    assert f"'{lateral.names[5]}'" in said[0]
-    assert not (tmp_path / "x.csv").exists()
-
-
 def test_fit_atlas_writes_bones(tmp_path, capsys) -> None:
     _, bones, landmarks = straight_trunk()
     (tmp_path / "atlas").mkdir()

@@ -75,11 +75,3 @@ def test_refuses_a_bad_place_of_the_picture_before_any_work(folder, picture, cur
     assert main(["landmarks", str(folder), "--out", str(out), "--picture", str(folder / picture)]) == 2
     assert cure in capsys.readouterr().err
     assert not out.exists()
-
-
-@pytest.mark.parametrize(
-    ("out", "cure"), [("found.txt", "end the name in .csv"), ("no/found.csv", "there is no folder")]
-)
-def test_refuses_a_bad_place_before_any_work(folder, out, cure, capsys) -> None:
-    assert main(["landmarks", str(folder), "--out", str(folder / out)]) == 2
-    assert cure in capsys.readouterr().err

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -51,29 +50,6 @@ def test_planned_folder_is_a_case_that_holds_its_plan(folder: Path, capsys: pyte
     np.testing.assert_allclose(t8["shift"], centres[1] - centres[0], atol=1e-9)
     assert re.search(r"Cobb angle T5 to T12 \[°\] +55 +19 ", said)
     assert f"warp-trunk simulate {folder / 'planned'}" in said
-
-
-def test_next_command_names_a_folder_with_a_space_as_a_shell_takes_it(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert plan(folder, "as planned", "--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5") == 0
-    line = capsys.readouterr().out.splitlines()[-1]
-    assert shlex.split(line)[-3:] == ["warp-trunk", "simulate", str(folder / "as planned")]
-
-
-def test_every_curve_of_the_command_is_planned(folder: Path) -> None:
-    curves = ("--curve", "T8,correction=0.6", "--curve", "L2,correction=0.5")
-    assert plan(folder, "curves", "--uiv", "T4", "--liv", "L4", *curves) == 0
-    written = read_plan(folder / "curves" / "plan.toml")
-    assert [(curve.apex, curve.correction) for curve in written.curves] == [("T8", 0.6), ("L2", 0.5)]
-
-
-def test_planned_case_is_told_apart_by_its_folder(folder: Path) -> None:
-    options = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.5")
-    assert plan(folder, "short", *options) == 0
-    assert read_case(folder / "short").name == "synthetic trunk, thoracic curve of 55 degrees, plan short"
-    assert main(["plan", str(folder / "short"), "--out", str(folder / "long"), *options]) == 0
-    assert read_case(folder / "long").name == "synthetic trunk, thoracic curve of 55 degrees, plan long"
 
 
 def test_plan_that_was_written_makes_it_again(folder: Path) -> None:

@@ -50,11 +50,6 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert rule in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_a_folder_in_the_case_is_refused(case: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", str(case), "--live", "--out", str(case / "plans")]) == 2
-    assert "lies in the case folder" in capsys.readouterr().err.splitlines()[-1]
-
-
 def test_a_taken_port_is_refused_before_any_work(
     case: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

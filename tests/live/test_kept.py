@@ -58,6 +58,21 @@ def test_an_existing_plan_is_not_overwritten_and_a_full_disk_is_reported(tmp_pat
         KeptPlans(tmp_path / "file", CASE).keep("mine", view())
 
 
+def test_a_page_that_is_killed_while_it_writes_leaves_no_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("warp_trunk.bone_motion.plan.plan_file.write_case", killed)  # the rest is written before
+        KeptPlans(tmp_path, CASE).keep("mine", view())
+    assert [path.name for path in tmp_path.iterdir()] == [".mine.partial"]
+    again = KeptPlans(tmp_path, CASE)
+    assert again.names == ()
+    assert {path.name for path in again.keep("mine", view()).iterdir()} == FILES
+
+
 def test_plans_of_before_are_found_and_no_others(tmp_path: Path) -> None:
     assert KeptPlans(tmp_path / "none", CASE).names == ()
     KeptPlans(tmp_path, CASE).keep("mine", view())

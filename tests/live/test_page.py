@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -24,7 +23,6 @@ from warp_trunk.case.motions import Motion, rigid_motions
 from warp_trunk.case.points import Points
 from warp_trunk.live.motion_plan import with_handles
 from warp_trunk.live.page import Page
-from warp_trunk.live.session import PlanView
 from warp_trunk.live.sliders import MotionSliders, SpineSliders
 from warp_trunk.measures.rows import number as shown
 from warp_trunk.meshing import MeshOptions
@@ -230,22 +228,6 @@ def test_two_browsers_show_one_plan_and_one_may_be_killed(
     visit.drag(-15)
     until(lambda: correction(page) < share and settled(page), visit)
     assert page.failure is None
-
-
-def views_alive() -> int:
-    """How many views this process holds, those of other tests' pages included."""
-    gc.collect()
-    return sum(isinstance(thing, PlanView) for thing in gc.get_objects())
-
-
-def test_many_drags_leave_nothing_behind(visit: Visit, page: Page) -> None:
-    assert page.session.view is not None
-    first, alive = page.session.view.number, views_alive()
-    for number in range(4):
-        visit.drag(25 if number % 2 else -25)
-    until(lambda: settled(page), visit)
-    assert page.session.view.number > first + 4
-    until(lambda: views_alive() <= alive + 2, visit)  # a thread may hold one for a while
 
 
 def test_the_button_ends_it(visit: Visit, page: Page) -> None:

@@ -1,20 +1,12 @@
 """Writing that never holds a simulation up."""
 
-import threading
 from pathlib import Path
 
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
 
-from warp_trunk.recording.stream import open_streams, within
-
-
-def test_an_action_that_hangs_is_left_behind():
-    gate = threading.Event()
-    assert within(5.0, lambda: None)
-    assert not within(0.05, gate.wait)
-    gate.set()
+from warp_trunk.recording.stream import open_streams
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")

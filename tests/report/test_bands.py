@@ -30,11 +30,6 @@ def test_the_page_tells_it(tmp_path: Path) -> None:
     assert "In 19 of 20 such operations the rotation at" in page
 
 
-def test_without_bands_nothing_is_said(plain_report: Path) -> None:
-    assert "How sure each number is" not in plain_report.read_text()
-    assert not (plain_report.parent / "report" / "sure.png").exists()
-
-
 def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
     read = read_result(write_small_result(tmp_path, found=FOUND))
     table = band_table(poses_of(read), BANDS)

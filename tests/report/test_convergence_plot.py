@@ -22,7 +22,7 @@ def test_tolerances_stand_beside_the_axes(tmp_path: Path, increments: int, label
     found = [text for text in axes.texts if isinstance(text, Annotation)]
     told = [" ".join(text.get_text().split()) for text in found]
     assert told == [
-        f"tolerance {label}, {limit} mm" for label, limit in zip(labels, ("0.01", "0.1"), strict=False)
+        f"tolerance {label}, {limit} mm" for label, limit in zip(labels, ("0.01", "0.2"), strict=False)
     ]
     places = [text.get_window_extent() for text in found]
     assert all(

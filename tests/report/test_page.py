@@ -43,16 +43,3 @@ def test_page_prints_on_a_few_sheets_of_a4(opened):
     sheets = printed.count(b"/Type /Page") - printed.count(b"/Type /Pages")
     assert 2 <= sheets <= 8
     assert b"[0 0 595.9" in printed or b"[0 0 595.2" in printed or b"[0 0 594.9" in printed
-
-
-def test_the_check_sees_what_is_wrong(tmp_path):
-    page = tmp_path / "bad.html"
-    page.write_text(
-        "<p style='width:2000px'>wide</p><script>console.error('oh');"
-        "fetch('http://127.0.0.1:9/').catch(() => 0)</script>"
-    )
-    seen = open_page(page)
-    assert "oh" in seen.complaints
-    assert "http://127.0.0.1:9/" in seen.requests
-    assert seen.overflow[1280] > 700
-    assert seen.pictures == []

@@ -8,6 +8,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.part import Agreement, agreement_rows
@@ -138,6 +139,6 @@ def _reached(summary: Summary) -> str:
     if tolerance is None or len(errors) < 2 or errors[0] is None or errors[1] is None:
         return ""
     return (
-        f"the one before it may stop at {10.0 * tolerance:g} mm (it stopped at {errors[0]:.2g}) "
+        f"the one before it may stop at {ON_THE_WAY * tolerance:g} mm (it stopped at {errors[0]:.2g}) "
         f"and the last one at {tolerance:g} mm (it reached {errors[1]:.2g})"
     )

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.measures.rows import sided
 
 from .relief import in_pelvis
@@ -69,7 +70,7 @@ def convergence_plot(summary: Summary) -> Figure:
         start += row.seconds
         axes.axvline(start, color="#dddddd", linewidth=0.6, zorder=0)
     tolerance = summary.parameters.get("tolerance") or 0.0
-    limits = [(tolerance, "at the end", "top"), (10.0 * tolerance, "before the\nlast increment", "bottom")]
+    limits = [(tolerance, "at the end", "top"), (ON_THE_WAY * tolerance, "before the\nlast increment", "bottom")]
     for height, words, side in limits[: len(summary.increments)] if tolerance else []:
         axes.axhline(height, color=INK, linewidth=0.8, linestyle=":")
         axes.annotate(  # beside the axes, where no curve runs
