@@ -142,7 +142,7 @@ def test_surface_in_the_case_folder_has_its_axes_and_units(place, tmp_path):
         (lambda vertices, faces: (vertices, faces[1:]), "it is open along"),
         (lambda vertices, faces: (vertices, faces[:, ::-1]), "it encloses -"),
         (lambda vertices, faces: (vertices / 10.0, faces), "mm and LPS"),
-        (lambda vertices, faces: (vertices + [900.0, 0.0, 0.0], faces), "mm and LPS"),
+        (lambda vertices, faces: (vertices + np.array([900.0, 0, 0]), faces), "mm and LPS"),
     ],
 )
 def test_unfit_skin_is_refused_in_one_line(place, tmp_path, capsys, spoil, named):
