@@ -37,8 +37,7 @@ from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.meshing import cache
 from warp_trunk.meshing.layers import labels_from_mesh
 from warp_trunk.preparation.label_maps.names import label_table
-from warp_trunk.preparation.reconstruction import read_film
-from warp_trunk.preparation.reconstruction.triangulation import read_projection
+from warp_trunk.preparation.reconstruction.triangulation import read_film, read_projection
 from warp_trunk.results import read_result
 
 VTK = Path(__file__).parents[1] / "support" / "vtk_files"

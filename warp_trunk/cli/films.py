@@ -12,13 +12,9 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.surface_files import check_written, read_surface, write_surface
-from warp_trunk.preparation.reconstruction import (
-    fit_atlas,
-    read_film,
-    register_skin,
-    triangulate,
-    write_triangulation,
-)
+from warp_trunk.preparation.reconstruction.atlas import fit_atlas
+from warp_trunk.preparation.reconstruction.registration import register_skin
+from warp_trunk.preparation.reconstruction.triangulation import read_film, triangulate, write_triangulation
 
 from .output import OK, mean_and_largest, read_bones
 

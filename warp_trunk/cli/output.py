@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from warp_trunk.geometry.surface import Surface
-    from warp_trunk.preparation.scanning import CutPlane
+    from warp_trunk.preparation.scanning.cutting import CutPlane
 
 OK, NOT_CONVERGED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit statuses; INCOMPLETE where a command did what it could and named what it could not."""
@@ -51,7 +51,7 @@ def read_bones(folder: Path) -> dict[str, Surface]:
 
 def cut_planes(texts: Sequence[str], above: float | None, below: float | None) -> list[CutPlane]:
     """The planes of --cut, --cut-above and --cut-below; InputError for a text that is no point and normal."""
-    from warp_trunk.preparation.scanning import CutPlane
+    from warp_trunk.preparation.scanning.cutting import CutPlane
 
     planes = []
     for text in texts:

@@ -24,7 +24,9 @@ from warp_trunk.preparation.deformity import MeasuredSpine, SpineCurve, make_cas
 from warp_trunk.preparation.deformity.published_curves import KYPHOSIS
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.osteotomy import cut_bone
-from warp_trunk.preparation.scanning import CloseOptions, CutPlane, align_parts, check_parts, close_skin, moved
+from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin
+from warp_trunk.preparation.scanning.cutting import CutPlane
+from warp_trunk.preparation.scanning.parts import align_parts, check_parts, moved
 from warp_trunk.run.progress import Progress
 
 from .output import INCOMPLETE, OK, cut_planes, next_command, read_bones

@@ -8,7 +8,7 @@ from support.synthetic import sphere
 from warp_trunk.case.layers import SKIN_THICKNESS
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.label_maps.fat import fat_thickness
-from warp_trunk.preparation.scanning import CutPlane
+from warp_trunk.preparation.scanning.cutting import CutPlane
 
 OUTER, INNER, SHIFT = 70.0, 50.0, np.array([6.0, -4.0, 2.0])
 SKIN = sphere(OUTER)

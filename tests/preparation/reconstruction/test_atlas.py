@@ -10,7 +10,7 @@ from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.phantom import straight_trunk
-from warp_trunk.preparation.reconstruction import fit_atlas
+from warp_trunk.preparation.reconstruction.atlas import fit_atlas
 
 TURN = Rotation.from_rotvec([0.3, -0.2, 0.9])
 

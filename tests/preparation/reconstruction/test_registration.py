@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from support.synthetic import sphere
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.preparation.reconstruction import register_skin
+from warp_trunk.preparation.reconstruction.registration import register_skin
 
 SKIN = sphere(150.0, (0.0, 0.0, 1000.0), 2)
 ROWS = np.arange(12, 42)  # spread evenly

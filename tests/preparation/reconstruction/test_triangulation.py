@@ -8,8 +8,7 @@ from support.biplanar import biplanar, projection_matrix
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.preparation.phantom import straight_trunk
-from warp_trunk.preparation.reconstruction import Film, read_film, triangulate
-from warp_trunk.preparation.reconstruction.triangulation import project
+from warp_trunk.preparation.reconstruction.triangulation import Film, project, read_film, triangulate
 
 
 @pytest.fixture(scope="module")

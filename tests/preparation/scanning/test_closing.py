@@ -10,7 +10,9 @@ from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.preparation.phantom.phantom import straight_trunk
-from warp_trunk.preparation.scanning import CloseOptions, CutPlane, align_parts, check_parts, close_skin
+from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin
+from warp_trunk.preparation.scanning.cutting import CutPlane
+from warp_trunk.preparation.scanning.parts import align_parts, check_parts
 
 OPTIONS = CloseOptions(edge_length=12.0)
 PAPER = 1.4

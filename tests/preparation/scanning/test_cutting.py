@@ -6,8 +6,7 @@ from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
-from warp_trunk.preparation.scanning import CutPlane
-from warp_trunk.preparation.scanning.cutting import cut_flat
+from warp_trunk.preparation.scanning.cutting import CutPlane, cut_flat
 
 BALL = sphere(50.0, (0.0, 0.0, 1300.0), 4)
 

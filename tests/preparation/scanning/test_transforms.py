@@ -5,7 +5,7 @@ from support.meshes import rotation
 from support.synthetic import sphere
 from warp_trunk.errors import InputError
 from warp_trunk.io.transform_file import read_transform
-from warp_trunk.preparation.scanning import moved
+from warp_trunk.preparation.scanning.parts import moved
 
 
 def matrix():

@@ -11,7 +11,7 @@ from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 
-from ..scanning import CutPlane
+from ..scanning.cutting import CutPlane
 from .mask import Mask
 
 _REACH = 120.0

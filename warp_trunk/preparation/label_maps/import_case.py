@@ -20,7 +20,7 @@ from warp_trunk.geometry.cores import each_over_cores
 from warp_trunk.geometry.surface import Surface
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
-from ..scanning import CutPlane
+from ..scanning.cutting import CutPlane
 from .cartilages import split_cartilages
 from .fat import fat_thickness
 from .mask import Mask

@@ -34,9 +34,7 @@ class FoundLandmarks:
             InputError: the first of `unsure`.
         """
         for name, why in self.unsure.items():
-            raise InputError(
-                f"bones: no landmarks on '{name}': {why}; give that bone whole, on its own and unfilled"
-            )
+            raise InputError(f"bones: no landmarks on '{name}': {why}; give that bone whole, alone and unfilled")
         return self.landmarks
 
 
@@ -61,15 +59,15 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
     present = [name for name in VERTEBRAE if name in bones]
     if not present:
         raise InputError("bones: any of T1 to L5 is missing; landmarks need vertebrae, each named after its level")
-    unsure = _gaps(present)
-    left = np.array([1.0, 0.0, 0.0])
-    spines = None
-    if all(hip in bones for hip in ASIS.values()):
+    first, last = VERTEBRAE.index(present[0]), VERTEBRAE.index(present[-1])
+    gap = f"there is no surface of this name between {present[0]} and {present[-1]}"
+    unsure = {name: gap for name in VERTEBRAE[first : last + 1] if name not in present}
+    left, spines = np.array([1.0, 0.0, 0.0]), None
+    if lost := [hip for hip in ASIS.values() if hip not in bones]:
+        unsure |= dict.fromkeys(ASIS, f"'{lost[0]}' is missing, and both hip bones are needed")
+    else:
         spines = iliac_spines(*(bones[hip] for hip in ASIS.values()))
         left = (spines[0] - spines[1]) / np.linalg.norm(spines[0] - spines[1])
-    else:
-        lost = next(hip for hip in ASIS.values() if hip not in bones)
-        unsure |= dict.fromkeys(ASIS, f"'{lost}' is missing, and both hip bones are needed")
 
     unsure |= doubts_of_surface({name: bones[name] for name in present})
     centres = {name: _centre(bones[name]) for name in present if name not in unsure}
@@ -83,20 +81,13 @@ def find_landmarks(bones: Mapping[str, Surface]) -> FoundLandmarks:
             unsure[name] = str(doubt)
     unsure |= doubts_of_neighbours(found)
     found = {name: vertebra for name, vertebra in found.items() if name not in unsure}
-    return FoundLandmarks(
-        landmarks=_together(found, spines),
-        vertebrae=found,
-        unsure={name: unsure[name] for name in (*VERTEBRAE, *ASIS) if name in unsure},
-    )
-
-
-def _gaps(present: list[str]) -> dict[str, str]:
-    first, last = VERTEBRAE.index(present[0]), VERTEBRAE.index(present[-1])
-    return {
-        name: f"there is no surface of this name between {present[0]} and {present[-1]}"
-        for name in VERTEBRAE[first : last + 1]
-        if name not in present
-    }
+    names = [f"{bone}_{point}" for bone in found for point in VERTEBRA_POINTS]
+    points = [np.empty((0, 3)), *(vertebra.points for vertebra in found.values())]
+    if spines is not None:
+        names += ASIS
+        points.append(spines)
+    reasons = {name: unsure[name] for name in (*VERTEBRAE, *ASIS) if name in unsure}
+    return FoundLandmarks(Landmarks(tuple(names), np.vstack(points)), found, reasons)
 
 
 def _centre(surface: Surface) -> np.ndarray:
@@ -114,15 +105,6 @@ def _directions(centres: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     upwards = -np.gradient(points, along, axis=0)
     upwards /= np.linalg.norm(upwards, axis=1, keepdims=True)
     return dict(zip(centres, upwards, strict=True))
-
-
-def _together(found: Mapping[str, FoundVertebra], spines: np.ndarray | None) -> Landmarks:
-    names = [f"{bone}_{point}" for bone in found for point in VERTEBRA_POINTS]
-    points = [vertebra.points for vertebra in found.values()]
-    if spines is not None:
-        names += ASIS
-        points.append(spines)
-    return Landmarks(tuple(names), np.vstack(points) if points else np.empty((0, 3)))
 
 
 _MOST_PITCH = 40.0

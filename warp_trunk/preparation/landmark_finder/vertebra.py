@@ -28,8 +28,6 @@ class FoundVertebra:
     """Median distance of the vertebra from its mirror image in the plane of left and right [mm]."""
     off_curve: float
     """Angle between the vertebra's axis and the curve through the centres of its neighbours [deg]."""
-    pedicle_areas: tuple[float, float]
-    """Of the sections of the left and the right pedicle on which their landmarks lie [mm2]."""
 
     @property
     def height(self) -> float:
@@ -56,19 +54,7 @@ _STARTS = 3
 """As many of the best of these are followed."""
 
 
-@dataclass(frozen=True, eq=False)
-class SymmetryPlane:
-    """Plane normal . x = offset."""
-
-    normal: np.ndarray
-    """Unit vector, to the bone's left, shape (3,)."""
-    offset: float
-    """[mm]"""
-    residual: float
-    """Median distance of the mirrored bone from itself [mm]."""
-
-
-def symmetry_plane(surface: Surface, left: np.ndarray, up: np.ndarray) -> SymmetryPlane:
+def symmetry_plane(surface: Surface, left: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, float, float]:
     """The plane nearest to `left` in which the bone differs least from its mirror image.
 
     A coarse search over directions, then least squares of the distances of mirrored points along the normals
@@ -79,6 +65,10 @@ def symmetry_plane(surface: Surface, left: np.ndarray, up: np.ndarray) -> Symmet
         surface: a bone.
         left: unit vector within 60 degrees of the bone's left seen along `up`, shape (3,).
         up: unit vector along the bone, shape (3,).
+
+    Returns:
+        Of the plane normal . x = offset the normal, a unit vector to the left, shape (3,), and the offset [mm];
+        and the median distance of the mirrored bone from itself [mm].
     """
     points, normals = spread_points(surface, _SAMPLES)
     middle = points.mean(axis=0)
@@ -92,11 +82,7 @@ def symmetry_plane(surface: Surface, left: np.ndarray, up: np.ndarray) -> Symmet
     start = min(fits, key=lambda plane: np.minimum(np.abs(distances(plane, _FINE)), _CAP).mean())
     best = _fitted(distances, start, _FINE)
     normal = _direction(best) @ axes
-    return SymmetryPlane(
-        normal=normal,
-        offset=float(normal @ middle + best[2]),
-        residual=float(np.median(np.abs(distances(best, _SAMPLES)))),
-    )
+    return normal, float(normal @ middle + best[2]), float(np.median(np.abs(distances(best, _SAMPLES))))
 
 
 _Distances = Callable[[np.ndarray, int], np.ndarray]
@@ -106,10 +92,8 @@ def _mirror_distances(points: np.ndarray, normals: np.ndarray) -> _Distances:
     """Distances of mirrored points from the surface, of a plane (two angles [rad], offset [mm]) and a count."""
     from scipy.spatial import KDTree  # heavy
 
-    _, near = KDTree(np.hstack([points, _NORMAL_WEIGHT * normals])).query(
-        np.hstack([points, _NORMAL_WEIGHT * normals]), k=_SMOOTHED
-    )
-    normals = normals[near].mean(axis=1)
+    places = np.hstack([points, _NORMAL_WEIGHT * normals])
+    normals = normals[KDTree(places).query(places, k=_SMOOTHED)[1]].mean(axis=1)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     tree = KDTree(np.hstack([points, _NORMAL_WEIGHT * normals]))
 
@@ -185,12 +169,14 @@ class Frame:
 
 def sagittal(surface: Surface, left: float) -> list[np.ndarray]:
     """Loops of the section where the first coordinate is `left`, each (k, 2) of back and up [mm]."""
-    return _parts(surface, [1, 2, 0], left)
+    turned = Surface(surface.vertices[:, [1, 2, 0]], surface.faces)  # an even permutation: winding stays
+    return [loop for loop in section(turned, left) if abs(enclosed_area(loop)) > _SPECK]
 
 
 def coronal(surface: Surface, back: float) -> list[np.ndarray]:
     """Loops of the section where the second coordinate is `back`, each (k, 2) of left and up [mm]."""
-    return [loop[::-1, ::-1] for loop in _parts(surface, [2, 0, 1], back)]
+    turned = Surface(surface.vertices[:, [2, 0, 1]], surface.faces)
+    return [loop[::-1, ::-1] for loop in section(turned, back) if abs(enclosed_area(loop)) > _SPECK]
 
 
 def outline(loop: np.ndarray) -> np.ndarray:
@@ -220,11 +206,6 @@ def last_crossing(loop: np.ndarray, start: np.ndarray, direction: np.ndarray) ->
     share = side_a[crossed] / (side_a[crossed] - side_b[crossed])
     hits = a[crossed] + share[:, None] * (b - a)[crossed]
     return start + hits[(hits @ direction).argmax()]
-
-
-def _parts(surface: Surface, order: list[int], offset: float) -> list[np.ndarray]:
-    turned = Surface(surface.vertices[:, order], surface.faces)  # an even permutation: winding stays
-    return [loop for loop in section(turned, offset) if abs(enclosed_area(loop)) > _SPECK]
 
 
 _MOST_ASYMMETRY = 2.5
@@ -263,37 +244,24 @@ def find_vertebra(surface: Surface, left: np.ndarray, up: np.ndarray) -> FoundVe
     Raises:
         UnsureError: a landmark could not be determined.
     """
-    plane = symmetry_plane(surface, left, up)
-    if plane.residual > _MOST_ASYMMETRY:
-        raise UnsureError(
-            f"its left and right differ by {plane.residual:.1f} mm (median), at most {_MOST_ASYMMETRY:g} is a "
-            "vertebra's; is it whole, alone and in one piece?"
-        )
+    normal, offset, asymmetry = symmetry_plane(surface, left, up)
+    if asymmetry > _MOST_ASYMMETRY:
+        found = f"its left and right differ by {asymmetry:.1f} mm (median), {_MOST_ASYMMETRY:g} is the most"
+        raise UnsureError(f"{found}; is it whole, alone and in one piece?")
+    upright = up - (up @ normal) * normal
+    upright /= np.linalg.norm(upright)
+    middle = surface.vertices.mean(axis=0)
+    middle += (offset - normal @ middle) * normal
+    frame = Frame(np.stack([normal, np.cross(upright, normal), upright]), middle)
     try:
-        frame = _upright(surface, plane, up)
-        points, areas = _six(frame.inside(surface))
+        frame = frame.pitched(_pitch(frame.inside(surface)))
+        points = frame.outside(_six(frame.inside(surface)))
     except InputError as fault:  # a section that does not close
         raise UnsureError(str(fault)) from None
     off_curve = float(np.degrees(np.arccos(min(1.0, frame.axes[2] @ up))))
     if off_curve > _MOST_OFF_CURVE:
         raise UnsureError(f"its endplates are {off_curve:.0f} degrees off the curve of the spine")
-    return FoundVertebra(
-        points=frame.outside(points),
-        axes=frame.axes,
-        asymmetry=plane.residual,
-        off_curve=off_curve,
-        pedicle_areas=areas,
-    )
-
-
-def _upright(surface: Surface, plane: SymmetryPlane, up: np.ndarray) -> Frame:
-    """Axes in the median plane and across the endplates, of which `up` says roughly the last."""
-    up = up - (up @ plane.normal) * plane.normal
-    up /= np.linalg.norm(up)
-    middle = surface.vertices.mean(axis=0)
-    middle += (plane.offset - plane.normal @ middle) * plane.normal
-    rough = Frame(np.stack([plane.normal, np.cross(up, plane.normal), up]), middle)
-    return rough.pitched(_pitch(rough.inside(surface)))
+    return FoundVertebra(points, frame.axes, asymmetry, off_curve)
 
 
 def _body(local: Surface, left: float = 0.0) -> np.ndarray:
@@ -343,32 +311,24 @@ def _across_endplates(points: np.ndarray, pitch: float) -> float:
     return pitch
 
 
-def _six(local: Surface) -> tuple[np.ndarray, tuple[float, float]]:
-    """Landmarks (6, 3) of an upright vertebra and the areas of its pedicles' sections [mm2]."""
+def _six(local: Surface) -> np.ndarray:
+    """Landmarks (6, 3) of an upright vertebra."""
     body = _body(local)
-    _refuse_second_body(local, body)
+    for part in sagittal(local, 0.0):
+        before_canal = (part[:, 0].mean() - body[:, 0].mean()) < 0.5 * np.ptp(body[:, 0])
+        apart = abs(part[:, 1].mean() - body[:, 1].mean()) > 1.0
+        if before_canal and apart and abs(enclosed_area(part)) > _NEIGHBOURS_BODY * abs(enclosed_area(body)):
+            raise UnsureError("it shows two bodies, one above the other; give each vertebra its own surface")
     low, high = body.min(axis=0), body.max(axis=0)
-    middle = (low + high) / 2.0
-    direction = np.array([0.0, 1.0])
-    ends = [last_crossing(body, middle, sign * direction) for sign in (1.0, -1.0)]
-    found = [np.array([0.0, *end]) for end in ends]
+    up = np.array([0.0, 1.0])
+    found = [[0.0, *last_crossing(body, (low + high) / 2.0, sign * up)] for sign in (1.0, -1.0)]
     depth, pedicles = _pedicles(local, low, high)
     for pedicle in pedicles:
         centre = centroid(pedicle)
         for sign in (1.0, -1.0):
-            left, up = last_crossing(pedicle, centre, sign * direction)
-            found.append(np.array([left, depth, up]))
-    areas = [abs(enclosed_area(pedicle)) for pedicle in pedicles]
-    return np.array(found), (areas[0], areas[1])
-
-
-def _refuse_second_body(local: Surface, body: np.ndarray) -> None:
-    size = abs(enclosed_area(body))
-    for part in sagittal(local, 0.0):
-        other = (part[:, 0].mean() - body[:, 0].mean()) < 0.5 * np.ptp(body[:, 0])
-        apart = abs(part[:, 1].mean() - body[:, 1].mean()) > 1.0
-        if other and apart and abs(enclosed_area(part)) > _NEIGHBOURS_BODY * size:
-            raise UnsureError("it shows two bodies, one above the other; give each vertebra its own surface")
+            left, height = last_crossing(pedicle, centre, sign * up)
+            found.append([left, depth, height])
+    return np.array(found)
 
 
 def _pedicles(local: Surface, low: np.ndarray, high: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
@@ -376,23 +336,21 @@ def _pedicles(local: Surface, low: np.ndarray, high: np.ndarray) -> tuple[float,
 
     low, high: corners of the body's outline, back and up.
     """
-    reach = _BEHIND * (high[0] - low[0])
     sections: list[tuple[float, tuple[np.ndarray, np.ndarray]]] = []
     sizes: list[float] = []
     missing = {"left", "right"}
-    for depth in high[0] + np.arange(0.5, reach, 0.5):
+    for depth in high[0] + np.arange(0.5, _BEHIND * (high[0] - low[0]), 0.5):
         parts = coronal(local, float(depth))
         left, right = (_pedicle(parts, side, low[1], high[1]) for side in (1.0, -1.0))
         missing -= {word for word, part in (("left", left), ("right", right)) if part is not None}
-        if left is None or right is None:
-            if sections:
-                break  # the arch begins
-            continue
-        size = abs(enclosed_area(left)) + abs(enclosed_area(right))
-        if sizes and size > _RISE * min(sizes):
-            break
-        sections.append((float(depth), (left, right)))
-        sizes.append(size)
+        if left is not None and right is not None:
+            sizes.append(abs(enclosed_area(left)) + abs(enclosed_area(right)))
+            if sizes[-1] > _RISE * min(sizes):
+                sizes.pop()
+                break
+            sections.append((float(depth), (left, right)))
+        elif sections:
+            break  # the arch begins
     if not sections:
         which = f"{min(missing)} pedicle" if len(missing) == 1 else "pedicles"
         raise UnsureError(f"no {which} behind its body; is the arch joined to the body?")
