@@ -8,8 +8,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface, compact, directed_edges
 from warp_trunk.geometry.surface_checks import components, enclosed_volume, linked_parts, manifold_fault
 
-from .scanning import CutPlane
-from .scanning.cutting import cut_within
+from .scanning.cutting import CutPlane, cut_within
 
 MOST_CHANGE = 0.005
 """The parts together have the volume of the bone within this part of it."""
