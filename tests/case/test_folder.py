@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from support.small_case import small_case
-from warp_trunk.case import Axes, Case, CheckOptions, check_case, read_case, write_case
+from warp_trunk.case import Axes, Case, check_case, read_case, write_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
@@ -124,12 +124,6 @@ def test_a_skin_under_its_former_name_is_not_passed_over(tmp_path):
         read_case(tmp_path)
 
 
-def test_limits_can_be_set(tmp_path):
-    write_case(tmp_path, small_case())
-    with pytest.raises(InputError, match=r"moves 7\.4 mm, 5 mm is allowed"):
-        read_case(tmp_path, CheckOptions(landmark_motion=5.0))
-
-
 def test_writing_does_not_mix_two_cases(tmp_path):
     write_case(tmp_path, small_case())
     fewer = {name: bone for name, bone in small_case().bones.items() if name != "T7"}
@@ -140,7 +134,7 @@ def test_writing_does_not_mix_two_cases(tmp_path):
     assert not (tmp_path / "other").exists()
 
 
-def test_the_anatomy_passes_and_its_xiphoid_pokes_out(tmp_path):
+def test_the_anatomy_passes(tmp_path):
     folder = os.environ.get("WARP_TRUNK_ANATOMY")
     if not folder or not Path(folder, "skin.ply").is_file():
         pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply")
@@ -148,8 +142,6 @@ def test_the_anatomy_passes_and_its_xiphoid_pokes_out(tmp_path):
     landmarks = find_landmarks(bones).complete()
     write_case(tmp_path, Case("anatomy", read_surface(Path(folder, "skin.ply")), bones, landmarks, landmarks))
     assert len(read_case(tmp_path).bones) == len(bones)
-    with pytest.raises(InputError, match=r"sternum\.ply: reaches 0\.7 mm outside .*skin\.ply"):
-        read_case(tmp_path, CheckOptions(bone_outside_skin=0.5))
 
 
 def unplanned():

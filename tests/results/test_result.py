@@ -18,7 +18,7 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.relaxation import RelaxStatus, RelaxStep
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.io.surface_files import write_surface
 from warp_trunk.results import Summary, predicted_skin, prepare_folder, read_result, read_summary, result_of
 from warp_trunk.results.summary import StepSummary
 
@@ -35,15 +35,6 @@ def simulated():
         trunk, gravity=0.0, device="cpu", precision="float64", threads=1, energy="itmsm", skin_rigidity=0.0
     )
     return case, trunk, model, made_up_increments(trunk)
-
-
-def test_folder_holds_the_predicted_skin_in_its_order(simulated, tmp_path):
-    case, trunk, _, increments = simulated
-    result_of(*simulated).save(tmp_path)
-    skin = read_surface(tmp_path / "predicted_skin.ply")
-    np.testing.assert_array_equal(skin.faces, case.skin.faces)
-    moved = (trunk.nodes + increments[-1].displacement)[trunk.skin_nodes]
-    np.testing.assert_allclose(skin.vertices, moved, atol=1e-9)
 
 
 def test_trunk_is_at_rest_with_its_displacement(simulated, tmp_path):
@@ -79,17 +70,19 @@ def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
 
 
 def test_rotation_before_and_after_by_level(simulated, tmp_path):
-    bsr = result_of(*simulated).save(tmp_path).summary.bsr_deg
+    case, trunk, model, increments = simulated
+    actual = Surface(case.skin.vertices, case.skin.faces[::-1])
+    known = result_of(replace(case, actual_skin=actual), trunk, model, increments).save(tmp_path)
+    bsr = known.summary.bsr_deg
     assert bsr.before == pytest.approx({"T4": 0.0, "T8": 0.0, "T12": 0.0, "L3": 0.0}, abs=1e-9)
     assert bsr.after["T4"] == pytest.approx(14.0 * 360.0 / 420.0, abs=0.05)
-    assert bsr.actual is None
-
-
-def test_actual_skin_is_measured(simulated, tmp_path):
-    case, trunk, model, increments = simulated
-    known = replace(case, actual_skin=case.skin)
-    bsr = result_of(known, trunk, model, increments).save(tmp_path).summary.bsr_deg
     assert bsr.actual == pytest.approx(bsr.before, abs=1e-9)
+    read = read_result(tmp_path).actual_skin
+    assert read is not None
+    np.testing.assert_array_equal(read.faces, actual.faces)
+    (tmp_path / "actual_skin.ply").unlink()
+    with pytest.raises(InputError, match=r"actual_skin\.ply: is missing"):
+        read_result(tmp_path)
 
 
 def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
@@ -178,25 +171,11 @@ def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, m
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
 
 
-def test_folder_that_cannot_be_written_is_refused_before_any_work(tmp_path):
-    (tmp_path / "file").write_text("not a folder")
-    with pytest.raises(InputError, match="--out"):
-        prepare_folder(tmp_path / "file" / "result")
-
-
 def test_full_disk_is_refused_before_any_work(tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     with pytest.raises(InputError, match="1 MB are free"):
         prepare_folder(tmp_path)
-
-
-def test_numbers_and_paths_of_any_kind_are_written(simulated, tmp_path):
-    odd = {"theta": np.float32(2.0), "steps": np.int64(3), "mesh": Path("a") / "b.vtu", "far": math.nan}
-    read = result_of(*simulated, parameters=odd).save(tmp_path).summary.parameters
-    assert {name: read[name] for name in odd} == {
-        "theta": 2.0, "steps": 3, "mesh": str(Path("a") / "b.vtu"), "far": None,
-    }  # fmt: skip
 
 
 def test_no_increment_and_no_summary_are_named(simulated, tmp_path):
@@ -206,16 +185,8 @@ def test_no_increment_and_no_summary_are_named(simulated, tmp_path):
     with pytest.raises(InputError, match=r"summary\.json"):
         read_summary(tmp_path)
     (tmp_path / "summary.json").write_text("{")
-    with pytest.raises(InputError, match="not JSON"):
+    with pytest.raises(InputError, match="was changed by hand"):
         read_summary(tmp_path)
-
-
-def test_predicted_skin_does_not_pick_up_the_rounding_of_the_mesher(simulated):
-    case, trunk, _, _ = simulated
-    rounded = replace(trunk, nodes=trunk.nodes + 1e-7)
-    skin = predicted_skin(case, rounded, np.zeros_like(trunk.nodes))
-    assert isinstance(skin, Surface)
-    np.testing.assert_array_equal(skin.vertices, case.skin.vertices)
 
 
 def test_what_was_made_of_an_earlier_result_does_not_stand_beside_the_next(simulated, tmp_path):
@@ -251,17 +222,6 @@ def test_all_of_it_comes_back_to_the_last_bit(simulated, folder):
     assert result.actual_skin is None
 
 
-def test_actual_skin_comes_back(simulated, tmp_path):
-    case, trunk, model, increments = simulated
-    actual = Surface(case.skin.vertices * 1.1, case.skin.faces[::-1])
-    known = replace(case, actual_skin=actual)
-    result_of(known, trunk, model, increments).save(tmp_path)
-    read = read_result(tmp_path).actual_skin
-    assert read is not None
-    np.testing.assert_array_equal(read.vertices, actual.vertices)
-    np.testing.assert_array_equal(read.faces, actual.faces)
-
-
 @pytest.mark.parametrize(
     "name",
     ["skin_before.ply", "predicted_skin.ply", "landmarks_before.csv", "landmarks_after.csv", "summary.json"],
@@ -276,25 +236,14 @@ def test_missing_and_damaged_files_are_named(folder, name):
         read_result(folder)
 
 
-def test_missing_actual_skin_is_named(simulated, tmp_path):
-    case, trunk, model, increments = simulated
-    result_of(replace(case, actual_skin=case.skin), trunk, model, increments).save(tmp_path)
-    (tmp_path / "actual_skin.ply").unlink()
-    with pytest.raises(InputError, match=r"actual_skin\.ply: is missing"):
-        read_result(tmp_path)
-
-
 def test_files_of_two_simulations_are_refused(simulated, folder):
-    case = simulated[0]
-    write_surface(folder / "predicted_skin.ply", Surface(case.skin.vertices, case.skin.faces[:-1]))
-    with pytest.raises(InputError, match=r"predicted_skin\.ply: .* not those of skin_before\.ply"):
+    case, landmarks = simulated[0], folder / "landmarks_after.csv"
+    lines = landmarks.read_text().splitlines(keepends=True)
+    landmarks.write_text("".join([*lines[:2], *lines[3:]]))
+    with pytest.raises(InputError, match=r"landmarks_after\.csv: its names must be those of"):
         read_result(folder)
-
-
-def test_landmarks_of_two_simulations_are_refused(folder):
-    lines = (folder / "landmarks_after.csv").read_text().splitlines(keepends=True)
-    (folder / "landmarks_after.csv").write_text("".join([*lines[:2], *lines[3:]]))
-    with pytest.raises(InputError, match=r"landmarks_after\.csv: its 25 names"):
+    write_surface(folder / "predicted_skin.ply", Surface(case.skin.vertices, case.skin.faces[:-1]))
+    with pytest.raises(InputError, match=r"predicted_skin\.ply: its vertices or faces are not"):
         read_result(folder)
 
 
@@ -311,10 +260,4 @@ def test_summary_of_another_version_is_refused(folder, change, said):
     change(summary)
     (folder / "summary.json").write_text(json.dumps(summary))
     with pytest.raises(InputError, match=said):
-        read_result(folder)
-
-
-def test_summary_that_is_no_object_is_refused(folder):
-    (folder / "summary.json").write_text("[]")
-    with pytest.raises(InputError, match="Expected `object`, got `array`"):
         read_result(folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import pytest
 
 from support.phantoms import whole_phantom
 from support.small_trunk import boned_case
-from warp_trunk.case.uncertainty import CERTAIN, Uncertainty
+from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.errors import InputError
@@ -28,6 +28,7 @@ from warp_trunk.run.sensitivities import sensitivities
 from warp_trunk.run.sources import Source
 
 CASE, TRUNK = boned_case()
+CERTAIN = Uncertainty(**{one.name: float(one.name in FACTORS) for one in fields(Uncertainty)})
 OPTIONS = RunOptions(bones="spline", precision="float64", device="cpu", simulation=SimulationOptions(increments=1))
 
 
@@ -121,11 +122,6 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
         (tmp_path / "skin_sd.csv").write_text(content)
         with pytest.raises(InputError, match=r"skin_sd.csv: must have one number for each of \d+ vertices"):
             read_result(tmp_path)
-
-
-def test_one_draw_shows_no_spread() -> None:
-    with pytest.raises(InputError, match="'draws' must be at least 2, not 1"):
-        bands_of(draws=1)
 
 
 WHOLE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))

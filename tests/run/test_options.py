@@ -48,5 +48,5 @@ def test_the_rigidity_is_that_of_skin_2_mm_thick_by_torsion() -> None:
 
 @pytest.mark.parametrize("value", [-1.0, 1e4, float("nan")])
 def test_a_rigidity_that_no_skin_has(value: float) -> None:
-    with pytest.raises(InputError, match="skin_rigidity: must be from 0 to 1000 N mm, not"):
+    with pytest.raises(InputError, match="'skin_rigidity' must be a number from 0 to 1000 N mm, not"):
         RunOptions(skin_rigidity=value)

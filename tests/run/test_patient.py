@@ -67,11 +67,11 @@ def test_the_time_of_making_her_ready_is_in_no_plans_summary(patient: Patient, t
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"skin": replace(CASE.skin, vertices=CASE.skin.vertices + 1e-9)}, "its skin must be that of 'small'"),
-        ({"bones": {}}, "its bone T10 must be"),
-        ({"bones": {"T10": replace(CASE.bones["T10"], vertices=CASE.bones["T10"].vertices + 1.0)}}, "bone"),
-        ({"tissue": Tissue(theta=3.0)}, "its tissue must be"),
-        ({"layers": Layers()}, "its layers of tissue must be"),
+        ({"skin": replace(CASE.skin, vertices=CASE.skin.vertices + 1e-9)}, "'skin' is another"),
+        ({"bones": {}}, "'bone T10' is another"),
+        ({"bones": {"T10": replace(CASE.bones["T10"], vertices=CASE.bones["T10"].vertices + 1.0)}}, "bone T10"),
+        ({"tissue": Tissue(theta=3.0)}, "'theta' was"),
+        ({"layers": Layers()}, "'layers of the case' is another"),
     ],
 )
 def test_a_case_that_needs_another_mesh_or_model_is_refused(patient: Patient, change: dict, what: str) -> None:

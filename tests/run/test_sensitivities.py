@@ -21,10 +21,7 @@ from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
-from warp_trunk.geometry.normals import vertex_normals
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import MeshOptions
@@ -63,10 +60,7 @@ class Simulated:
         self.prepared = prepare(case, options, trunk)
         self.relaxer = Relaxer(self.prepared.model, options.simulation.relax)
         self.last = self.end(self.prepared, self.relaxer)
-        skin = predicted_skin(case, self.prepared.trunk, self.last.displacement)
-        self.vertices = [int(np.argmax(skin.vertices[:, 1])), 100]
-        self.found = sensitivities(case, self.prepared, self.last, options, vertices=self.vertices)
-        self.normals = vertex_normals(skin)
+        self.found = sensitivities(case, self.prepared, self.last, options)
 
     def end(self, prepared: Prepared, relaxer: Relaxer | None = None) -> Increment:
         *_, last = simulate(prepared.model, prepared.bone_path, self.options.simulation, relaxer=relaxer)
@@ -96,14 +90,12 @@ class Simulated:
         """Those of `found`, measured again."""
         skin = predicted_skin(case, self.prepared.trunk, last.displacement)
         measured = measure(skin, case.planned_landmarks)
-        return np.array([self.number(one, measured, skin) for one in self.found], dtype=np.float64)
+        return np.array([self.number(one, measured) for one in self.found], dtype=np.float64)
 
-    def number(self, one: Sensitivity, measured: TrunkMeasures, skin: Surface) -> float | None:
+    def number(self, one: Sensitivity, measured: TrunkMeasures) -> float | None:
         kind, _, what = one.name.partition(" ")
         if kind == "shoulder":
             return None if measured.shoulders is None else measured.shoulders.difference
-        if kind == "skin":
-            return float(skin.vertices[int(what)] @ self.normals[int(what)])
         return (measured.bsr if kind == "bsr" else measured.hump_height)[what]
 
 
@@ -226,12 +218,3 @@ def test_real_anatomy(energy: EnergyName) -> None:
     anatomy = Simulated(case, options_of(energy, mesh=mesh))
     check_landmarks(anatomy, 2)
     check_constants(anatomy, anatomy.case.tissue)
-
-
-def test_a_vertex_that_is_not_there() -> None:
-    case, trunk = BOX
-    options = options_of("itmsm")
-    prepared = prepare(case, options, trunk)
-    *_, last = simulate(prepared.model, prepared.bone_path, options.simulation)
-    with pytest.raises(InputError, match=r"'vertices' must be from 0 to \d+, the vertices of the skin, not 99999"):
-        sensitivities(case, prepared, last, options, vertices=[99999])

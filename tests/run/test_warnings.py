@@ -48,7 +48,7 @@ def test_constants_that_no_tissue_has_are_warned_of_once(tissue, gravity, named)
 
 @pytest.mark.parametrize("gravity", [-9.81, float("nan"), 1e6])
 def test_gravity_that_pulls_up_is_refused(gravity):
-    with pytest.raises(InputError, match=r"gravity: must be from 0 to 1000 m/s\^2"):
+    with pytest.raises(InputError, match=r"'gravity' must be a number from 0 to 1000 m/s\^2"):
         RunOptions(gravity=gravity)
 
 

@@ -4,6 +4,6 @@ from .axes import Axes
 from .case import Case
 from .case_reader import read_case, read_checked_case
 from .case_writer import write_case
-from .checks import CheckOptions, check_case
+from .checks import check_case
 
-__all__ = ["Axes", "Case", "CheckOptions", "check_case", "read_case", "read_checked_case", "write_case"]
+__all__ = ["Axes", "Case", "check_case", "read_case", "read_checked_case", "write_case"]

@@ -14,7 +14,7 @@ from warp_trunk.io.surface_files import read_surface, surface_files
 
 from .axes import MILLIMETRES
 from .case import Case
-from .checks import CaseSource, CheckOptions, check_case, check_names
+from .checks import CaseSource, check_case, check_names
 from .header import read_header
 from .landmark_checks import align_pelvis
 from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
@@ -25,22 +25,18 @@ from .points import FILE as POINTS
 from .points import Points, read_points
 
 
-def read_case(folder: str | Path, checks: CheckOptions | None = None, motions: str | Path | None = None) -> Case:
+def read_case(folder: str | Path, motions: str | Path | None = None) -> Case:
     """Read and check a case folder; `read_checked_case` also returns warnings.
 
     >>> wt.write_case(folder / "patient", case)
     >>> wt.read_case(folder / "patient").name == case.name
     True
     """
-    return read_checked_case(folder, checks, motions=motions)[0]
+    return read_checked_case(folder, motions=motions)[0]
 
 
 def read_checked_case(
-    folder: str | Path,
-    checks: CheckOptions | None = None,
-    *,
-    align: bool = False,
-    motions: str | Path | None = None,
+    folder: str | Path, *, align: bool = False, motions: str | Path | None = None
 ) -> tuple[Case, tuple[str, ...]]:
     """Read and check a case folder, and convert it to LPS axes and mm.
 
@@ -54,7 +50,6 @@ def read_checked_case(
 
     Args:
         folder: the case folder.
-        checks: limits of the checks (`check_case`); the defaults if None.
         align: align the pelvis after surgery with the one before (`align_pelvis`).
         motions: a file to read instead of `motions.toml`; it may lie elsewhere.
 
@@ -68,16 +63,21 @@ def read_checked_case(
     files = _Files(Path(folder))
     header = files.header
     moved = files.motions(None if motions is None else Path(motions))
-    bones = files.bones()
-    bones_after = surface_files(files.folder / "bones_after")
-    known = bool(moved) or bones_after.keys() == bones.keys()
-    before = files.points_if_there("landmarks_before") if known else files.points("landmarks_before")
-    before, after = before or NO_LANDMARKS, files.points_if_there("landmarks_after")
+    bones, bones_after = surface_files(files.folder / "bones"), surface_files(files.folder / "bones_after")
+    if not bones:
+        raise InputError(f"{files.folder / 'bones'}: there is no surface in it; add each bone as bones/<name>.ply")
+    before, after = files.landmarks("landmarks_before"), files.landmarks("landmarks_after")
     source = CaseSource(files.names, header.units, header.axes.code)
+    if before is None and not (moved or bones_after.keys() == bones.keys()):
+        raise InputError(
+            f"{files.names['landmarks_before']}: there is no such file; add the landmarks of the spine, "
+            f"or {MOTIONS}, or every bone in bones_after/"
+        )
+    before = before or NO_LANDMARKS
     if after is not None:
         check_names(before, after, source)
         after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
-    skin, actual = files.skin(), files.stem("actual_skin")
+    skin, actual = files.skin(), surface_files(files.folder, "actual_skin").get("actual_skin")
     scanned = files.surface("skin", skin)
     case = Case(
         name=header.name,
@@ -94,26 +94,24 @@ def read_checked_case(
         bones_after={name: files.surface(f"bones_after/{name}", path) for name, path in bones_after.items()},
         motions=moved,
         points=files.followed(),
-        bending_left=files.points_if_there("landmarks_bending_left"),
-        bending_right=files.points_if_there("landmarks_bending_right"),
+        bending_left=files.landmarks("landmarks_bending_left"),
+        bending_right=files.landmarks("landmarks_bending_right"),
     )
     if header.layers is not None:
         layers = read_layers(files.folder, header.layers, MILLIMETRES[header.units], len(case.skin.vertices))
         case = replace(case, layers=layers)
     if align:
         case = align_pelvis(case)
-    return case, (*_mended(scanned, case.skin, source.name("skin")), *check_case(case, checks, source))
-
-
-def _mended(scanned: Surface, skin: Surface, where: str) -> list[str]:
-    """The warning about a skin whose slivers were merged."""
-    if skin is scanned:
-        return []
-    thin = slivers(scanned)
-    return [
-        f"{where}: {len(thin)} triangles have an angle of less than {LEAST_ANGLE:g} degree, the first number "
-        f"{thin[0]} near {place_of(scanned, thin)}; they were merged with their neighbours."
-    ]
+    warnings = list(check_case(case, source))
+    if case.skin is not scanned:
+        thin = slivers(scanned)
+        place = f"the first number {thin[0]} near {place_of(scanned, thin)}"
+        warnings.insert(
+            0,
+            f"{source.name('skin')}: {len(thin)} triangles have an angle of less than {LEAST_ANGLE:g} degree, "
+            f"{place}; they were merged with their neighbours.",
+        )
+    return case, tuple(warnings)
 
 
 class _Files:
@@ -133,23 +131,24 @@ class _Files:
         check_within(self.folder, path)
         return self.header.axes.surface_to_lps(read_surface(path), self.header.units)
 
-    def points(self, key: str) -> Landmarks:
-        self.names[key] = path = landmark_file(self.folder, key)
-        if key == "landmarks_before" and not (path.exists() or path.is_symlink()):
-            raise InputError(
-                f"{path}: there is no such file; add the landmarks of the spine, or {MOTIONS}, "
-                "or every bone in bones_after/"
-            )
+    def there(self, key: str, path: Path) -> bool:
+        """Whether a file is there, also as a link, and lies in the folder."""
+        self.names[key] = path
+        if not (path.exists() or path.is_symlink()):
+            return False
         check_within(self.folder, path)
-        return read_landmarks(path, self.header.axes, self.header.units, self.header.landmark_columns)
+        return True
 
-    def points_if_there(self, key: str) -> Landmarks | None:
-        path = landmark_file(self.folder, key)
-        return self.points(key) if path.exists() or path.is_symlink() else None
+    def landmarks(self, key: str) -> Landmarks | None:
+        path, header = landmark_file(self.folder, key), self.header
+        if not self.there(key, path):
+            return None
+        return read_landmarks(path, header.axes, header.units, header.landmark_columns)
 
     def motions(self, given: Path | None) -> dict[str, Motion]:
-        self.names["motions"] = path = given or self.folder / MOTIONS
-        if given is None and not (path.exists() or path.is_symlink()):
+        path = given or self.folder / MOTIONS
+        self.names["motions"] = path
+        if given is None and not self.there("motions", path):
             return {}
         found = read_motions(path, self.header.axes, None if given else self.folder)
         if not found:
@@ -157,14 +156,8 @@ class _Files:
         return found
 
     def followed(self) -> Points:
-        self.names["points"] = path = self.folder / POINTS
-        if not (path.exists() or path.is_symlink()):
-            return Points()
-        check_within(self.folder, path)
-        return read_points(path, self.header.axes, self.header.units)
-
-    def stem(self, stem: str) -> Path | None:
-        return surface_files(self.folder, stem).get(stem)
+        path = self.folder / POINTS
+        return read_points(path, self.header.axes, self.header.units) if self.there("points", path) else Points()
 
     def skin(self) -> Path:
         for former in surface_files(self.folder, "skin_after").values():
@@ -172,17 +165,8 @@ class _Files:
                 f"{former}: is no file of a case; rename the scan after surgery to actual_skin{former.suffix}, or "
                 "remove it if it is not a scan"
             )
-        found = self.stem("skin")
+        found = surface_files(self.folder, "skin").get("skin")
         if found is None:
-            raise InputError(
-                f"{self.folder / 'skin.ply'}: there is no such file, nor one in another surface format; add it"
-            )
-        return found
-
-    def bones(self) -> dict[str, Path]:
-        found = surface_files(self.folder / "bones")
-        if not found:
-            raise InputError(
-                f"{self.folder / 'bones'}: there is no surface in it; add each bone as bones/<name>.ply"
-            )
+            path = self.folder / "skin.ply"
+            raise InputError(f"{path}: there is no such file, nor one in another surface format; add it")
         return found

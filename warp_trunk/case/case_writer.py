@@ -69,7 +69,7 @@ def write_case(folder: str | Path, case: Case) -> None:
             write_landmarks(unfinished, points)
     texts = {
         MOTIONS: motions_text(case.motions),
-        POINTS: points_text(case.points) if case.points.marks.names else "",
+        POINTS: points_text(case.points),
     }
     for file, text in texts.items():
         (folder / file).unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,12 +13,12 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
 from .axes import MILLIMETRES
-from .bone_checks import check_bones_after, check_sides, unusual_depth
-from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_palpated, check_shapes
+from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from .motions import check_motions
 from .points import check_points
@@ -25,36 +26,18 @@ from .points import check_points
 if TYPE_CHECKING:
     from .case import Case
 
-TRUNK_HEIGHT = (250.0, 900.0)
-"""Height of a trunk, from its lowest to its highest vertex [mm]."""
-
-PART_HEIGHT = (30.0, 2200.0)
-"""Height of a part of the body without a spine [mm]."""
-
+TRUNK_HEIGHT, PART_HEIGHT = (250.0, 900.0), (30.0, 2200.0)
+"""Height of a trunk, and of a part of the body without a spine, from its lowest to its highest vertex [mm]."""
+USUAL_DEPTH = (3.0, 35.0)
+"""Median over the vertebrae of the smallest depth below the skin [mm]: 21 in the anatomy of BodyParts3D, 10 in the
+phantom; 38 and 26 if their skin is enlarged by a fifth."""
+MOST_OUTSIDE = 5.0
+"""Largest distance of a bone outside the skin [mm]; meshing pulls it back inside."""
+MOST_BENT = 3.0
+"""Largest root mean square distance of a bone after surgery from the same bone moved rigidly [mm]."""
 _COINCIDENT = 0.1  # [mm]; below what any imaging resolves
 _FLAT = 1.0  # [mm], root mean square distance from the plane that fits best
-
-
-@dataclass(frozen=True, kw_only=True)
-class CheckOptions:
-    """Limits beyond which a case is refused."""
-
-    bone_outside_skin: float = 5.0
-    """Largest distance of a bone outside the skin [mm]; meshing pulls it back inside."""
-    landmark_off_bone: float = 15.0
-    """Largest distance of a landmark from the surface of its bone [mm]."""
-    landmark_off_skin: float = 30.0
-    """Largest distance of an iliac spine from the skin without its hip bone [mm]: a palpated one lies on the skin,
-    one seen on a film 14 and 17 mm below it in the anatomy of BodyParts3D, and more in the obese."""
-    landmark_motion: float = 150.0
-    """Largest displacement of a landmark by surgery [mm]."""
-    bone_changed: float = 3.0
-    """Largest root mean square distance of a bone after surgery from the same bone moved rigidly [mm]."""
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"check: '{name}' must be a finite length of at least 0 mm, not {value}")
+_VERTEBRA = re.compile(r"[CTL]\d+")
 
 
 @dataclass(frozen=True)
@@ -74,14 +57,11 @@ class CaseSource:
         return str(self.files.get(key, key))
 
 
-def check_case(
-    case: Case, options: CheckOptions | None = None, source: CaseSource | None = None
-) -> tuple[str, ...]:
+def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
     """Check everything that meshing and simulation rely on; an anatomy of 45 bones takes about a second.
 
     Args:
         case: in LPS and mm.
-        options: limits; the defaults if None.
         source: the files to name in messages; the parts of the case are named if None.
 
     Returns:
@@ -90,73 +70,62 @@ def check_case(
     Raises:
         InputError: the first violated rule.
     """
-    options = options or CheckOptions()
     source = source or CaseSource()
-    spine = bool(case.landmarks_before.names)
-    if spine or not (case.motions or case.bones.keys() == case.bones_after.keys()):
-        _check_all_landmarks(case, source)
-    skins = [("skin", case.skin)] + ([("actual_skin", case.actual_skin)] if case.actual_skin else [])
-    for key, skin in skins:
-        check_surface(skin, source.name(key))
-        _check_height(skin, key, source, TRUNK_HEIGHT if spine else PART_HEIGHT)
-    check_solid(case.skin, source.name("skin"))
-    pieces = int(components(case.skin).max()) + 1
-    if pieces > 1:
-        raise InputError(
-            f"{source.name('skin')}: the skin must be one piece, but has {pieces}; keep the outer one"
+    before, after, warnings = case.landmarks_before, case.landmarks_after, list[str]()
+    spine = bool(before.names)
+    if case.posture != "standing":
+        warnings.append(
+            f"The patient was scanned {case.posture}: curves are smaller and the back is flatter than when "
+            "standing, so back surface rotation, humps and balance differ from those of the standing patient."
         )
-    left, warnings = np.array([1.0, 0.0, 0.0]), []
+    if spine or not (case.motions or case.bones.keys() == case.bones_after.keys()):
+        _check_landmark_sets(case, source)
+    for key, skin in (("skin", case.skin), ("actual_skin", case.actual_skin)):
+        if skin is not None:
+            check_surface(skin, source.name(key))
+            _check_height(skin, key, source, TRUNK_HEIGHT if spine else PART_HEIGHT)
+    check_solid(case.skin, source.name("skin"))
+    if pieces := int(components(case.skin).max()):
+        raise InputError(
+            f"{source.name('skin')}: the skin must be one piece, but has {pieces + 1}; keep the outer one"
+        )
     if spine:
-        _check_orientation(case.landmarks_before, source)
-        warnings += check_order(case.landmarks_before, source.name("landmarks_before"))
-        left = case.landmarks_before.point("asis_left") - case.landmarks_before.point("asis_right")
-    check_sides(case.bones, left, source.name)
-    warnings += unusual_depth(_check_bones(case, options, source), source.name("skin"))
-    _check_not_buried(case, source)
-    check_on_bones(case, options.landmark_off_bone, source.name)
-    if spine:
-        check_palpated(case, options.landmark_off_skin, source.name)
-    warnings += _check_both(case, options, source)
-    check_bones_after(case, options.bone_changed, source.name)
+        _check_orientation(before, source)
+        warnings += check_order(before, source.name("landmarks_before"))
+    warnings += _check_bones(case, source)
+    check_on_bones(case, source.name)
+    if after is not None:
+        where = source.name("landmarks_after")
+        check_motion(before, after, where)
+        warnings += (
+            check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
+        )
+    _check_bones_after(case, source)
     check_motions(case, source.name("motions"))
     check_points(case, source.name("points"))
-    return (*_posture(case), *warnings)
+    return tuple(warnings)
 
 
-def _check_all_landmarks(case: Case, source: CaseSource) -> None:
+def _check_landmark_sets(case: Case, source: CaseSource) -> None:
     """Check each set of landmarks on its own."""
-    if case.landmarks_after is not None:
-        check_names(case.landmarks_before, case.landmarks_after, source)
-    check_landmarks(case.landmarks_before, list(case.bones), source.name("landmarks_before"))
-    if case.landmarks_after is not None:
-        check_landmarks(case.landmarks_after, list(case.bones), source.name("landmarks_after"))
-    for key in ("bending_left", "bending_right"):
-        _check_bending(case, key, source)
-
-
-def _check_both(case: Case, options: CheckOptions, source: CaseSource) -> list[str]:
-    """Check that landmarks after surgery belong to this patient and frame."""
-    if case.landmarks_after is None:
-        return []
-    before, after, where = case.landmarks_before, case.landmarks_after, source.name("landmarks_after")
-    check_motion(before, after, options.landmark_motion, where)
-    return check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
-
-
-def _posture(case: Case) -> list[str]:
-    """A warning for a patient who was not scanned standing."""
-    if case.posture == "standing":
-        return []
-    return [
-        f"The patient was scanned {case.posture}: curves are smaller and the back is flatter than when standing, "
-        "so back surface rotation, humps and balance differ from those of the standing patient."
-    ]
+    before, after = case.landmarks_before, case.landmarks_after
+    if after is not None:
+        check_names(before, after, source)
+    for key, marks in (("landmarks_before", before), ("landmarks_after", after)):
+        if marks is not None:
+            check_landmarks(marks, list(case.bones), source.name(key))
+    for key, bending in (("bending_left", case.bending_left), ("bending_right", case.bending_right)):
+        if bending is not None and (unknown := set(bending.names) - set(before.names)):
+            raise InputError(
+                f"{source.name(f'landmarks_{key}')}: '{min(unknown)}' is not among the landmarks before surgery; "
+                "rename or remove it"
+            )
 
 
 def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None:
     """Check that both sets of landmarks have the same names, in any order."""
     for one, other, key in ((before, after, "landmarks_after"), (after, before, "landmarks_before")):
-        missing = [name for name in one.names if name not in set(other.names)]
+        missing = [name for name in one.names if name not in other.names]
         if missing:
             more = f" and {len(missing) - 1} more are" if len(missing) > 1 else " is"
             raise InputError(
@@ -170,56 +139,42 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
     names, points = landmarks.names, landmarks.points
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
-        raise InputError(
-            f"{where}: coordinates must be finite, '{names[bad[0]]}' has {points[bad[0]].tolist()}; correct them"
-        )
+        found = f"'{names[bad[0]]}' has {points[bad[0]].tolist()}"
+        raise InputError(f"{where}: coordinates must be finite, {found}; correct them")
     if len(names) < 4:
         raise InputError(f"{where}: at least 4 landmarks are needed, there are {len(names)}; add landmarks")
     flat = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] / math.sqrt(len(points))
     if flat < _FLAT:
         raise InputError(
-            f"{where}: landmarks must not lie in one plane, these are {flat:.2g} mm from one "
-            f"(root mean square, at least {_FLAT:g} mm needed); add landmarks off it, or check their units"
+            f"{where}: landmarks must not lie in one plane, these are {flat:.2g} mm from one (root mean square, "
+            f"{_FLAT:g} mm needed); add landmarks off it, or check their units"
         )
     gap = np.linalg.norm(points[:, None] - points[None], axis=2) + np.diag(np.full(len(points), np.inf))
     i, j = np.unravel_index(np.argmin(gap), gap.shape)
     if gap[i, j] < _COINCIDENT:
         raise InputError(
-            f"{where}: '{names[i]}' and '{names[j]}' are {gap[i, j]:.2g} mm apart; "
-            f"landmarks must be at least {_COINCIDENT:g} mm apart, so correct or remove one, or check their units"
+            f"{where}: '{names[i]}' and '{names[j]}' are {gap[i, j]:.2g} mm apart; landmarks must be at least "
+            f"{_COINCIDENT:g} mm apart, so correct or remove one, or check their units"
         )
-    for name in names:
-        if name not in ASIS and bone_of(name, bones) is None:  # iliac spines may be palpated on the skin
-            raise InputError(
-                f"{where}: '{name}' needs a bone that its name begins with, which is not among the {len(bones)} "
-                "bones; add the bone or remove the landmark"
-            )
-    for name in ASIS:
-        if name not in names:
-            raise InputError(f"{where}: '{name}' is missing; rotations are measured against the ASIS, so add it")
+    lost = [name for name in names if name not in ASIS and bone_of(name, bones) is None]  # ASIS may be on the skin
+    if lost:
+        raise InputError(
+            f"{where}: '{lost[0]}' needs a bone that its name begins with, which is not among the {len(bones)} "
+            "bones; add the bone or remove the landmark"
+        )
     vertebrae = landmarks.vertebrae()
+    needed = dict.fromkeys(ASIS, "rotations are measured against the ASIS")
+    for bone in vertebrae:
+        count = len(landmarks.of_bone(bone).names)
+        six = f"a vertebra with landmarks needs all six ({bone} has {count})"
+        needed |= {f"{bone}_{point}": six for point in VERTEBRA_POINTS}
+    for name, why in needed.items():
+        if name not in names:
+            raise InputError(f"{where}: '{name}' is missing; {why}, so add it")
     if len(vertebrae) < 2:
         raise InputError(
             f"{where}: at least 2 vertebrae need landmarks, there are {len(vertebrae)}; "
             f"add six for each vertebra, <bone>_{VERTEBRA_POINTS[0]} and so on"
-        )
-    for bone in vertebrae:
-        for point in VERTEBRA_POINTS:
-            if f"{bone}_{point}" not in names:
-                raise InputError(
-                    f"{where}: '{bone}_{point}' is missing; a vertebra with landmarks needs all six "
-                    f"({bone} has {len(landmarks.of_bone(bone).names)}), so add it or leave {bone} out"
-                )
-
-
-def _check_bending(case: Case, key: str, source: CaseSource) -> None:
-    """Check that each landmark of side bending is one of those before surgery."""
-    bending: Landmarks | None = getattr(case, key)
-    unknown = set() if bending is None else set(bending.names) - set(case.landmarks_before.names)
-    if unknown:
-        raise InputError(
-            f"{source.name(f'landmarks_{key}')}: '{min(unknown)}' is not among the landmarks before surgery; "
-            "rename or remove it"
         )
 
 
@@ -258,39 +213,76 @@ def _check_orientation(before: Landmarks, source: CaseSource) -> None:
         )
 
 
-def _check_bones(case: Case, options: CheckOptions, source: CaseSource) -> dict[str, float]:
-    """The smallest depth of each bone below the skin [mm], after all checks of bones."""
+def _check_bones(case: Case, source: CaseSource) -> list[str]:
+    """Check the bones before surgery, which may overlap and cross; warn of an unusual depth under the skin."""
     for name, bone in case.bones.items():
-        where = source.name(name)
-        check_surface(bone, where)
+        check_surface(bone, source.name(name))
         volume = enclosed_volume(bone)
         if volume <= 0.0:
-            raise InputError(
-                f"{where}: triangles must be counterclockwise seen from outside, but the volume is "
-                f"{volume / 1000:.3g} cm3; flip them"
+            found = (
+                f"triangles must be counterclockwise seen from outside, but the volume is {volume / 1000:.3g} cm3"
             )
-    depths: dict[str, float] = {}
+            raise InputError(f"{source.name(name)}: {found}; flip them")
+    _check_sides(case, source)
+    depths, where = [], source.name("skin")
     outermost = SurfaceDistance(case.skin).outermost([bone.vertices for bone in case.bones.values()])
     for (name, bone), (worst, out) in zip(case.bones.items(), outermost, strict=True):
-        if not out <= options.bone_outside_skin:
+        if not out <= MOST_OUTSIDE:
             at = ", ".join(f"{x:.1f}" for x in bone.vertices[worst])
             raise InputError(
-                f"{source.name(name)}: reaches {out:.1f} mm outside {source.name('skin')} at ({at}), "
-                f"{options.bone_outside_skin:g} mm is allowed; bring both into one frame or correct the bone"
+                f"{source.name(name)}: reaches {out:.1f} mm outside {where} at ({at}), {MOST_OUTSIDE:g} mm is "
+                "allowed; bring both into one frame or correct the bone"
             )
-        depths[name] = -out
-    return depths
-
-
-def _check_not_buried(case: Case, source: CaseSource) -> None:
-    """Refuse a bone that lies completely inside another; bones may overlap and cross."""
+        depths += [-out] if _VERTEBRA.fullmatch(name) else []
     boxes = {name: (bone.vertices.min(axis=0), bone.vertices.max(axis=0)) for name, bone in case.bones.items()}
     for inner, (low, high) in boxes.items():
         for outer, (lower, upper) in boxes.items():
             if inner == outer or not ((low >= lower).all() and (high <= upper).all()):
                 continue
             if (SurfaceDistance(case.bones[outer]).at(case.bones[inner].vertices) <= 0.0).all():
-                raise InputError(
-                    f"{source.name(inner)}: lies completely inside {source.name(outer)}, where it has no effect; "
-                    "remove one of them"
-                )
+                inside = f"lies completely inside {source.name(outer)}, where it has no effect"
+                raise InputError(f"{source.name(inner)}: {inside}; remove one of them")
+    if not depths or USUAL_DEPTH[0] <= np.median(depths) <= USUAL_DEPTH[1]:
+        return []
+    return [
+        f"{where}: the vertebrae lie {np.median(depths):.0f} mm under the skin (median), {USUAL_DEPTH[0]:g} to "
+        f"{USUAL_DEPTH[1]:g} mm is usual; check that skin and bones are in the same units and frame."
+    ]
+
+
+def _check_sides(case: Case, source: CaseSource) -> None:
+    """Check that each left bone lies left of the right one."""
+    marks, bones, left = case.landmarks_before, case.bones, np.array([1.0, 0.0, 0.0])
+    if marks.names:
+        left = marks.point("asis_left") - marks.point("asis_right")
+    for name, bone in bones.items():
+        twin = name.replace("left", "right", 1)
+        if twin == name or twin not in bones:
+            continue
+        across = float((bone.vertices.mean(axis=0) - bones[twin].vertices.mean(axis=0)) @ left)
+        if across <= 0.0:
+            raise InputError(
+                f"{source.name(name)}: must lie left of {source.name(twin)}, but lies "
+                f"{-across / np.linalg.norm(left):.0f} mm right of it; they seem exchanged; correct their names"
+            )
+
+
+def _check_bones_after(case: Case, source: CaseSource) -> None:
+    """Check that each bone after surgery is a bone of the case, moved rigidly."""
+    same = "both must have the same vertices in the same order and be the same bone"
+    for name, after in case.bones_after.items():
+        file = source.name(f"bones_after/{name}")
+        if name not in case.bones:
+            raise InputError(
+                f"{file}: there is no bone '{name}' before surgery; add it to bones/ or remove this file"
+            )
+        check_surface(after, file)
+        before = case.bones[name].vertices
+        if before.shape != after.vertices.shape:
+            counts = f"{len(after.vertices)} vertices, but the bone before has {len(before)}"
+            raise InputError(f"{file}: has {counts}; {same}")
+        moved = fit_rigid(before, after.vertices).apply(before)
+        residual = math.sqrt(np.mean(np.sum((moved - after.vertices) ** 2, axis=1)))
+        if not residual <= MOST_BENT:
+            far = f"is {residual:.1f} mm from the bone before moved rigidly (root mean square)"
+            raise InputError(f"{file}: {far}, {MOST_BENT:g} mm is allowed; {same}")

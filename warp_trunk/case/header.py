@@ -11,11 +11,10 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 
 from .axes import MILLIMETRES, Axes
-from .keys import changed, check_table, names_of, numbers, read_toml, table_lines, toml
+from .keys import changed, converted, read_toml, refuse_unknown, table_lines, toml
 from .landmarks import COLUMNS
-from .layers import LayerTable, layer_lines, layer_table
+from .layers import LayerTable, layer_lines
 from .rib_shares import RibShares
-from .study import KINDS as STUDY_KINDS
 from .study import Study
 from .uncertainty import Uncertainty
 
@@ -49,13 +48,16 @@ class CaseHeader:
     """Data for a study of several cases, from the table [study]."""
 
 
-_RECORDS = {"tissue": Tissue, "ribs": RibShares, "uncertainty": Uncertainty}
-"""The tables that hold numbers only."""
 _KINDS = {
-    **dict.fromkeys(("name", "units", "axes", "posture"), "text"),
-    "landmark_columns": "a list of four column names",
+    **dict.fromkeys(("name", "units", "axes", "posture"), str),
+    "landmark_columns": tuple[str, str, str, str],
+    "tissue": Tissue,
+    "layers": LayerTable,
+    "ribs": RibShares,
+    "uncertainty": Uncertainty,
+    "study": Study,
 }
-"""The kind of each value of case.toml; all others are tables."""
+"""The type of each value of case.toml."""
 
 
 def read_header(path: Path) -> CaseHeader:
@@ -67,46 +69,21 @@ def read_header(path: Path) -> CaseHeader:
     """
     table = read_toml(path, "a case needs this file, which may be empty")
     table.pop("skin_after_is_placeholder", None)  # version 0.1 wrote it
-    check_table(path, table, {name: _KINDS.get(name, "a table") for name in names_of(CaseHeader)})
-    values: dict[str, Any] = {"name": path.resolve().parent.name, **table}
-    for key, allowed, what in (
-        ("units", MILLIMETRES, "the unit of the surfaces and landmarks"),
-        ("posture", POSTURES, "the posture during the scan"),
-    ):
-        if key in table and table[key] not in allowed:
-            raise InputError(
-                f"{path}: '{key}' must be one of {', '.join(allowed)}, not '{table[key]}'; write {what}"
-            )
-    if "landmark_columns" in table:
-        values["landmark_columns"] = _columns(path, table["landmark_columns"])
+    refuse_unknown(path, table, list(_KINDS), "")
+    values: dict[str, Any] = {"name": path.resolve().parent.name}
+    values |= {key: converted(path, value, _KINDS[key], key) for key, value in table.items()}
+    for key, allowed in (("units", MILLIMETRES), ("posture", POSTURES)):
+        if key in values and values[key] not in allowed:
+            raise InputError(f"{path}: '{key}' must be {' or '.join(allowed)}, not '{values[key]}'; correct it")
+    columns = values.get("landmark_columns", COLUMNS)
+    if len({*columns, ""}) != 5:
+        raise InputError(f"{path}: 'landmark_columns' must be four different names, not {columns}; correct it")
     try:
-        if "axes" in table:
-            values["axes"] = Axes(table["axes"])
-        for key, record in _RECORDS.items():
-            if key in table:
-                values[key] = record(**numbers(path, table[key], names_of(record), f"{key}."))
-        if "layers" in table:
-            values["layers"] = layer_table(path, table["layers"])
-        if "study" in table:
-            check_table(path, table["study"], STUDY_KINDS, "study.")
-            values["study"] = Study(**table["study"])
+        if "layers" in values:
+            values["layers"].check(path)
+        return CaseHeader(**{**values, "axes": Axes(values.get("axes", "LPS"))})
     except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
-    return CaseHeader(**values)
-
-
-def _columns(path: Path, names: list[Any]) -> tuple[str, ...]:
-    if (
-        len(names) != 4
-        or len({*map(str, names)}) != 4
-        or not all(isinstance(name, str) and name for name in names)
-    ):
-        raise InputError(
-            f"{path}: 'landmark_columns' must be four different names of columns, those of name, x, y and z, "
-            f"not {str(names)[:60]}; correct it"
-        )
-    return tuple(names)
+        raise InputError(f"{path}: {error}") from None
 
 
 def header_text(header: CaseHeader) -> str:

@@ -1,4 +1,4 @@
-"""TOML: reading a file, checking keys and types of a table, and writing values."""
+"""TOML: reading a file and its tables, and writing values."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import dataclasses
 import difflib
 import json
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
@@ -28,31 +30,23 @@ def read_toml(path: Path, expected: str) -> dict[str, Any]:
 
 def is_number(value: object) -> bool:
     """Whether a value of TOML is a number that a float can hold; true and false are not."""
-    return isinstance(value, float) or (
-        isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1e300
-    )
+    return isinstance(value, float) or (type(value) is int and abs(value) < 1e300)
 
 
-_KINDS: dict[str, Callable[[object], bool]] = {
-    "a number": is_number,
-    "a number or the name of a file": lambda value: is_number(value) or isinstance(value, str),
-    "the name of a file": lambda value: isinstance(value, str),
-    "text": lambda value: isinstance(value, str),
-    "true or false": lambda value: isinstance(value, bool),
-    "a list of four column names": lambda value: isinstance(value, list),
-    "a table": lambda value: isinstance(value, dict),
-}
-"""The kinds of values, in the words of messages."""
+def converted(path: Path, value: object, kind: Any, name: str) -> Any:
+    """A value of a TOML file as a type, a table as a dataclass.
 
-
-def check_table(path: Path, table: Mapping[str, Any], kinds: Mapping[str, str], prefix: str = "") -> None:
-    """InputError for a key that is not among `kinds`, or a value that is not of the kind that these give."""
-    refuse_unknown(path, table, list(kinds), prefix)
-    for key, value in table.items():
-        kind = kinds[key]
-        if not _KINDS[kind](value):
-            expected = f"a table, [{prefix}{key}]" if kind == "a table" else kind
-            raise InputError(f"{path}: '{prefix}{key}' must be {expected}, not {shown(value)}; correct it")
+    Raises:
+        InputError: an unknown key, a value of another type, or one that the dataclass does not allow.
+    """
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        if not isinstance(value, dict):
+            raise InputError(f"{path}: '{name}' must be a table, [{name}], not {shown(value)}; correct it")
+        refuse_unknown(path, value, names_of(kind), f"{name}.")
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: '{name}': {error}; docs/case.md lists what each key may be") from error
 
 
 def refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: str) -> None:
@@ -61,19 +55,11 @@ def refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: s
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
             hint = f"did you mean '{prefix}{near[0]}'? " if near else ""
-            raise InputError(
-                f"{path}: unknown key '{prefix}{key}'; {hint}the keys are "
-                + ", ".join(prefix + name for name in known)
-            )
+            keys = ", ".join(prefix + name for name in known)
+            raise InputError(f"{path}: unknown key '{prefix}{key}'; {hint}the keys are {keys}")
 
 
-def numbers(path: Path, table: Mapping[str, Any], known: Iterable[str], prefix: str) -> dict[str, float]:
-    """A table in which every value is a number."""
-    check_table(path, table, dict.fromkeys(known, "a number"), prefix)
-    return {key: float(value) for key, value in table.items()}
-
-
-def names_of(record: type) -> list[str]:
+def names_of(record: Any) -> list[str]:
     """The names of the fields of a dataclass."""
     return [field.name for field in dataclasses.fields(record)]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import permutations
 from typing import TYPE_CHECKING
@@ -20,70 +20,45 @@ if TYPE_CHECKING:
     from .case import Case
 
 
-def check_on_bones(case: Case, most: float, file_of: Callable[[str], str]) -> None:
-    """Check that each landmark lies near the surface of its bone.
+MOST_OFF_BONE = 15.0
+"""Largest distance of a landmark from the surface of its bone [mm]."""
+MOST_OFF_SKIN = 30.0
+"""Largest distance of an iliac spine from the skin without its hip bone [mm]: a palpated one lies on the skin, one
+seen on a film 14 and 17 mm below it in the anatomy of BodyParts3D, and more in the obese."""
+MOST_MOTION = 150.0
+"""Largest displacement of a landmark by surgery [mm]."""
 
-    Args:
-        case: whose landmarks before surgery are checked.
-        most: largest distance from the bone [mm].
-        file_of: the file of a part of the case, for messages.
 
-    Raises:
-        InputError: the first bone with a landmark that is farther away.
+def check_on_bones(case: Case, file_of: Callable[[str], str]) -> None:
+    """Check that each landmark before surgery lies near its bone, and palpated iliac spines near the skin.
+
+    Raises InputError, with the files that `file_of` gives for parts of the case.
     """
-    before = case.landmarks_before
-    owners = [bone_of(name, case.bones) for name in before.names]
-    for bone, surface in case.bones.items():
-        owned = [i for i, owner in enumerate(owners) if owner == bone]
-        if not owned:
-            continue
-        off = np.abs(SurfaceDistance(surface).at(before.points[owned]))
-        worst = int(np.argmax(off))
-        if not off[worst] <= most:
+    before, bones = case.landmarks_before, case.bones
+    owners = [bone_of(name, bones) for name in before.names]
+    for key, surface in [*bones.items(), ("skin", case.skin)]:
+        most, cure = MOST_OFF_BONE, "move it or rename it"
+        rows = [row for row, owner in enumerate(owners) if owner == key]
+        if key == "skin":
+            rows = [row for row, name in enumerate(before.names) if ASIS.get(name, key) not in (key, *bones)]
+            most, cure = MOST_OFF_SKIN, "palpate it again, bring both into one frame, or add its hip bone"
+        off = SurfaceDistance(surface).at(before.points[rows]) if rows else np.zeros(1)
+        worst = int(np.argmax(np.abs(off)))
+        if not abs(off[worst]) <= most:
             raise InputError(
-                f"{file_of('landmarks_before')}: '{before.names[owned[worst]]}' is {off[worst]:.1f} mm "
-                f"from {file_of(bone)}, {most:g} mm is allowed; move it or rename it"
+                f"{file_of('landmarks_before')}: '{before.names[rows[worst]]}' is {abs(off[worst]):.1f} mm from "
+                f"{file_of(key)}, {most:g} mm is allowed; {cure}"
             )
 
 
-def check_palpated(case: Case, most: float, file_of: Callable[[str], str]) -> None:
-    """Check that palpated iliac spines, those without a hip bone, lie near the skin.
-
-    Args and Raises as for `check_on_bones`, `most` from the skin.
-    """
-    before = case.landmarks_before
-    palpated = [name for name, bone in ASIS.items() if bone not in case.bones]
-    if not palpated:
-        return
-    off = SurfaceDistance(case.skin).at(np.array([before.point(name) for name in palpated]))
-    worst = int(np.argmax(np.abs(off)))
-    if not abs(off[worst]) <= most:
-        raise InputError(
-            f"{file_of('landmarks_before')}: '{palpated[worst]}' is {abs(off[worst]):.1f} mm "
-            f"{'outside' if off[worst] > 0.0 else 'under'} {file_of('skin')}, {most:g} mm is allowed where there "
-            f"is no '{ASIS[palpated[worst]]}'; palpate it again, bring both into one frame, or add the bone"
-        )
-
-
-def check_motion(before: Landmarks, after: Landmarks, most: float, where: str) -> None:
-    """Check that no landmark moves farther than surgery can move it.
-
-    Args:
-        before: landmarks before surgery.
-        after: the same after it, in any order.
-        most: largest displacement [mm].
-        where: the file of the landmarks after surgery, for messages.
-
-    Raises:
-        InputError: the landmark that moves farthest.
-    """
-    order = [after.index(name) for name in before.names]
-    moved = np.linalg.norm(after.points[order] - before.points, axis=1)
+def check_motion(before: Landmarks, after: Landmarks, where: str) -> None:
+    """Check that no landmark moves farther than surgery can move it; both have the same names in one order."""
+    moved = np.linalg.norm(after.points - before.points, axis=1)
     worst = int(np.argmax(moved))
-    if not moved[worst] <= most:
+    if not moved[worst] <= MOST_MOTION:
         raise InputError(
-            f"{where}: '{before.names[worst]}' moves {moved[worst]:.1f} mm, "
-            f"{most:g} mm is allowed; both landmark files must be in one frame and unit"
+            f"{where}: '{before.names[worst]}' moves {moved[worst]:.1f} mm, {MOST_MOTION:g} mm is allowed; both "
+            "landmark files must be in one frame and unit"
         )
 
 
@@ -121,7 +96,7 @@ def check_order(landmarks: Landmarks, where: str) -> list[str]:
             corrects the order.
     """
     levels = landmarks.vertebrae()
-    points = np.array([[landmarks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
+    points = _six_points(landmarks, levels)
     left = landmarks.point("asis_left") - landmarks.point("asis_right")
     up = _check_levels(levels, points.mean(axis=1), where)
     warnings = []
@@ -141,28 +116,25 @@ def check_order(landmarks: Landmarks, where: str) -> list[str]:
 def exchanged(level: str, order: tuple[int, ...]) -> str:
     """The cure if the point with name k should have the name order[k]."""
     wrong = [f"'{level}_{VERTEBRA_POINTS[k]}'" for k in range(6) if order[k] != k]
-    listed = " and ".join([", ".join(wrong[:-1]), wrong[-1]])
-    return f"exchanging {listed} corrects it, so correct these names"
+    return f"exchanging {', '.join(wrong[:-1])} and {wrong[-1]} corrects it, so correct these names"
 
 
 def orders() -> list[tuple[int, ...]]:
     """Every wrong order of six points, those with the fewest exchanges first."""
-    every = permutations(range(6))
-    return sorted(every, key=lambda order: sum(k != place for place, k in enumerate(order)))[1:]
+    return sorted(permutations(range(6)), key=lambda order: sum(k != place for place, k in enumerate(order)))[1:]
 
 
 def _check_levels(levels: tuple[str, ...], centres: np.ndarray, where: str) -> np.ndarray:
     """The direction up the spine at each vertebra, shape (levels, 3); InputError where two are exchanged."""
-    count = len(levels)
-    above, below = np.maximum(np.arange(count) - 1, 0), np.minimum(np.arange(count) + 1, count - 1)
-    for upper in range(count - 1):
-        around = centres[above[upper]] - centres[below[upper + 1]]
+    last = len(levels) - 1
+    up = centres[[0, *range(last)]] - centres[[*range(1, last + 1), last]]
+    for upper in range(last):
+        around = centres[max(upper - 1, 0)] - centres[min(upper + 2, last)]
         if (centres[upper] - centres[upper + 1]) @ around <= 0.0:
             raise InputError(
                 f"{where}: {levels[upper]} must lie above {levels[upper + 1]} along the spine, but lies below it; "
                 "their landmarks seem exchanged, so correct their names"
             )
-    up = centres[above] - centres[below]
     return up / np.linalg.norm(up, axis=1)[:, None]
 
 
@@ -185,21 +157,18 @@ def _margins(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> np.ndarray:
     across = 0.5 * (left_upper + left_lower - right_upper - right_lower)
     axis, sideways = _unit(superior - inferior), _unit(across)
     pedicles, half = six[..., 2:, :].mean(axis=-2), 0.5 * np.linalg.norm(across, axis=-1)
-    endplates = 0.5 * (superior + inferior)
-    return np.stack(
-        [
-            _dot(superior - inferior, up),
-            _dot(left_upper - left_lower, axis),
-            _dot(right_upper - right_lower, axis),
-            _dot(across, to_left),
-            _dot(left_upper - right_upper, to_left),
-            _dot(left_lower - right_lower, to_left),
-            _dot(pedicles - endplates, np.cross(axis, sideways)),
-            half - np.abs(_dot(superior - pedicles, sideways)),
-            half - np.abs(_dot(inferior - pedicles, sideways)),
-        ],
-        axis=-1,
-    )
+    margins = [
+        _dot(superior - inferior, up),
+        _dot(left_upper - left_lower, axis),
+        _dot(right_upper - right_lower, axis),
+        _dot(across, to_left),
+        _dot(left_upper - right_upper, to_left),
+        _dot(left_lower - right_lower, to_left),
+        _dot(pedicles - 0.5 * (superior + inferior), np.cross(axis, sideways)),
+        half - np.abs(_dot(superior - pedicles, sideways)),
+        half - np.abs(_dot(inferior - pedicles, sideways)),
+    ]
+    return np.stack(margins, axis=-1)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -243,10 +212,7 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
             an exchange of names explains it; or the vertebrae of another patient.
     """
     levels = before.vertebrae()
-    here, there = (
-        np.array([[marks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
-        for marks in (before, after)
-    )
+    here, there = (_six_points(marks, levels) for marks in (before, after))
     misfits = np.array([misfit(a, b) for a, b in zip(here, there, strict=True)])
     warnings = _check_patient(here, there, misfits, where)
     for i, level in enumerate(levels):
@@ -256,19 +222,20 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         if 6.0 * misfits[i] <= warned:  # a landmark is off by 3 to 4 times the misfit it causes
             continue
         point, off = _worst(here[i], there[i])
-        if off <= warned:
-            continue
-        text = (
-            f"{where}: '{level}_{VERTEBRA_POINTS[point]}' is {off:.1f} mm from its position by the other five "
-            f"landmarks of {level}, which is rigid"
-        )
-        if off <= refused:
-            warnings.append(f"{text}; errors of landmarks seldom reach {warned:.1f} mm; check it.")
-            continue
-        order = next((o for o in orders() if misfit(here[i], there[i][list(o)]) < 0.5 * warned), None)
-        cure = "mark it again, before and after" if order is None else exchanged(level, order)
-        raise InputError(f"{text}, and errors of landmarks reach {refused:.1f} mm at most; {cure}")
+        name, errors = f"'{level}_{VERTEBRA_POINTS[point]}'", "errors of landmarks"
+        text = f"{where}: {name} is {off:.1f} mm from its position by the other five landmarks of {level}"
+        if off > refused:
+            order = next((o for o in orders() if misfit(here[i], there[i][list(o)]) < 0.5 * warned), None)
+            cure = "mark it again, before and after" if order is None else exchanged(level, order)
+            raise InputError(f"{text}, which is rigid, and {errors} reach {refused:.1f} mm at most; {cure}")
+        if off > warned:
+            warnings.append(f"{text}, which is rigid; {errors} seldom reach {warned:.1f} mm; check it.")
     return warnings
+
+
+def _six_points(landmarks: Landmarks, levels: Sequence[str]) -> np.ndarray:
+    """The six landmarks of each vertebra [mm], shape (levels, 6, 3)."""
+    return np.array([[landmarks.point(f"{level}_{name}") for name in VERTEBRA_POINTS] for level in levels])
 
 
 def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, where: str) -> list[str]:
@@ -278,18 +245,17 @@ def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, whe
     usual = float(np.median(misfits))
     sizes = [np.linalg.norm(six - six.mean(axis=1, keepdims=True), axis=(1, 2)).sum() for six in (here, there)]
     growth = float(sizes[1] / sizes[0] - 1.0)
+    larger = f"{100 * growth:+z.1f} % larger than before"
     if abs(growth) > SIZE_REFUSED or usual > MISFIT:
         raise InputError(
-            f"{where}: the vertebrae belong to another patient: they are {100 * growth:+z.1f} % larger than "
-            f"before ({100 * SIZE_REFUSED:g} is the most), and their shape differs by {usual:.1f} mm (median of "
-            f"root mean squares, {MISFIT:g} is the most); give landmarks of one patient, in one unit"
+            f"{where}: the vertebrae belong to another patient: they are {larger} ({100 * SIZE_REFUSED:g} is the "
+            f"most), and their shape differs by {usual:.1f} mm (root mean square; {MISFIT:g} is the most); "
+            "give landmarks of one patient, in one unit"
         )
-    if abs(growth) > SIZE_WARNED:
-        return [
-            f"{where}: the vertebrae are {100 * growth:+z.1f} % larger than before; errors of landmarks seldom "
-            f"reach {100 * SIZE_WARNED:g} %; check that both files belong to one patient."
-        ]
-    return []
+    seldom = (
+        f"errors of landmarks seldom reach {100 * SIZE_WARNED:g} %; check that both files belong to one patient"
+    )
+    return [f"{where}: the vertebrae are {larger}; {seldom}."] * (abs(growth) > SIZE_WARNED)
 
 
 def _worst(before: np.ndarray, after: np.ndarray) -> tuple[int, float]:
@@ -307,8 +273,6 @@ def _worst(before: np.ndarray, after: np.ndarray) -> tuple[int, float]:
 MOVED_REFUSED, MOVED_WARNED = 10.0, 5.0
 """Limits of the displacement of an iliac spine [mm]; two reconstructions with the errors of the papers, 2.1 +- 1.5
 mm, move one by more than 10 mm in one case of 300."""
-PELVIS = (*ASIS.values(), "sacrum")
-"""Bones whose landmarks define the pelvis."""
 
 
 def check_frame(before: Landmarks, after: Landmarks, where: str) -> list[str]:
@@ -327,25 +291,18 @@ def check_frame(before: Landmarks, after: Landmarks, where: str) -> list[str]:
     """
     spines = [np.array([marks.point(name) for name in ASIS]) for marks in (before, after)]
     apart = [float(np.linalg.norm(one - other)) for one, other in spines]
+    most = f"{MOVED_REFUSED:g} mm is the most that errors explain"
     if abs(apart[1] - apart[0]) > MOVED_REFUSED:
         raise InputError(
             f"{where}: 'asis_left' and 'asis_right' are {apart[1]:.0f} mm apart, but {apart[0]:.0f} mm before "
-            f"surgery, and {MOVED_REFUSED:g} mm is the most that errors explain; mark them again, or give "
-            "landmarks of one patient in one unit"
+            f"surgery, and {most}; mark them again, or give landmarks of one patient in one unit"
         )
     moved = np.linalg.norm(spines[1] - spines[0], axis=1)
-    worst = int(moved.argmax())
-    if moved[worst] <= MOVED_WARNED:
-        return []
-    text = (
-        f"{where}: '{list(ASIS)[worst]}' moves by {moved[worst]:.1f} mm, though surgery leaves the pelvis in place"
-    )
-    if moved[worst] <= MOVED_REFUSED:
-        return [f"{text}; if the landmarks after surgery are in another frame, use --align-pelvis."]
-    raise InputError(
-        f"{text} ({MOVED_REFUSED:g} mm is the most that errors explain); give both files in one frame, or use "
-        "--align-pelvis"
-    )
+    worst, cure = int(moved.argmax()), "give both files in one frame, or use --align-pelvis"
+    text = f"{where}: '{list(ASIS)[worst]}' moves by {moved[worst]:.1f} mm, but surgery leaves the pelvis in place"
+    if moved[worst] > MOVED_REFUSED:
+        raise InputError(f"{text}, and {most}; {cure}")
+    return [f"{text}; {cure}."] * bool(moved[worst] > MOVED_WARNED)
 
 
 def align_pelvis(case: Case) -> Case:
@@ -356,7 +313,7 @@ def align_pelvis(case: Case) -> Case:
     through them undetermined; it is then zero.
     """
     names = case.landmarks_before.names
-    held = [i for i, name in enumerate(names) if name in ASIS or name.startswith(tuple(f"{b}_" for b in PELVIS))]
+    held = [i for i, name in enumerate(names) if name.startswith((*ASIS, "hip_left_", "hip_right_", "sacrum_"))]
     if not held:
         raise InputError("--align-pelvis: needs landmarks of the pelvis, before and after surgery; leave it out")
     after = case.planned_landmarks

@@ -14,9 +14,9 @@ import numpy as np
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
-from warp_trunk.io.file_access import check_within, number, read_text
+from warp_trunk.io.file_access import MOST_SURFACE, check_file, check_within, number, read_text
 
-from .keys import check_table, is_number, names_of, numbers, table_lines
+from .keys import names_of, refuse_unknown, table_lines
 
 NAMES = ("skin", "fat", "muscle")
 """The layers from outside to inside; their numbers are the labels of tetrahedra. The last reaches to the bones
@@ -94,10 +94,8 @@ class Layers:
         for name in THICKNESS:
             values = np.atleast_1d(getattr(self, name))
             if values.size not in (1, vertices):
-                raise InputError(
-                    f"layers: '{name}' has {values.size} numbers but the skin has {vertices} vertices; "
-                    "give one for each vertex, in their order, or one for all"
-                )
+                counts = f"{values.size} numbers but the skin has {vertices} vertices"
+                raise InputError(f"layers: '{name}' has {counts}; give one for each in order, or one for all")
         skin = np.broadcast_to(self.skin_thickness, vertices)
         return np.stack([skin, skin + self.fat_thickness])
 
@@ -112,28 +110,23 @@ class LayerTable:
     """Likewise."""
     mesh: str | None = None
     """Name of a mesh with labels."""
-    constants: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Constants of `Tissue` in the tables [layers.skin], [layers.fat] and [layers.muscle]."""
+    skin: dict[str, float] = field(default_factory=dict)
+    """Constants of `Tissue`, from the table [layers.skin]."""
+    fat: dict[str, float] = field(default_factory=dict)
+    """Likewise, from [layers.fat]."""
+    muscle: dict[str, float] = field(default_factory=dict)
+    """Likewise, from [layers.muscle]."""
 
+    @property
+    def constants(self) -> dict[str, dict[str, float]]:
+        """Constants by name of layer, of the layers that have some."""
+        return {name: values for name in NAMES if (values := getattr(self, name))}
 
-def layer_table(path: Path, table: dict[str, Any]) -> LayerTable:
-    """Checks the table [layers] of the file `path`.
-
-    Raises:
-        InputError: an unknown key, or a value of the wrong type or not allowed.
-    """
-    kinds = dict.fromkeys(THICKNESS, "a number or the name of a file") | {"mesh": "the name of a file"}
-    check_table(path, table, kinds | dict.fromkeys(NAMES, "a table"), "layers.")
-    constants: dict[str, dict[str, float]] = {}
-    for name in NAMES:
-        if name in table:
-            constants[name] = numbers(path, table[name], names_of(Tissue), f"layers.{name}.")
-            Tissue(**constants[name])  # checks the values
-    skin, fat = (
-        float(table[key]) if is_number(table.get(key)) else table.get(key)  # 2 and 2.0 are the same thickness
-        for key in THICKNESS
-    )
-    return LayerTable(skin, fat, table.get("mesh"), constants)
+    def check(self, path: Path) -> None:
+        """Raise InputError for a constant that no tissue has, or a value that it cannot have."""
+        for name, values in self.constants.items():
+            refuse_unknown(path, values, names_of(Tissue), f"layers.{name}.")
+            Tissue(**values)
 
 
 def layer_lines(table: LayerTable) -> list[str]:
@@ -168,8 +161,7 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
     mesh = None if table.mesh is None else folder / table.mesh
     if mesh is not None:
         check_within(folder, mesh)
-    if mesh is not None and not mesh.is_file():
-        raise InputError(f"{mesh}: there is no such file, but case.toml names it, layers.mesh; add it")
+        check_file(mesh, "case.toml names it, layers.mesh; add it", MOST_SURFACE)
     try:
         return Layers(**thickness, constants=table.constants, mesh=mesh)
     except InputError as error:
@@ -178,19 +170,20 @@ def read_layers(folder: Path, table: LayerTable, millimetres: float, vertices: i
 
 def write_layers(folder: Path, layers: Layers) -> LayerTable:
     """Writes the files of the layers into a case folder; the table names them. Lengths are in mm."""
-    thickness: dict[str, Any] = {}
+    given: dict[str, Any] = {name: dict(values) for name, values in layers.constants.items()}
     for name in THICKNESS:
-        thickness[name] = getattr(layers, name)
-        if isinstance(thickness[name], np.ndarray):
-            lines = "".join(f"{number!r}\n" for number in thickness[name].tolist())
-            thickness[name] = f"{name}.txt"
-            with atomic_write(folder / thickness[name]) as unfinished:
+        given[name] = getattr(layers, name)
+        if isinstance(given[name], np.ndarray):
+            lines = "".join(f"{number!r}\n" for number in given[name].tolist())
+            given[name] = f"{name}.txt"
+            with atomic_write(folder / given[name]) as unfinished:
                 unfinished.write_text(lines, encoding="utf-8")
-    if layers.mesh is not None and layers.mesh.parent.resolve() != folder.resolve():
-        with atomic_write(folder / layers.mesh.name) as unfinished:
-            shutil.copy(layers.mesh, unfinished)
-    constants = {name: dict(given) for name, given in layers.constants.items()}
-    return LayerTable(mesh=None if layers.mesh is None else layers.mesh.name, constants=constants, **thickness)
+    if layers.mesh is not None:
+        given["mesh"] = layers.mesh.name
+        if layers.mesh.parent.resolve() != folder.resolve():
+            with atomic_write(folder / layers.mesh.name) as unfinished:
+                shutil.copy(layers.mesh, unfinished)
+    return LayerTable(**given)
 
 
 def read_numbers(path: Path, count: int) -> np.ndarray:
@@ -206,8 +199,6 @@ def read_numbers(path: Path, count: int) -> np.ndarray:
     except ValueError as error:
         raise InputError(f"{path}: cannot be read as one number a line ({str(error)[:80]}); correct it") from error
     if values.shape != (count,):
-        raise InputError(
-            f"{path}: has {len(values)} numbers but the skin has {count} vertices; "
-            "give one number a line for each vertex, in the order of the skin"
-        )
+        cure = "give one number a line for each vertex, in the order of the skin"
+        raise InputError(f"{path}: has {len(values)} numbers but the skin has {count} vertices; {cure}")
     return values

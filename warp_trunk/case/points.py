@@ -60,22 +60,17 @@ def read_points(path: Path, axes: Axes, units: str) -> Points:
     """
     names, points = read_rows(path, COLUMNS)
     rows = csv.DictReader(io.StringIO(read_text(path, "points were expected")), skipinitialspace=True)
-    pairs = {row["name"].strip(): (row.get(PAIR) or "").strip() for row in rows if row["name"]}
-    return Points(
-        Landmarks(names, axes.points_to_lps(points, units)),
-        {name: other for name, other in pairs.items() if other},
-    )
+    pairs = {(row["name"] or "").strip(): (row.get(PAIR) or "").strip() for row in rows}
+    pairs = {name: other for name, other in pairs.items() if other}
+    return Points(Landmarks(names, axes.points_to_lps(points, units)), pairs)
 
 
 def points_text(points: Points) -> str:
     """The text of points.csv, in LPS and mm, which `read_points` reads back; empty for no points."""
-    if not points.marks.names:
-        return ""
     file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow([*COLUMNS, PAIR])
-    for name, point in zip(points.marks.names, points.marks.points.tolist(), strict=True):
-        writer.writerow([name, *map(repr, point), points.pairs.get(name, "")])
+    marks = zip(points.marks.names, points.marks.points.tolist(), strict=True)
+    rows = [[name, *map(repr, point), points.pairs.get(name, "")] for name, point in marks]
+    csv.writer(file, lineterminator="\n").writerows([[*COLUMNS, PAIR], *rows] if rows else [])
     return file.getvalue()
 
 
@@ -89,16 +84,12 @@ def check_points(case: Case, where: str) -> None:
     owners = dict(zip(names, case.point_owners, strict=True))
     for name, (owner, off) in owners.items():
         if off > _FAR:
-            raise InputError(
-                f"{where}: '{name}' is {off:.1f} mm from {owner}, the nearest surface, {_FAR:g} mm is allowed; "
-                "place it on the skin or on a bone"
-            )
+            far = f"'{name}' is {off:.1f} mm from {owner}, the nearest surface, {_FAR:g} mm is allowed"
+            raise InputError(f"{where}: {far}; place it on the skin or on a bone")
     for name, other in pairs.items():
         if other not in owners:
             raise InputError(f"{where}: '{name}' names '{other}', which is not among the points; add or rename it")
         soft, hard = owners[name][0], owners[other][0]
         if soft != SKIN or hard == SKIN:
-            raise InputError(
-                f"{where}: '{name}' lies on {soft} and '{other}' on {hard}; compare a point on the skin "
-                "with one on a bone"
-            )
+            places = f"'{name}' lies on {soft} and '{other}' on {hard}"
+            raise InputError(f"{where}: {places}; compare a point on the skin with one on a bone")

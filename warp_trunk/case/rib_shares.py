@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import check_ranges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,14 +47,7 @@ class RibShares:
 
     def __post_init__(self) -> None:
         """Raises InputError for a share that no joint has."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            least, most = LIMITS[field.name]
-            if not least <= value <= most:  # nor is NaN
-                raise InputError(
-                    f"rib shares: '{field.name}' must be from {least:g} to {most:g}, not {value:g}; 0 leaves the "
-                    "motion with the vertebra, 1 passes all of it on to the ribs"
-                )
+        check_ranges(self, "rib shares", "", **LIMITS)
 
 
 LIMITS = {

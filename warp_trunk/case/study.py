@@ -9,8 +9,6 @@ from warp_trunk.errors import InputError
 
 Pose = Literal["surgery", "bending"]
 """The change of the trunk from before to after."""
-KINDS = {"patient": "text", "pose": "text", "months_after": "a number", "virtual": "true or false"}
-"""The kind of each value in the table."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 
-from .keys import check_table, names_of, numbers, read_toml, table_lines
+from .keys import converted, names_of, read_toml, refuse_unknown, table_lines
 from .layers import NAMES, Layers
 from .rib_shares import RibShares
 
@@ -69,19 +68,14 @@ def read_tissue_file(path: Path) -> dict[str, float]:
         InputError: a missing or unreadable file, an unknown key, or a value that is not a number or not allowed.
     """
     table = read_toml(path, "give a file that `calibrate` wrote")
-    check_table(path, table, dict.fromkeys(("tissue", "layers", RIBS), "a table"))
-    layers = table.get("layers", {})
-    check_table(path, layers, dict.fromkeys(NAMES, "a table"), "layers.")
-    tables = [("tissue", "", table.get("tissue", {}), Tissue), (RIBS, f"{RIBS}.", table.get(RIBS, {}), RibShares)]
-    tables += [(f"layers.{name}", f"{name}.", layers[name], Tissue) for name in layers]
+    refuse_unknown(path, table, ["tissue", "layers", RIBS], "")
+    layers = converted(path, table.pop("layers", {}), dict[str, Any], "layers")
+    refuse_unknown(path, layers, list(NAMES), "layers.")
     found = {}
-    for name, prefix, values, record in tables:
-        given = numbers(path, values, names_of(record), f"{name}.")
-        try:
-            record(**given)  # checks the values
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-        found |= {f"{prefix}{constant}": value for constant, value in given.items()}
+    for name, values in (*table.items(), *((f"layers.{name}", values) for name, values in layers.items())):
+        checked = converted(path, values, RibShares if name == RIBS else Tissue, name)
+        prefix = f"{name}.".removeprefix("tissue.").removeprefix("layers.")
+        found |= {f"{prefix}{constant}": float(getattr(checked, constant)) for constant in values}
     return found
 
 

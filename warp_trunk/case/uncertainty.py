@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import check_ranges
 
 MOST = 1000.0
 """No uncertainty is larger, in mm, degrees or as a factor."""
@@ -52,13 +52,9 @@ class Uncertainty:
     """Error of a hump, a shoulder or a place of the skin by the mesh [mm]."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value, least = getattr(self, field.name), 1.0 if field.name in FACTORS else 0.0
-            if not (math.isfinite(value) and least <= value <= MOST):
-                raise InputError(
-                    f"uncertainty: '{field.name}' must be a number from {least:g} to {MOST:g}, not {value}; "
-                    + ("it is a factor: 1 is certain" if field.name in FACTORS else "0 is certain")
-                )
+        """Raises InputError for a deviation below 0, where a source is certain, or a factor below 1."""
+        limits = {one.name: (float(one.name in FACTORS), MOST) for one in fields(self)}
+        check_ranges(self, "uncertainty", "", **limits)
 
     @property
     def landmark_sd(self) -> float:
@@ -66,8 +62,6 @@ class Uncertainty:
         return math.sqrt((self.landmark_error**2 + self.landmark_error_sd**2) / 3.0)
 
 
-CERTAIN = Uncertainty(**{one.name: 1.0 if one.name in FACTORS else 0.0 for one in fields(Uncertainty)})
-"""No source at all: to which those that are to be looked at alone are added."""
 REFERENCES: Mapping[str, str] = MappingProxyType(
     {
         "landmark_error": "2.1 ± 1.5 mm, reconstruction from two films, section 5.2 of [2]",

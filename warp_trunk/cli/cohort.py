@@ -14,7 +14,6 @@ from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import FitJob
 from warp_trunk.cohort.calibration.report import calibration_text, check_file, write_calibration
-from warp_trunk.cohort.calibration.rounds import FitCase
 from warp_trunk.cohort.cluster import connected
 from warp_trunk.cohort.one_case import CohortOptions
 from warp_trunk.cohort.tables import cohort_text, write_cohort
@@ -95,13 +94,13 @@ class Calibrate(SimulationArguments):
             cases = self._cases(options, arguments, progress)
             with connected(self.workers, self.scheduler, self.options.device) as client:
                 progress.message(f"{len(cases)} cases; Dask's dashboard: {client.dashboard_link}")
-                calibration = calibrate(client, cases, cases[0].job.free, progress, priors=self.priors)
+                calibration = calibrate(client, cases, cases[0].free, progress, priors=self.priors)
             page = write_calibration(self.out, calibration)
         print(calibration_text(calibration))
         print(f"\nUse it: {next_command('simulate', 'CASE', '--tissue-file', self.out)}; open {page} in a browser")
         return OK if calibration.converged and not calibration.left_out else INCOMPLETE
 
-    def _cases(self, options: CohortOptions, arguments: list[str], progress: Progress) -> list[FitCase]:
+    def _cases(self, options: CohortOptions, arguments: list[str], progress: Progress) -> list[FitJob]:
         """The cases that take part, each checked."""
         found, free = [], ()
         for folder in case_folders(self.folder):
@@ -117,10 +116,8 @@ class Calibrate(SimulationArguments):
             free = free or tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in self.free)
             refine = partial(refined_by, self, arguments)
             place, run, align = folder.resolve(), options.run, self.align_pelvis
-            job = FitJob(folder=place, options=run, align_pelvis=align, refine=refine, free=free)
-            patient = study.patient or folder.name
             found.append(
-                FitCase(name=folder.name, patient=patient, pose=study.pose, virtual=study.virtual, job=job)
+                FitJob(folder=place, options=run, align_pelvis=align, refine=refine, free=free, study=study)
             )
         if not found:
             after = "" if self.pose == "all" else f" after {self.pose}"

@@ -13,10 +13,11 @@ from warp_trunk.case.header import read_header
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
+from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.results import read_result, read_summary
-from warp_trunk.results.judging import check_writable, judged, write_record
+from warp_trunk.results.judging import judged, write_record
 from warp_trunk.run.progress import Progress
 
 from .output import OK
@@ -44,7 +45,7 @@ class Measure:
         stem = stem / "measures" if stem.is_dir() else stem
         if self.out is not None:
             refuse_case(self.out)
-        check_writable(stem)
+        make_writable(stem.parent, "measures")
         with Progress() as progress:
             with progress.stage("load", f"reading {file}"):
                 case = patient_of(file, self.case)

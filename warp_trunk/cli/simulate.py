@@ -22,7 +22,7 @@ from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import patient_of, with_mesh_given
+from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 
@@ -134,10 +134,9 @@ class Simulate(SimulationArguments):
             if len(cases) == 1:
                 result = simulate(case, folder=out, options=options, progress=progress, warnings=warnings)
                 return report_ending(result)
-            case, given = with_mesh_given(case, options, progress)
-            patient = patient_of(case, options, given, progress)
+            patient = patient_of(case, options, progress=progress)
             for name, one, warnings in cases:
-                moved = replace(one, skin=case.skin, name=f"{one.name}, motions {name}")
+                moved = replace(one, skin=patient.case.skin, name=f"{one.name}, motions {name}")
                 with progress.of(f"motions {name}"):
                     done = simulate(
                         moved, folder=out / name, progress=progress, warnings=warnings, patient=patient

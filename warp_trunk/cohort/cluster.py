@@ -22,6 +22,11 @@ RETRIES = 1
 """How often a case is started again after its worker was lost, before it is given up."""
 PATIENCE = 30.0
 """How long a scheduler and its first worker are waited for [s]."""
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": RETRIES,
+    "distributed.worker.multiprocessing-method": "spawn",  # a CUDA context does not survive a fork
+    "distributed.admin.system-monitor.gil.enabled": False,
+}
 LOOPBACK = "127.0.0.1"
 """The loopback address: no other computer on the network can connect."""
 
@@ -38,9 +43,15 @@ def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Clie
     Raises:
         InputError: the extra is not installed, an impossible number of workers, or no answer.
     """
-    distributed = _distributed()
+    try:
+        import distributed
+    except ImportError as error:
+        raise InputError(
+            f"cohorts: run on Dask, which is not installed ({error}); install the extra: "
+            "uv sync --extra cluster, or pip install warp-trunk[cluster]"
+        ) from error
     if scheduler is None:
-        with _own_cluster(distributed, workers, device) as cluster, distributed.Client(cluster) as client:
+        with _own_cluster(workers, device) as cluster, distributed.Client(cluster) as client:
             yield client
         return
     if workers:
@@ -57,57 +68,30 @@ def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Clie
         yield client
 
 
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        raise InputError(
-            f"cohorts: run on Dask, which is not installed ({error}); install the extra: "
-            "uv sync --extra cluster, or pip install warp-trunk[cluster]"
-        ) from error
-    return distributed
-
-
 @contextmanager
-def _own_cluster(distributed: Any, workers: int, device: str) -> Iterator[Any]:
-    """Processes of this machine, each for one case at a time, which listen on loopback only."""
+def _own_cluster(workers: int, device: str) -> Iterator[Any]:
+    """Processes of this machine, each with one thread for cases, which listen on loopback only."""
+    import distributed
     from dask import config
     from distributed.deploy.spec import SpecCluster
 
     gpus = _gpus() if device == "auto" else []
-    count = choose_workers(workers, gpus)
-    settings: dict[str, Any] = {
-        "distributed.scheduler.allowed-failures": RETRIES,
-        "distributed.worker.multiprocessing-method": "spawn",  # a CUDA context does not survive a fork
-        "distributed.admin.system-monitor.gil.enabled": False,
-    }
     quiet: Any = logging.ERROR
-    with config.set(settings):
-        names = [gpus[number % len(gpus)] if gpus else None for number in range(count)]
-        with SpecCluster(
-            workers={number: _worker(distributed, gpu) for number, gpu in enumerate(names)},
-            scheduler={
-                "cls": distributed.Scheduler,
-                "options": {"host": LOOPBACK, "port": 0, "dashboard_address": f"{LOOPBACK}:0"},
-            },
-            silence_logs=quiet,
-        ) as cluster:
-            yield cluster
-
-
-def _worker(distributed: Any, gpu: str | None) -> dict[str, Any]:
-    """One process with one thread for cases; on one GPU only, where there is one for it."""
-    return {
-        "cls": distributed.Nanny,
-        "options": {
-            "host": LOOPBACK,
-            "nthreads": 1,
-            "memory_limit": 0,  # the machine's own limit: a mesh is as large as was asked for
-            "env": {} if gpu is None else {"CUDA_VISIBLE_DEVICES": gpu},
-            "dashboard": False,
-            "silence_logs": logging.ERROR,
-        },
+    options = {
+        "host": LOOPBACK,
+        "nthreads": 1,
+        "memory_limit": 0,  # the machine's own limit: a mesh is as large as was asked for
+        "dashboard": False,
+        "silence_logs": quiet,
     }
+    specs = {}
+    for number in range(choose_workers(workers, gpus)):  # each on one GPU only, where there is one for it
+        environment = {"CUDA_VISIBLE_DEVICES": gpus[number % len(gpus)]} if gpus else {}
+        specs[number] = {"cls": distributed.Nanny, "options": {**options, "env": environment}}
+    place = {"host": LOOPBACK, "port": 0, "dashboard_address": f"{LOOPBACK}:0"}
+    server = {"cls": distributed.Scheduler, "options": place}
+    with config.set(SETTINGS), SpecCluster(workers=specs, scheduler=server, silence_logs=quiet) as cluster:
+        yield cluster
 
 
 def choose_workers(workers: int, gpus: list[str]) -> int:
@@ -118,13 +102,10 @@ def choose_workers(workers: int, gpus: list[str]) -> int:
     """
     if not 0 <= workers <= MOST_WORKERS:
         raise InputError(f"--workers: must be 0 (as fits this machine) to {MOST_WORKERS}, not {workers}")
-    if workers:
-        return workers
-    if gpus:
-        return len(gpus)
     import psutil
 
-    return max(1, min(choose_threads(0), int(psutil.virtual_memory().available // MEMORY_PER_WORKER)))
+    fit = int(psutil.virtual_memory().available // MEMORY_PER_WORKER)
+    return workers or len(gpus) or max(1, min(choose_threads(0), fit))
 
 
 def _gpus() -> list[str]:

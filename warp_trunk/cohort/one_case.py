@@ -15,7 +15,7 @@ from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
 from warp_trunk.measures import measure
-from warp_trunk.results import fingerprint_of, read_result
+from warp_trunk.results import Result, fingerprint_of
 from warp_trunk.results.fingerprint import Fingerprint, surface_digest
 from warp_trunk.results.fingerprint import difference as first_difference
 from warp_trunk.results.judging import judged, write_record
@@ -88,8 +88,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
     case, warnings = read_checked_case(folder, align=options.align_pelvis)
     if options.refine is not None:
         case = options.refine(case)
-    fingerprint = fingerprint_of(case, parameters(options.run))
-    made_from = _made_from(case, options.run, fingerprint)
+    made_from = _made_from(case, options.run)
     earlier, notice = read_judged(out), ""
     if earlier is not None:
         notice = first_difference(earlier.made_from, made_from)
@@ -100,46 +99,48 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
     with (out / LOG).open("a", encoding="utf-8") as log, Progress(log) as progress:
         result = simulate(case, folder=out, options=options.run, progress=progress, warnings=warnings)
         with progress.stage("judge", "judging by the actual skin"):
-            row = _row(case, folder, out, result.summary)
+            row = _row(case, folder, result)
         write_judged(out, Judged(made_from=made_from, row=row))
     return Done(row=row, notice=notice)
 
 
-def _made_from(case: Case, options: RunOptions, simulation: Fingerprint) -> Fingerprint:
+def _made_from(case: Case, options: RunOptions) -> Fingerprint:
     """The inputs of a row: the simulation, the actual skin, and the table [study] of the case."""
-    found = dict(simulation)
-    found["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
-    found["record"] = options.record
-    found |= {"case": case.name, "study": dataclasses.asdict(case.study)}
-    found["uncertainty"] = dataclasses.asdict(case.uncertainty)
+    found = {
+        **fingerprint_of(case, parameters(options)),
+        "actual_skin": None if case.actual_skin is None else surface_digest(case.actual_skin),
+        "record": options.record,
+        "case": case.name,
+        "study": dataclasses.asdict(case.study),
+        "uncertainty": dataclasses.asdict(case.uncertainty),
+    }
     return json.loads(json.dumps(found))
 
 
-def _row(case: Case, folder: Path, out: Path, summary: Summary) -> CaseRow:
-    """The row of a case whose result is whole."""
-    result = read_result(out)
-    record, _ = judged(case, out / PREDICTED_SKIN, result.skin, case.actual_skin, "after")
-    write_record(out / MEASURES, record)
-    curves = summary.cobb_deg
+def _row(case: Case, folder: Path, result: Result) -> CaseRow:
+    """The row of a case whose result is complete."""
+    record, _ = judged(case, result.folder / PREDICTED_SKIN, result.skin, case.actual_skin, "after")
+    write_record(result.folder / MEASURES, record)
+    summary, curves, study = result.summary, result.summary.cobb_deg, case.study
     main = max(range(len(curves.before)), key=lambda i: curves.before[i].angle, default=None)
     cobb = None if main is None else curves.before[main].angle
     left = None if main is None else curves.followed[main]
-    before = measure(case.skin, case.landmarks_before)
+    back = record["against"]["distance"]["back"] if "against" in record else None
     return CaseRow(
         folder=folder.name,
         status=summary.status,
         case=case.name,
-        patient=case.study.patient or folder.name,
-        pose=case.study.pose,
-        virtual=case.study.virtual,
+        patient=study.patient or folder.name,
+        pose=study.pose,
+        virtual=study.virtual,
         cobb_deg=cobb,
         correction_percent=None if not cobb or left is None else 100.0 * (1.0 - left / cobb),
-        months_after=case.study.months_after,
+        months_after=study.months_after,
         tets=summary.tets,
-        hump_before_mm=before.max_hump,
+        hump_before_mm=result.measures_before.max_hump,
         hump_predicted_mm=record["skin"]["max_hump_mm"],
         hump_actual_mm=record["actual"]["max_hump_mm"] if "actual" in record else None,
-        skin_distance_mm=_back_distance(record),
+        skin_distance_mm=None if back is None else back["mean_mm"],
         levels=_levels(case, summary, record),
         warnings=len(summary.warnings),
         seconds=summary.seconds.get("total"),
@@ -148,8 +149,9 @@ def _row(case: Case, folder: Path, out: Path, summary: Summary) -> CaseRow:
 
 
 def _levels(case: Case, summary: Summary, record: dict[str, Any]) -> tuple[LevelRow, ...]:
-    rotation = summary.bsr_deg
-    carried = measure(_carried(case), case.planned_landmarks).bsr
+    rotation, before = summary.bsr_deg, case.landmarks_before
+    carry = fit_spline(before.points, case.planned_landmarks.points)  # no tissue, no relaxation
+    carried = measure(Surface(carry(case.skin.vertices), case.skin.faces), case.planned_landmarks).bsr
     inside = record.get("against", {}).get("in_band", {})
     return tuple(
         LevelRow(
@@ -162,15 +164,3 @@ def _levels(case: Case, summary: Summary, record: dict[str, Any]) -> tuple[Level
         )
         for level, predicted in rotation.after.items()
     )
-
-
-def _carried(case: Case) -> Surface:
-    """The skin before surgery where the spline through all landmarks takes it: no tissue, no relaxation."""
-    spline = fit_spline(case.landmarks_before.points, case.planned_landmarks.points)
-    return Surface(spline(case.skin.vertices), case.skin.faces)
-
-
-def _back_distance(record: dict[str, Any]) -> float | None:
-    """Mean distance of the predicted back from the actual one [mm]; None where either is missing."""
-    back = record["against"]["distance"]["back"] if "against" in record else None
-    return None if back is None else back["mean_mm"]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_trunk.measures.comparison import DETECTABLE
+from warp_trunk.measures.comparison import DETECTABLE, BsrError
 from warp_trunk.report.page import rendered
 from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of, new_figure
 
@@ -20,37 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-RANGE_HEAD = (
-    "levels",
-    "patients",
-    "mean absolute error",
-    "95 % interval",
-    "if nothing changed",
-    "by the spline",
-    f"levels within {DETECTABLE:g}°",
-    f"cases within {DETECTABLE:g}°",
-    "levels in their band",
-)
-LEVEL_HEAD = (
-    "level",
-    "patients",
-    "mean absolute error",
-    "95 % interval",
-    "bias",
-    "if nothing changed",
-    "by the spline",
-)
-CASE_HEAD = (
-    "case",
-    "T3-T12",
-    "L1-L5",
-    "T4-T12",
-    "skin of the back",
-    "hump: before",
-    "predicted",
-    "actual",
-    "ended",
-)
+_ERROR = ("patients", "mean absolute error", "95 % interval")
+_BASELINES = ("if nothing changed", "by the spline")
+_PARTS = ("T3-T12", "L1-L5", "T4-T12")
+_SHARES = (f"levels within {DETECTABLE:g}°", f"cases within {DETECTABLE:g}°", "levels in their band")
+RANGE_HEAD = ("levels", *_ERROR, *_BASELINES, *_SHARES)
+LEVEL_HEAD = ("level", *_ERROR, "bias", *_BASELINES)
+CASE_HEAD = ("case", *_PARTS, "skin of the back", "hump: before", "predicted", "actual", "ended")
 _NONE = "–"
 WHAT = {
     "T3-L5": "T3-L5, whole spine [1]",
@@ -90,34 +66,19 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
 
 def _glance(summary: CohortSummary) -> list[tuple[str, str]]:
     """The numbers that a reader looks for first."""
-    said = []
-    for name in ("T3-T12", "L1-L5"):
-        one = summary.ranges[name]
-        if one.error is not None:
-            said.append((f"mean absolute error {name}", _plus_minus(one.error)))
-    whole = summary.ranges["T3-L5"]
-    if whole.within is not None:
-        said.append((f"levels within {DETECTABLE:g} degrees", _percent(whole.within)))
-    if whole.in_band is not None:
-        said.append(("levels in their 95 % band", _percent(whole.in_band)))
-    if summary.hump is not None:
-        said.append(("mean absolute error of the hump", f"{summary.hump.error.mean:.1f} mm"))
-    return said
+    whole, hump = summary.ranges["T3-L5"], summary.hump
+    errors = {name: summary.ranges[name].error for name in ("T3-T12", "L1-L5")}
+    rows = [(f"mean absolute error {name}", plus_minus(error)) for name, error in errors.items()]
+    rows.append((f"levels within {DETECTABLE:g} degrees", _percent(whole.within)))
+    rows.append(("levels in their 95 % band", _percent(whole.in_band)))
+    rows.append(("mean absolute error of the hump", _number(hump and hump.error.mean, " mm")))
+    return [(name, value) for name, value in rows if value != _NONE]
 
 
 def _range_rows(summary: CohortSummary) -> list[list[str]]:
     return [
-        [
-            WHAT[name],
-            str(one.error.patients),
-            _plus_minus(one.error),
-            _interval(one.error),
-            _plus_minus(one.nothing_changes),
-            _plus_minus(one.spline),
-            _percent(one.within),
-            _percent(one.cases_within),
-            _percent(one.in_band),
-        ]
+        [WHAT[name], *_error_cells(one.error), plus_minus(one.nothing_changes), plus_minus(one.spline)]
+        + [_percent(share) for share in (one.within, one.cases_within, one.in_band)]
         for name in WHAT
         if (one := summary.ranges[name]).error is not None
     ]
@@ -125,24 +86,15 @@ def _range_rows(summary: CohortSummary) -> list[list[str]]:
 
 def _level_rows(summary: CohortSummary) -> list[list[str]]:
     return [
-        [
-            level,
-            str(one.error.patients),
-            _plus_minus(one.error),
-            _interval(one.error),
-            f"{one.bias:+z.2f}",
-            f"{one.nothing_changes:.2f}",
-            f"{one.spline:.2f}",
-        ]
+        [level, *_error_cells(one.error), f"{one.bias:+z.2f}", f"{one.nothing_changes:.2f}", f"{one.spline:.2f}"]
         for level, one in summary.levels.items()
     ]
 
 
 def _case_row(row: CaseRow) -> list[str]:
-    errors = [case_error(row, of) for of in ("T3-T12", "L1-L5", "T4-T12")]
     return [
         f"{row.folder}: {row.case}" if row.case and row.case != row.folder else row.folder,
-        *(_NONE if e is None else f"{e.mean:.2f}" + ("" if e.sd is None else f" ± {e.sd:.2f}") for e in errors),
+        *(plus_minus(case_error(row, of)) for of in _PARTS),
         _number(row.skin_distance_mm, " mm"),
         *(_number(value) for value in (row.hump_before_mm, row.hump_predicted_mm, row.hump_actual_mm)),
         row.status + (", bending" if row.pose == "bending" else ""),
@@ -151,10 +103,11 @@ def _case_row(row: CaseRow) -> list[str]:
 
 def _left_out(rows: Sequence[CaseRow], summary: CohortSummary) -> list[str]:
     """The cases that do not count, with the reason."""
-    said = [f"{row.folder} has no result: {row.reason}" for row in rows if row.status == FAILED]
-    said += [f"{name} did not converge and does not count." for name in summary.unfinished]
-    said += [f"{name} has no actual skin to be judged by." for name in summary.without_actual]
-    return said
+    return [
+        *(f"{row.folder} has no result: {row.reason}" for row in rows if row.status == FAILED),
+        *(f"{name} did not converge and does not count." for name in summary.unfinished),
+        *(f"{name} has no actual skin to be judged by." for name in summary.without_actual),
+    ]
 
 
 def _hump(summary: CohortSummary) -> str:
@@ -162,7 +115,7 @@ def _hump(summary: CohortSummary) -> str:
     if summary.hump is None:
         return ""
     found, line = summary.hump.agreement, summary.hump.line
-    text = f"Mean absolute error {_plus_minus(summary.hump.error)} mm; predicted less actual {found.bias:+z.1f} mm"
+    text = f"Mean absolute error {plus_minus(summary.hump.error)} mm; predicted less actual {found.bias:+z.1f} mm"
     if found.low is not None and found.high is not None:
         text += f", 95 % of cases from {found.low:+z.1f} to {found.high:+z.1f} mm"
     if line is not None:
@@ -170,14 +123,19 @@ def _hump(summary: CohortSummary) -> str:
     return text + "."
 
 
-def _plus_minus(one: Estimate | None) -> str:
+def plus_minus(one: Estimate | BsrError | None) -> str:
+    """A mean with its standard deviation, if it has one."""
     if one is None:
         return _NONE
     return f"{one.mean:.2f}" + ("" if one.sd is None else f" ± {one.sd:.2f}")
 
 
-def _interval(one: Estimate) -> str:
-    return _NONE if one.low is None or one.high is None else f"{one.low:.2f} to {one.high:.2f}"
+def _error_cells(one: Estimate | None) -> list[str]:
+    """The cells under `_ERROR`."""
+    if one is None:
+        return [_NONE] * 3
+    interval = _NONE if one.low is None or one.high is None else f"{one.low:.2f} to {one.high:.2f}"
+    return [str(one.patients), plus_minus(one), interval]
 
 
 def _percent(one: Estimate | None) -> str:
@@ -190,7 +148,7 @@ def _number(value: float | None, unit: str = "") -> str:
 
 SPLINE = "#009e73"
 """Colour of the spline's guess; apart from the others for every kind of colour vision."""
-PALE = 0.35
+PALE = 0.55
 
 
 def cohort_pictures(rows: Sequence[CaseRow], summary: CohortSummary) -> dict[str, Figure]:
@@ -201,27 +159,21 @@ def cohort_pictures(rows: Sequence[CaseRow], summary: CohortSummary) -> dict[str
         figures |= {"levels": levels_picture(summary), "agreement": agreement_picture(counted, summary)}
     if summary.hump is not None:
         figures["hump"] = hump_picture(counted)
-    known = [name for name in AGAINST if summary.trends[name] is not None]
-    if known:
-        figures["trends"] = trends_picture(counted, summary, known)
+    if any(summary.trends.values()):
+        figures["trends"] = trends_picture(counted, summary)
     return figures
 
 
 def levels_picture(summary: CohortSummary) -> Figure:
-    """Mean absolute error and its standard deviation at every level, with what any method must beat."""
-    levels = list(summary.levels)
+    """Mean absolute error and its standard deviation at every level, with the errors that any method must beat."""
+    levels = summary.levels
     figure = new_figure(6.4, 1.6 + 0.22 * max(len(levels), 8), "constrained")
-    axes = figure.subplots()
-    at = np.arange(len(levels))
-    guesses: Mapping[str, tuple[Sequence[float], str, str, str]] = {
-        "nothing changes": ([one.nothing_changes for one in summary.levels.values()], BEFORE.colour, "o", "--"),
-        "the spline carries the skin": ([one.spline for one in summary.levels.values()], SPLINE, "D", ":"),
-    }
-    for label, (values, colour, marker, line) in guesses.items():
-        axes.plot(
-            values, at, color=colour, marker=marker, linestyle=line, markersize=4.0, linewidth=1.2, label=label
-        )
-    errors = [one.error for one in summary.levels.values()]
+    axes, at = figure.subplots(), np.arange(len(levels))
+    nothing, spline = [one.nothing_changes for one in levels.values()], [one.spline for one in levels.values()]
+    small: dict[str, Any] = {"markersize": 4.0, "linewidth": 1.2}
+    axes.plot(nothing, at, "o--", color=BEFORE.colour, label="nothing changes", **small)
+    axes.plot(spline, at, "D:", color=SPLINE, label="the spline carries the skin", **small)
+    errors = [one.error for one in levels.values()]
     axes.errorbar(
         [error.mean for error in errors],
         at,
@@ -235,14 +187,20 @@ def levels_picture(summary: CohortSummary) -> Figure:
         label="predicted (mean ± SD over patients)",
     )
     axes.axvline(DETECTABLE, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
-    axes.set_yticks(at, levels)
+    axes.set_yticks(at, list(levels))
     axes.set_ylim(len(levels) - 0.4, -0.6)
     axes.set_xlim(left=0.0)
-    axes.grid()
-    axes.set_xlabel(f"mean absolute error of back surface rotation [degrees]; dashed: {DETECTABLE:g}")
-    axes.set_ylabel("vertebra")
-    figure.legend(loc="outside upper center", ncols=2)
+    across = f"mean absolute error of back surface rotation [degrees]; dashed: {DETECTABLE:g}"
+    _finish(figure, axes, across, "vertebra")
     return figure
+
+
+def _finish(figure: Figure, axes: Axes, across: str, up: str) -> None:
+    """Labels and a grid for the only axes of a figure, and its legend above."""
+    axes.grid()
+    axes.set_xlabel(across)
+    axes.set_ylabel(up)
+    figure.legend(loc="outside upper center", ncols=2)
 
 
 def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure:
@@ -252,35 +210,25 @@ def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure
     axes = figure.subplots()
     guessed, actual = np.array([(one.guessed, one.actual) for one in ones]).T
     lumbar = np.array([one.level.startswith("L") for one in ones])
+    pale: dict[str, Any] = {"markersize": 3.5, "alpha": PALE, "markeredgewidth": 0.0}
     for part, marker, colour, label in (
         (~lumbar, "s", PREDICTED.colour, "thoracic"),
         (lumbar, "^", ACTUAL.colour, "lumbar"),
     ):
-        axes.plot(
-            (0.5 * (guessed + actual))[part],
-            (guessed - actual)[part],
-            marker,
-            color=colour,
-            markersize=3.5,
-            alpha=PALE + 0.2,
-            markeredgewidth=0.0,
-            label=label,
-        )
-    found = summary.agreement
-    if found is not None:
+        mean, difference = 0.5 * (guessed + actual)[part], (guessed - actual)[part]
+        axes.plot(mean, difference, marker, color=colour, label=label, **pale)
+    if (found := summary.agreement) is not None:
         for value, name, style in (
             (found.bias, "mean", "-"),
             (found.low, "", "--"),
             (found.high, "95 % limits", "--"),
         ):
             if value is not None:
+                text, place = f"{name} {value:+z.1f}".strip(), ("axes fraction", "data")
                 axes.axhline(value, color=INK, linewidth=0.9, linestyle=style)
-                axes.annotate(f"{name} {value:+z.1f}".strip(), (1.0, value), xycoords=("axes fraction", "data"),
-                              ha="right", va="bottom", fontsize=8.0)  # fmt: skip
-    axes.grid()
-    axes.set_xlabel("mean of predicted and actual back surface rotation [degrees]")
-    axes.set_ylabel("predicted − actual [degrees]")
-    figure.legend(loc="outside upper center", ncols=2)
+                axes.annotate(text, (1.0, value), xycoords=place, ha="right", va="bottom", fontsize=8.0)
+    across = "mean of predicted and actual back surface rotation [degrees]"
+    _finish(figure, axes, across, "predicted − actual [degrees]")
     return figure
 
 
@@ -293,28 +241,23 @@ def hump_picture(rows: Sequence[CaseRow]) -> Figure:
     axes.axline((0.0, 0.0), slope=1.0, color=INK, linewidth=0.8)
     axes.plot(actual, before, BEFORE.marker, color=BEFORE.colour, fillstyle="none", label="before surgery")
     axes.plot(actual, predicted, PREDICTED.marker, color=PREDICTED.colour, label="predicted")
-    axes.grid()
     axes.set_aspect("equal", "datalim")
-    axes.set_xlabel("actual largest hump [mm], positive on the right")
-    axes.set_ylabel("guessed largest hump [mm]")
-    figure.legend(loc="outside upper center", ncols=2)
+    _finish(figure, axes, "actual largest hump [mm], positive on the right", "guessed largest hump [mm]")
     return figure
 
 
-def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary, known: Sequence[str]) -> Figure:
+def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure:
     """The error of every case over what it may go with, with the line of least squares."""
+    known = {name: line for name, line in summary.trends.items() if line is not None}
     figure = new_figure(3.1 * len(AGAINST), 3.0, "constrained")
     panels: list[Axes] = figure.subplots(1, len(AGAINST), sharey=True).tolist()
-    errors = case_errors(rows)
-    for axes, name in zip(panels, known, strict=False):
-        values = [getattr(row, name) for row in rows]
-        pairs = np.array([(x, y) for x, y in zip(values, errors, strict=True) if None not in (x, y)], dtype=float)
-        axes.plot(*pairs.T, PREDICTED.marker, color=PREDICTED.colour, markersize=4.5)
-        line = summary.trends[name]
-        if line is not None:
-            ends = np.array([pairs[:, 0].min(), pairs[:, 0].max()])
-            axes.plot(ends, line.intercept + line.slope * ends, color=INK, linewidth=1.0)
-            axes.set_title(f"r = {line.correlation:+z.2f}, p = {line.p:.2f}", fontsize=9.0)
+    for axes, (name, line) in zip(panels, known.items(), strict=False):
+        pairs = zip([getattr(row, name) for row in rows], case_errors(rows), strict=True)
+        x, y = np.array([pair for pair in pairs if None not in pair], dtype=float).T
+        axes.plot(x, y, PREDICTED.marker, color=PREDICTED.colour, markersize=4.5)
+        ends = np.array([x.min(), x.max()])
+        axes.plot(ends, line.intercept + line.slope * ends, color=INK, linewidth=1.0)
+        axes.set_title(f"r = {line.correlation:+z.2f}, p = {line.p:.2f}", fontsize=9.0)
         axes.axhline(DETECTABLE, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
         axes.grid()
         axes.set_ylim(bottom=0.0)
@@ -327,9 +270,8 @@ def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary, known: Seque
     return figure
 
 
-PARTS = {"T3-T12": "The thoracic back (T3-T12)", "L1-L5": "The lumbar back (L1-L5)"}
+REGIONS = {"T3-T12": "The thoracic back (T3-T12)", "L1-L5": "The lumbar back (L1-L5)"}
 """Regions that together are the whole back that is judged."""
-NOTHING_CHANGES, BY_SPLINE = "saying that nothing changes", "moving the skin with the spline of the landmarks"
 
 
 def over_whole_back(summary: CohortSummary) -> list[str]:
@@ -343,23 +285,20 @@ def over_whole_back(summary: CohortSummary) -> list[str]:
 
 def worse_parts(summary: CohortSummary) -> list[str]:
     """A sentence for each region that is predicted worse than by a baseline."""
-    said = []
-    for name, part in PARTS.items():
-        found = summary.ranges[name]
-        for what, gain, other in _baselines(found):
-            if gain.mean < 0.0 and found.error is not None:
-                said.append(
-                    f"{part} is predicted worse than by {what}: the error is {found.error.mean:.2f} degrees, not "
-                    f"{other.mean:.2f}; the difference is {-gain.mean:.2f}{_interval_of_gain(gain, -1.0)}."
-                )
-    return said
+    return [
+        f"{part} is predicted worse than by {what}: the error is {error.mean:.2f} degrees, not {other.mean:.2f}; "
+        f"the difference is {-gain.mean:.2f}{_interval_of_gain(gain, -1.0)}."
+        for name, part in REGIONS.items()
+        for what, gain, other in _baselines(summary.ranges[name])
+        if gain.mean < 0.0 and (error := summary.ranges[name].error) is not None
+    ]
 
 
 def _baselines(found: RangeSummary) -> list[tuple[str, Estimate, Estimate]]:
     """Each baseline with what is gained over it and its own error, as far as they are known."""
     both = (
-        (NOTHING_CHANGES, found.better_than_nothing, found.nothing_changes),
-        (BY_SPLINE, found.better_than_spline, found.spline),
+        ("saying that nothing changes", found.better_than_nothing, found.nothing_changes),
+        ("moving the skin with the spline of the landmarks", found.better_than_spline, found.spline),
     )
     return [(what, gain, other) for what, gain, other in both if gain is not None and other is not None]
 

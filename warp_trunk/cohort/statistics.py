@@ -13,10 +13,9 @@ DRAWS = 10_000
 """Draws of a bootstrap; the ends of its interval then vary by about 1 % of its width."""
 SEED = 1
 """Of the draws: the same patients give the same interval."""
-CONFIDENCE = 0.95
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Estimate:
     """A mean over patients."""
 
@@ -54,35 +53,21 @@ def over_patients(values: Sequence[float], patients: Sequence[str]) -> Estimate 
     means = np.array([np.mean(one) for one in of.values()])
     low = high = None
     if len(means) >= 3:
-        low, high = _interval(means)
-    return Estimate(
-        mean=float(means.mean()),
-        sd=float(means.std(ddof=1)) if len(means) > 1 else None,
-        low=low,
-        high=high,
-        patients=len(means),
-    )
+        from scipy.stats import bootstrap  # heavy
 
-
-def _interval(means: np.ndarray) -> tuple[float, float]:
-    from scipy.stats import bootstrap  # heavy
-
-    drawn = bootstrap(
-        (means,),
-        np.mean,
-        n_resamples=DRAWS,
-        confidence_level=CONFIDENCE,
-        method="percentile",
-        rng=np.random.default_rng(SEED),
-    )
-    return float(drawn.confidence_interval.low), float(drawn.confidence_interval.high)
+        drawn = bootstrap(
+            (means,), np.mean, n_resamples=DRAWS, method="percentile", rng=np.random.default_rng(SEED)
+        ).confidence_interval
+        low, high = float(drawn.low), float(drawn.high)
+    sd = float(means.std(ddof=1)) if len(means) > 1 else None
+    return Estimate(float(means.mean()), sd, low, high, len(means))
 
 
 LIMIT = 1.96
 """Standard deviations to either side that hold 95 % of differences."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Agreement:
     """How far predicted numbers lie from actual ones."""
 
@@ -117,37 +102,19 @@ def limits_of_agreement(differences: Sequence[float], patients: Sequence[str]) -
     if not len(d):
         return None
     _, whose = np.unique(np.asarray(patients), return_inverse=True)
-    variance = _variance(d, whose)
-    bias = float(d.mean())
-    sd = None if variance is None else math.sqrt(variance)
-    return Agreement(
-        bias=bias,
-        sd=sd,
-        low=None if sd is None else bias - LIMIT * sd,
-        high=None if sd is None else bias + LIMIT * sd,
-        pairs=len(d),
-        patients=int(whose.max()) + 1,
-    )
-
-
-def _variance(d: np.ndarray, whose: np.ndarray) -> float | None:
-    """The variance of one difference; None where there is but one."""
-    counts = np.bincount(whose)
-    patients, pairs = len(counts), len(d)
-    if pairs < 2:
-        return None
-    if patients in (1, pairs):  # no two variances to separate
-        return float(d.var(ddof=1))
-    means = np.bincount(whose, d) / counts
-    within = float(((d - means[whose]) ** 2).sum()) / (pairs - patients)
-    between = float((counts * (means - d.mean()) ** 2).sum()) / (patients - 1)
-    typical = (pairs - float((counts**2).sum()) / pairs) / (patients - 1)
-    return within + max(0.0, (between - within) / typical)
-
-
-def share_within(errors: Sequence[float], limit: float) -> float | None:
-    """The part of errors whose size is below a limit, from 0 to 1; None without errors."""
-    return share_true([abs(error) < limit for error in errors])
+    counts, bias, sd = np.bincount(whose), float(d.mean()), None
+    pairs, people = len(d), len(counts)
+    if pairs > 1:
+        variance = float(d.var(ddof=1))
+        if 1 < people < pairs:  # else there are no two variances to separate
+            means = np.bincount(whose, d) / counts
+            within = float(((d - means[whose]) ** 2).sum()) / (pairs - people)
+            between = float((counts * (means - bias) ** 2).sum()) / (people - 1)
+            typical = (pairs - float((counts**2).sum()) / pairs) / (people - 1)
+            variance = within + max(0.0, (between - within) / typical)
+        sd = math.sqrt(variance)
+    low, high = (None if sd is None else bias + side * LIMIT * sd for side in (-1.0, 1.0))
+    return Agreement(bias, sd, low, high, pairs, people)
 
 
 def share_true(flags: Iterable[bool | None]) -> float | None:
@@ -160,7 +127,7 @@ LEAST = 3
 """Fewer points have no trend."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Trend:
     """A straight line through points, and how well it fits."""
 
@@ -188,10 +155,4 @@ def trend(x: Sequence[float | None], y: Sequence[float | None]) -> Trend | None:
     from scipy.stats import linregress  # heavy
 
     line: Any = linregress(known[:, 0], known[:, 1])
-    return Trend(
-        slope=float(line.slope),
-        intercept=float(line.intercept),
-        correlation=float(line.rvalue),
-        p=float(line.pvalue),
-        points=len(known),
-    )
+    return Trend(*map(float, (line.slope, line.intercept, line.rvalue, line.pvalue)), points=len(known))

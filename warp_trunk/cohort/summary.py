@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from warp_trunk.measures.comparison import DETECTABLE, RANGES
 
-from .rows import CONVERGED, FAILED, CaseRow, Guess, LevelError, case_error, level_errors
-from .statistics import (
-    Agreement,
-    Estimate,
-    Trend,
-    limits_of_agreement,
-    over_patients,
-    share_true,
-    share_within,
-    trend,
-)
+from .rows import CONVERGED, FAILED, CaseRow, Guess, case_error, level_errors
+from .statistics import Agreement, Estimate, Trend, limits_of_agreement, over_patients, share_true, trend
 
 WHOLE = "T3-L5"
 """The range over which a case has one error."""
@@ -54,7 +45,7 @@ class RangeSummary:
     """Share of a patient's levels whose actual rotation lies in the prediction's 95 % band; None without bands."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class LevelSummary:
     """Back surface rotation at one level [degrees]."""
 
@@ -68,7 +59,7 @@ class LevelSummary:
     """Mean absolute error of the skin moved with the spline."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class HumpSummary:
     """The largest hump [mm]."""
 
@@ -122,6 +113,7 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
     counted = [row for row in rows if row.counts]
     known = [row for row in rows if row.status == CONVERGED]
     whole = level_errors(counted, WHOLE)
+    errors = case_errors(counted)
     return CohortSummary(
         cases=len(rows),
         counted=len(counted),
@@ -135,7 +127,7 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
         levels=_levels(counted),
         agreement=limits_of_agreement([one.error for one in whole], [one.case.patient for one in whole]),
         hump=_hump(counted),
-        trends={name: trend([getattr(row, name) for row in counted], case_errors(counted)) for name in AGAINST},
+        trends={name: trend([getattr(row, name) for row in counted], errors) for name in AGAINST},
     )
 
 
@@ -145,67 +137,52 @@ def case_errors(rows: Sequence[CaseRow], of: str = WHOLE, guess: Guess = "predic
 
 
 def _range(rows: Sequence[CaseRow], of: str) -> RangeSummary:
-    errors = {guess: case_errors(rows, of, guess) for guess in ("predicted", "before", "spline")}
-    gains = {
-        guess: [
-            None if a is None or b is None else a - b
-            for a, b in zip(errors[guess], errors["predicted"], strict=True)
-        ]
-        for guess in ("before", "spline")
-    }
+    def estimate(values: Iterable[float | None]) -> Estimate | None:
+        known = [(value, row.patient) for value, row in zip(values, rows, strict=True) if value is not None]
+        return over_patients([value for value, _ in known], [patient for _, patient in known])
+
+    predicted, before, spline = (case_errors(rows, of, guess) for guess in ("predicted", "before", "spline"))
+    gains = [
+        [None if a is None or b is None else a - b for a, b in zip(errors, predicted, strict=True)]
+        for errors in (before, spline)
+    ]
     levels = [level_errors([row], of) for row in rows]
     return RangeSummary(
-        error=_estimate(errors["predicted"], rows),
-        nothing_changes=_estimate(errors["before"], rows),
-        spline=_estimate(errors["spline"], rows),
-        better_than_nothing=_estimate(gains["before"], rows),
-        better_than_spline=_estimate(gains["spline"], rows),
-        within=_estimate([share_within([one.error for one in case], DETECTABLE) for case in levels], rows),
-        cases_within=_estimate([None if e is None else float(e < DETECTABLE) for e in errors["predicted"]], rows),
-        in_band=_estimate([share_true(one.in_band for one in case) for case in levels], rows),
+        error=estimate(predicted),
+        nothing_changes=estimate(before),
+        spline=estimate(spline),
+        better_than_nothing=estimate(gains[0]),
+        better_than_spline=estimate(gains[1]),
+        within=estimate(share_true(abs(one.error) < DETECTABLE for one in case) for case in levels),
+        cases_within=estimate(None if error is None else float(error < DETECTABLE) for error in predicted),
+        in_band=estimate(share_true(one.in_band for one in case) for case in levels),
     )
 
 
-def _estimate(values: Sequence[float | None], rows: Sequence[CaseRow]) -> Estimate | None:
-    known = [(value, row.patient) for value, row in zip(values, rows, strict=True) if value is not None]
-    return over_patients([value for value, _ in known], [patient for _, patient in known])
-
-
 def _levels(rows: Sequence[CaseRow]) -> dict[str, LevelSummary]:
-    by_level: dict[str, dict[str, list[LevelError]]] = {level: {} for level in RANGES[WHOLE]}
-    for guess in ("predicted", "before", "spline"):
-        for one in level_errors(rows, WHOLE, guess):
-            by_level[one.level].setdefault(guess, []).append(one)
     found = {}
-    for level, of in by_level.items():
-        sizes = {guess: [abs(one.error) for one in ones] for guess, ones in of.items()}
-        if not of:
-            continue
-        error = over_patients(sizes["predicted"], [one.case.patient for one in of["predicted"]])
-        assert error is not None  # there is at least one
-        found[level] = LevelSummary(
-            error=error,
-            bias=float(np.mean([one.error for one in of["predicted"]])),
-            nothing_changes=float(np.mean(sizes["before"])),
-            spline=float(np.mean(sizes["spline"])),
+    for level in RANGES[WHOLE]:
+        predicted, before, spline = (
+            [one for one in level_errors(rows, WHOLE, guess) if one.level == level]
+            for guess in ("predicted", "before", "spline")
         )
+        sizes = [[abs(one.error) for one in ones] for ones in (predicted, before, spline)]
+        error = over_patients(sizes[0], [one.case.patient for one in predicted])
+        if error is not None:
+            bias = np.mean([one.error for one in predicted])
+            found[level] = LevelSummary(error, *map(float, (bias, np.mean(sizes[1]), np.mean(sizes[2]))))
     return found
 
 
 def _hump(rows: Sequence[CaseRow]) -> HumpSummary | None:
-    known = [
-        (row.hump_predicted_mm, row.hump_actual_mm, row.patient)
-        for row in rows
-        if row.hump_predicted_mm is not None and row.hump_actual_mm is not None
-    ]
+    humps = [(row.hump_predicted_mm, row.hump_actual_mm, row.patient) for row in rows]
+    known = [(guess, actual, who) for guess, actual, who in humps if guess is not None and actual is not None]
     if not known:
         return None
     predicted, actual, patients = zip(*known, strict=True)
     differences = [a - b for a, b in zip(predicted, actual, strict=True)]
-    error, agreement = (
-        over_patients([abs(d) for d in differences], patients),
-        limits_of_agreement(differences, patients),
-    )
+    error = over_patients([abs(difference) for difference in differences], patients)
+    agreement = limits_of_agreement(differences, patients)
     assert error is not None
     assert agreement is not None
-    return HumpSummary(error=error, agreement=agreement, line=trend(actual, predicted))
+    return HumpSummary(error, agreement, trend(actual, predicted))

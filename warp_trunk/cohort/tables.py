@@ -13,7 +13,7 @@ import msgspec
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.measures.comparison import DETECTABLE
 
-from .page import cohort_page, worse_parts
+from .page import cohort_page, plus_minus, worse_parts
 from .rows import CaseRow, LevelRow
 from .summary import CohortSummary, summarize_cohort
 
@@ -47,10 +47,8 @@ def table_rows(rows: Sequence[CaseRow]) -> Iterator[list[Any]]:
 
 def cohort_text(summary: CohortSummary) -> str:
     """The text of a cohort for the terminal."""
-    lines = [
-        f"{summary.cases} cases: {summary.counted} of {summary.patients} patients count"
-        + (f"; {summary.virtual} are synthetic" if summary.virtual else "")
-    ]
+    synthetic = f"; {summary.virtual} are synthetic" if summary.virtual else ""
+    lines = [f"{summary.cases} cases: {summary.counted} of {summary.patients} patients count{synthetic}"]
     for what, names in (
         ("failed", summary.failed),
         ("did not converge", summary.unfinished),
@@ -58,16 +56,13 @@ def cohort_text(summary: CohortSummary) -> str:
         ("bending, not surgery", summary.bending),
     ):
         if names:
-            lines.append(
-                f"{what}: {', '.join(names[:12])}" + (f" and {len(names) - 12} more" if len(names) > 12 else "")
-            )
+            more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+            lines.append(f"{what}: {', '.join(names[:12])}{more}")
     for name, one in summary.ranges.items():
-        if one.error is None or one.nothing_changes is None or one.spline is None or one.within is None:
-            continue
-        spread = "" if one.error.sd is None else f" ± {one.error.sd:.2f}"
-        lines.append(
-            f"{name:<7} mean absolute error {one.error.mean:.2f}{spread}° over patients; "
-            f"{one.nothing_changes.mean:.2f}° if nothing changed, {one.spline.mean:.2f}° by the spline; "
-            f"{100.0 * one.within.mean:.0f} % of levels within {DETECTABLE:g}°"
-        )
+        if one.error is not None and one.nothing_changes and one.spline and one.within:
+            lines.append(
+                f"{name:<7} mean absolute error {plus_minus(one.error)}° over patients; "
+                f"{one.nothing_changes.mean:.2f}° if nothing changed, {one.spline.mean:.2f}° by the spline; "
+                f"{100.0 * one.within.mean:.0f} % of levels within {DETECTABLE:g}°"
+            )
     return "\n".join([*lines, *worse_parts(summary)])

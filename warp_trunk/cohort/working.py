@@ -40,17 +40,10 @@ def work(
     if not options.run.threads:
         options = dataclasses.replace(options, run=dataclasses.replace(options.run, threads=CPU_THREADS))
     _warm_each_host(client, options)
-    futures = {
-        client.submit(
-            do_case,
-            folder.resolve(),
-            (out / folder.name).resolve(),
-            options,
-            key=f"case-{folder.name}",
-            pure=False,
-        ): folder
-        for folder in folders
-    }
+    futures = {}
+    for folder in folders:
+        place, key = (out / folder.name).resolve(), f"case-{folder.name}"
+        futures[client.submit(do_case, folder.resolve(), place, options, key=key, pure=False)] = folder
     found: dict[Path, Done] = {}
     progress.part("cases", 0, len(folders))
     for future, ended in _ended(client, futures, out):
@@ -66,21 +59,16 @@ def _ended(client: Client, futures: dict[Any, Path], out: Path) -> Iterator[tupl
     from distributed import as_completed
     from distributed.client import FutureCancelledError
 
+    lost = InputError(f"{out}: the scheduler was lost; finished results are kept: give the same command again")
     for future in as_completed(list(futures)):
         if future.status == "cancelled" or client.status not in ("running", "connecting"):
-            raise _scheduler_lost(out)
+            raise lost
         try:
             yield future, future.result()
         except FutureCancelledError:
-            raise _scheduler_lost(out) from None
+            raise lost from None
         except Exception as error:  # of the machinery: a case's own are in its row
             yield future, error
-
-
-def _scheduler_lost(out: Path) -> InputError:
-    return InputError(
-        f"{out}: the scheduler was lost; results that are finished are kept: give the same command again"
-    )
 
 
 def _lost(folder: Path, error: Exception) -> Done:
@@ -119,10 +107,8 @@ def case_folders(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: is one case; give the folder that holds it and the others, or use simulate")
     found = sorted(path.parent for path in folder.glob(f"*/{HEADER}"))
     if not found:
-        raise InputError(
-            f"{folder}: holds no case folder, which is one with {HEADER} in it; make cases with warp-trunk "
-            "import, plan or make-case"
-        )
+        cure = f"a case folder has {HEADER} in it; make cases with warp-trunk import, plan or make-case"
+        raise InputError(f"{folder}: holds no case folder; {cure}")
     return found
 
 

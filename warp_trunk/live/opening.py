@@ -11,7 +11,7 @@ from warp_trunk.bone_motion.plan import Plan
 from warp_trunk.case import Case
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import patient_of, with_mesh_given
+from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 
 from .motion_plan import with_handles
@@ -62,8 +62,7 @@ def plan_live(
         case = with_handles(case)
     sliders = SpineSliders(case, plan) if case.has_spine else MotionSliders(case)
     sliders.surgery(first_wish(sliders))  # what is impossible is refused before any work
-    case, given = with_mesh_given(case, options, progress)
-    patient = patient_of(case, options, given, progress)
+    patient = patient_of(case, options, progress=progress)
     with progress.stage("compile", "preparing the relaxation"):
         _ = patient.relaxer
     with _ending_signals() as asked, Page(patient, sliders, folder, port) as page:

@@ -40,13 +40,6 @@ class Derivative:
     """Its derivative in the place of each landmark, the skin as it is [unit/mm], shape (landmarks, 3)."""
 
 
-def point_derivative(skin: Surface, landmarks: Landmarks, vertex: int, direction: np.ndarray) -> Derivative:
-    """How far a vertex of the skin stands along a unit vector (3,) [mm]."""
-    vertices = np.zeros_like(skin.vertices)
-    vertices[vertex] = direction
-    return Derivative(float(skin.vertices[vertex] @ direction), vertices, np.zeros_like(landmarks.points))
-
-
 def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: DualTangent) -> Derivative:
     """Back surface rotation at a level [degrees], and how it changes with the points that the tangent touches.
 

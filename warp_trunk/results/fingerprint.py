@@ -17,9 +17,6 @@ from .versions import versions
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.case.layers import Layers
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.geometry.surface import Surface
 
 Fingerprint = dict[str, Any]
@@ -32,13 +29,12 @@ PROGRAMS = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh")
 _MARK = "blake2b:"
 
 
-def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh | None = None) -> Fingerprint:
+def fingerprint_of(case: Case, parameters: Mapping[str, Any]) -> Fingerprint:
     """The inputs on which the displacements of a run depend.
 
     Args:
         case: what is simulated.
         parameters: every option of the run by its own name.
-        trunk: the mesh where it was made elsewhere; one that is made here follows from case and options.
 
     Raises:
         InputError: a device that is not there, or a number of threads that cannot be.
@@ -47,18 +43,27 @@ def fingerprint_of(case: Case, parameters: Mapping[str, Any], trunk: TrunkMesh |
     found: Fingerprint = {name: value for name, value in parameters.items() if name not in CHANGES_NOTHING}
     found["device"] = device
     found["threads"] = 1 if device.startswith("cuda") else choose_threads(parameters["threads"])
-    found |= dataclasses.asdict(case.tissue)
+    found |= anatomy_of(case)
     found["shares of the ribs"] = dataclasses.asdict(case.rib_shares)
-    found["skin"] = surface_digest(case.skin)
-    for when, bones in (("bone", case.bones), ("bone after", case.bones_after)):
-        found |= {f"{when} {name}": surface_digest(surface) for name, surface in bones.items()}
+    found |= {f"bone after {name}": surface_digest(surface) for name, surface in case.bones_after.items()}
     found["motions"] = motions_text(case.motions)
-    found["landmarks_before"] = _landmarks(case.landmarks_before)
-    found["landmarks_after"] = _landmarks(case.planned_landmarks)
-    found["layers of the case"] = None if case.layers is None else _layers(case.layers)
-    found["mesh made elsewhere"] = None if trunk is None else _trunk(trunk)
+    for name, marks in (("before", case.landmarks_before), ("after", case.planned_landmarks)):
+        found[f"landmarks_{name}"] = _digest("\n".join(marks.names), marks.points)
     found |= {f"version of {name}": version for name, version in versions().items() if name in PROGRAMS}
     return json.loads(json.dumps(found))  # as it comes back from a file
+
+
+def anatomy_of(case: Case) -> Fingerprint:
+    """The inputs on which mesh and model depend: skin, bones and tissue before surgery."""
+    found = {"skin": surface_digest(case.skin), **dataclasses.asdict(case.tissue)}
+    found |= {f"bone {name}": surface_digest(surface) for name, surface in case.bones.items()}
+    if case.layers is not None:
+        given = case.layers
+        constants = json.dumps({name: dict(values) for name, values in given.constants.items()}, sort_keys=True)
+        labels = b"" if given.mesh is None else given.mesh.read_bytes()
+        skin, fat = (np.asarray(one, dtype=np.float64) for one in (given.skin_thickness, given.fat_thickness))
+        found["layers of the case"] = _digest(skin, fat, constants, labels)
+    return found
 
 
 def difference(then: Fingerprint, now: Fingerprint) -> str:
@@ -85,20 +90,3 @@ def _digest(*parts: np.ndarray | str | bytes) -> str:
 def surface_digest(surface: Surface) -> str:
     """The digest of a surface."""
     return _digest(surface.vertices, surface.faces)
-
-
-def _landmarks(landmarks: Landmarks) -> str:
-    return _digest("\n".join(landmarks.names), landmarks.points)
-
-
-def _layers(layers: Layers) -> str:
-    constants = json.dumps({name: dict(values) for name, values in layers.constants.items()}, sort_keys=True)
-    labels = b"" if layers.mesh is None else layers.mesh.read_bytes()
-    return _digest(
-        np.asarray(layers.skin_thickness, dtype=np.float64), np.asarray(layers.fat_thickness), constants, labels
-    )
-
-
-def _trunk(trunk: TrunkMesh) -> str:
-    tissue = np.zeros(0) if trunk.tissue is None else trunk.tissue
-    return _digest(trunk.nodes, trunk.tets, trunk.skin_nodes, trunk.skin_faces, trunk.bone, tissue)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY, TRUNK
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
@@ -22,7 +20,7 @@ from warp_trunk.measures.record import COLUMNS, comparison_record, measures_reco
 from warp_trunk.measures.table import comparison_text, measures_text
 
 from .bands import levels_in_band
-from .result import read_summary
+from .summary import read_summary
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -42,11 +40,13 @@ def judged(
         when: whose landmarks go with it; found out where left out.
     """
     record, text = _measured(case, skin, actual, when)
-    inside, tissue = _in_bands(file, record), _tissue_change(file, skin)
-    record["tissue_volume_change_percent"] = tissue
-    if inside is not None:
+    if (inside := _in_bands(file, record)) is not None:
         record["against"]["in_band"] = inside
-        text += f"\n\n{_bands_text(inside)}"
+        known = [level for level, is_in in inside.items() if is_in is not None]
+        out = [level for level in known if not inside[level]]
+        counts = f"{len(known) - len(out)} of {len(known)} levels" + (f"; not at {', '.join(out)}" if out else "")
+        text += f"\n\nActual back surface rotation in its 95 % band at {counts}"
+    record["tissue_volume_change_percent"] = tissue = _tissue_change(file, skin)
     if tissue is not None:
         text += f"\n\nvolume of the soft tissue   {tissue:+z.2f} %"
     return record, text
@@ -61,19 +61,18 @@ def _measured(
         unmoved = same and np.abs(skin.vertices - case.skin.vertices).max() < 1e-3  # float32 files round
         when = "before" if unmoved else "after"
     landmarks = case.landmarks_before if when == "before" else case.planned_landmarks
+    spine, name = bool(landmarks.names), case.name.strip()
     found = measure(skin, landmarks, case.skin if same and when == "after" else None)
     record: dict[str, Any] = {"case": case.name, "landmarks": when, "skin": measures_record(found)}
-    text = [f"{case.name.strip()}: the skin with its landmarks {when} surgery", "", measures_text(found)]
-    if not landmarks.names:
+    text = [f"{name}: the skin with its landmarks {when} surgery", "", measures_text(found)]
+    if not spine:
         change = found.skin_change_max
-        text = [
-            f"{case.name.strip()}: " + ("the skin" if change is None else f"the skin moves by {change:.1f} mm")
-        ]
-    if actual is not None:
-        if not landmarks.names:
-            agreed, _ = agreement(skin, actual)
-            text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
-            return record | {"against": dataclasses.asdict(agreed)}, "\n".join(text)
+        text = [f"{name}: the skin" + ("" if change is None else f" moves by {change:.1f} mm")]
+    if actual is not None and not spine:
+        agreed, _ = agreement(skin, actual)
+        text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
+        record["against"] = dataclasses.asdict(agreed)
+    elif actual is not None:
         other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
         record |= {"actual": measures_record(other), "against": comparison_record(comparison)}
         text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
@@ -85,17 +84,8 @@ def _in_bands(file: Path, record: dict[str, Any]) -> dict[str, bool | None] | No
     if "actual" not in record or file.name != PREDICTED_SKIN or not (file.parent / SUMMARY).is_file():
         return None
     bands = read_summary(file.parent).bands
-    if bands is None:
-        return None
-    return levels_in_band(bands, {level: one["bsr_deg"] for level, one in record["actual"]["levels"].items()})
-
-
-def _bands_text(inside: Mapping[str, bool | None]) -> str:
-    """How many levels of the actual back lie in their bands, and which do not."""
-    known = [level for level, is_in in inside.items() if is_in is not None]
-    out = [level for level in known if not inside[level]]
-    text = f"Actual back surface rotation in its 95 % band at {len(known) - len(out)} of {len(known)} levels"
-    return text + (f"; not at {', '.join(out)}" if out else "")
+    angles = {level: one["bsr_deg"] for level, one in record["actual"]["levels"].items()}
+    return None if bands is None else levels_in_band(bands, angles)
 
 
 def _tissue_change(file: Path, skin: Surface) -> float | None:
@@ -110,24 +100,10 @@ def _tissue_change(file: Path, skin: Surface) -> float | None:
     return tissue_volume_change(trunk, displacement)
 
 
-def check_writable(stem: Path) -> None:
-    """Make the folder of a record, and raise InputError where the record cannot be written."""
-    probe = stem.with_name(f".{stem.name}.writable")
-    try:
-        stem.parent.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(b"")
-        probe.unlink()
-    except OSError as error:
-        raise InputError(
-            f"{stem}: measures cannot be written here ({error.strerror}); give --out a place of your own"
-        ) from error
-
-
 def write_record(stem: Path, record: Mapping[str, Any]) -> None:
     """Write a record as JSON and as CSV, each whole or not at all."""
     as_json, as_csv = (stem.with_name(f"{stem.name}{ending}") for ending in (".json", ".csv"))
-    partial(as_json).write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    with partial(as_csv).open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(as_json) as file:
+        file.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    with atomic_write(as_csv) as path, path.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows(record)])
-    for path in (as_json, as_csv):
-        os.replace(partial(path), path)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,16 +40,12 @@ from warp_trunk.io.result_files import (
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 
-from .bands import Bands, FoundBands, read_skin_sd, write_skin_sd
-from .summarize import summarize
-from .summary import Summary, as_read, parse_summary, write_summary
+from .bands import Bands, read_skin_sd, write_skin_sd
+from .summary import Summary, read_summary, write_summary
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.engine.model import Model
-    from warp_trunk.engine.simulation import Increment
 
 LEAST_SPACE = 200e6
 """Free space that a result folder needs [bytes]; the largest results seen take a third of it."""
@@ -193,76 +189,6 @@ def predicted_skin(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> Su
     return Surface(case.skin.vertices + displacement[trunk.skin_nodes], case.skin.faces)
 
 
-def result_of(
-    case: Case,
-    trunk: TrunkMesh,
-    model: Model,
-    increments: Sequence[Increment],
-    *,
-    before: TrunkMeasures | None = None,
-    after: TrunkMeasures | None = None,
-    quality: SkinQuality | None = None,
-    parameters: Mapping[str, Any] | None = None,
-    seconds: Mapping[str, float] | None = None,
-    warnings: Sequence[str] = (),
-    found: FoundBands | None = None,
-    recording: Path | None = None,
-    plan: str | None = None,
-) -> Result:
-    """The result of a simulation that was run increment by increment.
-
-    Args:
-        case: the case that was simulated.
-        trunk: its mesh.
-        model: its model.
-        increments: everything that the engine's `simulate` yielded.
-        before: the measures of the skin before surgery, where they are known; measured when left out.
-        after: the measures of the predicted skin, likewise.
-        quality: how far the predicted skin is stretched and folded, likewise.
-        parameters: options of the run for the summary, beside those the model knows.
-        seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
-        warnings: what makes the result doubtful; faults of the predicted skin are added.
-        found: the bands of the numbers and of the skin, where they are known.
-        recording: a finished recording.
-        plan: the text of the plan that made the case, where one did.
-
-    Raises:
-        InputError: there is no increment.
-    """
-    if not increments:
-        raise InputError("result_of: 'increments' is empty; give everything that simulate() yielded")
-    displacement = increments[-1].displacement
-    skin = predicted_skin(case, trunk, displacement)
-    before = before or measure(case.skin, case.landmarks_before)
-    after = after or measure(skin, case.planned_landmarks, case.skin)
-    actual = None if case.actual_skin is None else measure(case.actual_skin, case.planned_landmarks)
-    summary = summarize(
-        case,
-        trunk,
-        model,
-        increments,
-        measures=(before, after, actual),
-        quality=quality or skin_quality(case.skin, skin, case.landmarks_before, case.bones),
-        parameters=parameters,
-        seconds=seconds,
-        warnings=warnings,
-        bands=None if found is None else found.bands,
-    )
-    result = Result(
-        skin_before=case.skin,
-        skin=skin,
-        actual_skin=case.actual_skin,
-        landmarks_before=case.landmarks_before,
-        landmarks_after=case.planned_landmarks,
-        summary=as_read(summary),
-        skin_sd=None if found is None else found.skin_sd,
-        plan=plan,
-        recording=recording,
-    )
-    result.measures_before, result.measures, result.tissue = before, after, (trunk, displacement)
-    return result
-
-
 def prepare_folder(folder: str | Path) -> Path:
     """Create a result folder and make sure, before any long work, that a result can be written to it.
 
@@ -283,44 +209,39 @@ def prepare_folder(folder: str | Path) -> Path:
 
 def write_result(folder: Path, result: Result) -> None:
     """Write a result into a folder that is prepared and kept from other processes; see `Result.save`."""
-    surfaces = {SKIN_BEFORE: result.skin_before, PREDICTED_SKIN: result.skin, ACTUAL_SKIN: result.actual_skin}
-    landmarks = {LANDMARKS_BEFORE: result.landmarks_before, LANDMARKS_AFTER: result.landmarks_after}
-    names = [TRUNK]
+    before, after = result.landmarks_before, result.landmarks_after
+    contents: dict[str, tuple[Callable[..., object], object]] = {
+        SKIN_BEFORE: (write_surface, result.skin_before),
+        PREDICTED_SKIN: (write_surface, result.skin),
+        ACTUAL_SKIN: (write_surface, result.actual_skin),
+        LANDMARKS_BEFORE: (write_landmarks, before if before.names else None),
+        LANDMARKS_AFTER: (write_landmarks, after if after.names else None),
+        PLAN: (_write_text, result.plan),
+        SKIN_SD: (write_skin_sd, result.skin_sd),
+        SUMMARY: (write_summary, result.summary),
+    }
+    contents = {name: content for name, content in contents.items() if content[1] is not None}
     write_trunk(partial(folder / TRUNK), *result.tissue)
-    for name, surface in surfaces.items():
-        if surface is not None:
-            write_surface(partial(folder / name), surface)
-            names.append(name)
-    for name, points in landmarks.items():
-        if points.names:
-            write_landmarks(partial(folder / name), points)
-            names.append(name)
-    if result.plan is not None:
-        partial(folder / PLAN).write_text(result.plan, encoding="utf-8")
-        names.append(PLAN)
-    if result.skin_sd is not None:
-        write_skin_sd(partial(folder / SKIN_SD), result.skin_sd)
-        names.append(SKIN_SD)
-    write_summary(partial(folder / SUMMARY), result.summary)
+    for name, (write, content) in contents.items():
+        write(partial(folder / name), content)
     recording, kept = result.recording, partial(folder / RECORDING)
     if recording is not None and recording != kept:
         shutil.copyfile(recording, kept)
-    _complete(folder, [*names, SUMMARY], recorded=recording is not None)
-    result.saved_in, result.recording = folder, None if recording is None else folder / RECORDING
-
-
-def _complete(folder: Path, names: Sequence[str], *, recorded: bool) -> None:
-    """Move every file to its own name, the summary last, after what an earlier simulation left is removed."""
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
     optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
     for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
         picture.unlink()
-    if recorded:
-        os.replace(partial(folder / RECORDING), folder / RECORDING)
-    for name in names:
+    if recording is not None:
+        os.replace(kept, folder / RECORDING)
+    for name in (TRUNK, *contents):
         complete(folder / name)
+    result.saved_in, result.recording = folder, None if recording is None else folder / RECORDING
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
 
 
 def read_result(folder: str | Path) -> Result:
@@ -335,44 +256,40 @@ def read_result(folder: str | Path) -> Result:
     """
     folder = Path(folder)
     summary = read_summary(folder)
-    before, after = (read_surface(_present(folder / name)) for name in (SKIN_BEFORE, PREDICTED_SKIN))
+
+    def present(name: str) -> Path:
+        if not (folder / name).is_file():
+            raise InputError(
+                f"{folder / name}: is missing, though {SUMMARY} says that the result is complete; {AGAIN}"
+            )
+        return folder / name
+
+    before, after = (read_surface(present(name)) for name in (SKIN_BEFORE, PREDICTED_SKIN))
     if not np.array_equal(before.faces, after.faces) or before.vertices.shape != after.vertices.shape:
         raise InputError(
-            f"{folder / PREDICTED_SKIN}: {len(after.vertices)} vertices and {len(after.faces)} triangles are not "
-            f"those of {SKIN_BEFORE} ({len(before.vertices)} and {len(before.faces)}); {AGAIN}"
+            f"{folder / PREDICTED_SKIN}: its vertices or faces are not those of {SKIN_BEFORE}; {AGAIN}"
         )
     planned = reached = NO_LANDMARKS
     if summary.bsr_deg.before or (folder / LANDMARKS_BEFORE).exists():
-        names = LANDMARKS_BEFORE, LANDMARKS_AFTER
-        planned, reached = (read_landmarks(_present(folder / name)) for name in names)
+        planned, reached = (read_landmarks(present(name)) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
     if planned.names != reached.names:
         raise InputError(
-            f"{folder / LANDMARKS_AFTER}: its {len(reached.names)} names are not the {len(planned.names)} of "
-            f"{LANDMARKS_BEFORE} in their order; {AGAIN}"
+            f"{folder / LANDMARKS_AFTER}: its names must be those of {LANDMARKS_BEFORE}, in their order; {AGAIN}"
         )
-    plans = [folder / PLAN, folder / MOTIONS]
-    actual = None if summary.bsr_deg.actual is None else read_surface(_present(folder / ACTUAL_SKIN))
+    plans = [file for file in (folder / PLAN, folder / MOTIONS) if file.is_file()]
+    recording = folder / RECORDING
     return Result(
         skin_before=before,
         skin=after,
-        actual_skin=actual,
+        actual_skin=None if summary.bsr_deg.actual is None else read_surface(present(ACTUAL_SKIN)),
         landmarks_before=planned,
         landmarks_after=reached,
         summary=summary,
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
-        plan=next((read_text(file, "the plan of a result", _MOST_PLAN) for file in plans if file.is_file()), None),
+        plan=read_text(plans[0], "the plan of a result", _MOST_PLAN) if plans else None,
         saved_in=folder,
-        recording=folder / RECORDING if (folder / RECORDING).is_file() else None,
+        recording=recording if recording.is_file() else None,
     )
-
-
-def read_summary(folder: str | Path) -> Summary:
-    """The summary of a result folder.
-
-    Raises:
-        InputError: there is none, or none yet, or it is damaged or of another version of the program.
-    """
-    return parse_summary(Path(folder) / SUMMARY)
 
 
 def find_recording(result: Path) -> Path:
@@ -390,9 +307,3 @@ def find_recording(result: Path) -> Path:
         if path.is_file():
             return path
     raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")
-
-
-def _present(path: Path) -> Path:
-    if not path.is_file():
-        raise InputError(f"{path}: is missing, though {SUMMARY} says that the result is whole; {AGAIN}")
-    return path

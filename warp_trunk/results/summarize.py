@@ -1,21 +1,26 @@
-"""The summary of a run, from what the run knows."""
+"""The result of a simulation, and its summary, from what the run knows."""
 
 from __future__ import annotations
 
 import dataclasses
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.chest import chest_indices, is_of_chest
 from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.points import follow_points
+from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 
-from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms
+from .result import Result, predicted_skin
+from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms, as_read
 from .versions import versions
 
 if TYPE_CHECKING:
@@ -23,13 +28,11 @@ if TYPE_CHECKING:
 
     from warp_trunk.case import Case
     from warp_trunk.engine.model import Model
-    from warp_trunk.engine.relaxation import Energy, RelaxStep
+    from warp_trunk.engine.relaxation import Energy
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.measures import TrunkMeasures
-    from warp_trunk.measures.skin_quality import SkinQuality
 
-    from .bands import Bands
+    from .bands import FoundBands
 
 STAGES = ("load", "surface", "mesh", "compile", "relax", "record", "total")
 """The parts of every run, whose seconds a summary gives."""
@@ -37,36 +40,55 @@ SCENE_STAGES = ("layers", "rest", "bands")
 """Those that only a scene with layers or gravity has, or a run with bands."""
 
 
-def summarize(
+def result_of(
     case: Case,
     trunk: TrunkMesh,
     model: Model,
     increments: Sequence[Increment],
     *,
-    measures: tuple[TrunkMeasures, TrunkMeasures, TrunkMeasures | None],
-    quality: SkinQuality,
+    measures: tuple[TrunkMeasures, TrunkMeasures] | None = None,
+    quality: SkinQuality | None = None,
     parameters: Mapping[str, Any] | None = None,
     seconds: Mapping[str, float] | None = None,
     warnings: Sequence[str] = (),
-    bands: Bands | None = None,
-) -> Summary:
-    """The summary of a simulation, with the faults of its predicted skin among the warnings.
+    found: FoundBands | None = None,
+    recording: Path | None = None,
+    plan: str | None = None,
+) -> Result:
+    """The result of a simulation that was run increment by increment.
 
-    `measures` are those of the skin before surgery, of the predicted and of the actual one; for the others see
-    `result_of`.
+    Args:
+        case: the case that was simulated.
+        trunk: its mesh.
+        model: its model.
+        increments: everything that the engine's `simulate` yielded.
+        measures: those of the skin before surgery and of the predicted skin; measured when left out.
+        quality: how far the predicted skin is stretched and folded, likewise.
+        parameters: options of the run for the summary, beside those the model knows.
+        seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
+        warnings: what makes the result doubtful; faults of the predicted skin are added.
+        found: the bands of the numbers and of the skin, where they are known.
+        recording: a finished recording.
+        plan: the text of the plan that made the case, where one did.
+
+    Raises:
+        InputError: there is no increment.
     """
-    last = increments[-1].relaxation
-    displacement = increments[-1].displacement
+    if not increments:
+        raise InputError("result_of: 'increments' is empty; give everything that simulate() yielded")
+    displacement, last = increments[-1].displacement, increments[-1].relaxation
+    skin, planned = predicted_skin(case, trunk, displacement), case.planned_landmarks
+    before, after = measures or (measure(case.skin, case.landmarks_before), measure(skin, planned, case.skin))
+    actual = None if case.actual_skin is None else measure(case.actual_skin, planned).bsr
+    quality = quality or skin_quality(case.skin, skin, case.landmarks_before, case.bones)
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
-    before, after, actual = measures
     constants = dataclasses.asdict(model.tissues[0]) if len(model.tissues) == 1 else {}
 
     def motion_of(bone: str) -> RigidTransform:
         rows = np.flatnonzero(trunk.bone == trunk.bone_names.index(bone))
         return fit_rigid(trunk.nodes[rows], trunk.nodes[rows] + displacement[rows])
 
-    skin = case.skin.vertices + displacement[trunk.skin_nodes]
-    return Summary(
+    summary = Summary(
         case=case.name,
         status=last.status.name,
         tets=len(trunk.tets),
@@ -80,24 +102,35 @@ def summarize(
         tissues=model.tissues,
         terms=model.terms,
         increments=tuple(_increment(increment) for increment in increments),
-        bsr_deg=RotationSummary(before=before.bsr, after=after.bsr, actual=None if actual is None else actual.bsr),
-        cobb_deg=CobbSummary(
-            before=before.cobb, after=after.cobb, followed=curves_after(before.cobb, case.planned_landmarks)
-        ),
+        bsr_deg=RotationSummary(before=before.bsr, after=after.bsr, actual=actual),
+        cobb_deg=CobbSummary(before=before.cobb, after=after.cobb, followed=curves_after(before.cobb, planned)),
         seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
         peak_memory_mb=peak_memory(),
         versions=versions(),
         warnings=(*warnings, *quality.faults),
         skin_quality=quality,
-        bands=bands,
+        bands=None if found is None else found.bands,
         virtual=case.study.virtual,
-        points=follow_points(case, skin, motion_of),
+        points=follow_points(case, skin.vertices, motion_of),
         chest=_chest(case, trunk, skin, motion_of),
     )
+    result = Result(
+        skin_before=case.skin,
+        skin=skin,
+        actual_skin=case.actual_skin,
+        landmarks_before=case.landmarks_before,
+        landmarks_after=planned,
+        summary=as_read(summary),
+        skin_sd=None if found is None else found.skin_sd,
+        plan=plan,
+        recording=recording,
+    )
+    result.measures_before, result.measures, result.tissue = before, after, (trunk, displacement)
+    return result
 
 
 def _chest(
-    case: Case, trunk: TrunkMesh, skin: np.ndarray, motion_of: Callable[[str], RigidTransform]
+    case: Case, trunk: TrunkMesh, skin: Surface, motion_of: Callable[[str], RigidTransform]
 ) -> dict[str, tuple[float, float]]:
     """The indices of the chest before and as predicted, where a case has no spine or moves its sternum."""
     if case.has_spine and "sternum" not in case.motions:
@@ -108,7 +141,7 @@ def _chest(
     if not before:
         return {}
     moved = {name: Surface(motion_of(name).apply(bone.vertices), bone.faces) for name, bone in bones.items()}
-    after = chest_indices(Surface(skin, case.skin.faces), moved)
+    after = chest_indices(skin, moved)
     return {name: (before[name], after[name]) for name in before if name in after}
 
 
@@ -125,6 +158,16 @@ def peak_memory() -> float | None:
 
 def _increment(increment: Increment) -> IncrementSummary:
     relaxation = increment.relaxation
+    steps = [
+        StepSummary(
+            energy=_terms(step.energy),
+            estimated_error_mm=step.estimated_error,
+            step_length=step.step_length,
+            linear_iterations=step.linear_iterations,
+            seconds=step.seconds,
+        )
+        for step in relaxation.history
+    ]
     return IncrementSummary(
         load_factor=increment.load_factor,
         status=relaxation.status.name,
@@ -133,17 +176,7 @@ def _increment(increment: Increment) -> IncrementSummary:
         linear_iterations=relaxation.linear_iterations,
         estimated_error_mm=relaxation.estimated_error,
         seconds=increment.seconds,
-        history=tuple(_step(step) for step in relaxation.history),
-    )
-
-
-def _step(step: RelaxStep) -> StepSummary:
-    return StepSummary(
-        energy=_terms(step.energy),
-        estimated_error_mm=step.estimated_error,
-        step_length=step.step_length,
-        linear_iterations=step.linear_iterations,
-        seconds=step.seconds,
+        history=tuple(steps),
     )
 
 

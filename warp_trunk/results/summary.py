@@ -17,6 +17,7 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
+from warp_trunk.io.result_files import SUMMARY
 from warp_trunk.measures import CobbAngle
 from warp_trunk.measures.points import FollowedPoint
 from warp_trunk.measures.skin_quality import SkinQuality
@@ -166,22 +167,20 @@ def write_summary(path: Path, summary: Summary) -> None:
     path.write_bytes(msgspec.json.format(msgspec.json.encode(summary, enc_hook=_plain), indent=2) + b"\n")
 
 
-def parse_summary(path: Path) -> Summary:
-    """Reads what `write_summary` wrote.
+def read_summary(folder: str | Path) -> Summary:
+    """The summary of a result folder.
 
     Raises:
-        InputError: there is no such file, it is not JSON, or an entry is missing or of another type.
+        InputError: there is none, or none yet, or it is damaged or of another version of the program.
     """
-    text = read_text(path, "give a folder that `simulate` wrote")
+    path = Path(folder) / SUMMARY
     try:
-        return msgspec.json.decode(text, type=Summary)
-    except msgspec.ValidationError as error:
+        return msgspec.json.decode(read_text(path, "give a folder that `simulate` wrote"), type=Summary)
+    except (msgspec.DecodeError, RecursionError) as error:
         raise InputError(
             f"{path}: was changed by hand or written by another version of the program: {error}; "
             "simulate the case again"
         ) from error
-    except (msgspec.DecodeError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON ({error}); simulate the case again") from error
 
 
 def _plain(value: object) -> object:

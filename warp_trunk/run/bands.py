@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,6 @@ import numpy as np
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.measures.apical import axial_rotation
@@ -32,7 +30,7 @@ from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 from .draws import draw_errors, proportion, skin_deviation
 from .options import RunOptions
 from .patient import Prepared
-from .sensitivities import Sensitivity, from_adjoints, numbers_of, on_nodes, pulls_of
+from .sensitivities import from_adjoints, numbers_of, on_nodes, pulls_of
 from .sources import Source, sources_of
 
 if TYPE_CHECKING:
@@ -46,6 +44,8 @@ DRAWS = 16
 ACCURACY = 0.1
 """Part of the longest vector of a solution by which a vector may be wrong. What an adjoint lacks counts only by
 what the guess of how tissue follows lacks, too."""
+SEED = 1
+"""Of the draws."""
 _LANDMARKS, _MESH = "landmarks", "mesh"
 
 
@@ -56,7 +56,6 @@ def find_bands(
     options: RunOptions | None = None,
     *,
     draws: int = DRAWS,
-    seed: int = 1,
     relaxer: Relaxer | None = None,
 ) -> FoundBands:
     """How sure the numbers of a prediction are, by the sources of error that the case states.
@@ -67,178 +66,91 @@ def find_bands(
         increment: the last increment that `simulate` yielded.
         options: those that `prepare` was given.
         draws: of all errors at once; they show whether numbers change in proportion, at least 2.
-        seed: of the draws.
         relaxer: what relaxed the increment, see `Linearization`; made when left out.
 
     Raises:
-        InputError: the last relaxation did not converge, or fewer than two draws.
+        InputError: the last relaxation did not converge.
     """
-    if draws < 2:
-        raise InputError(f"bands: 'draws' must be at least 2, not {draws}")
-    options = options or RunOptions()
+    options, trunk, given = options or RunOptions(), prepared.trunk, case.uncertainty
     linear = Linearization(prepared.model, increment, ACCURACY, relaxer=relaxer)
     sources = sources_of(case, prepared, options)
-    sizes = draws, np.random.default_rng(seed)
-    found, apart, drawn, own = _solved(case, prepared, increment, options, linear, sources=sources, sizes=sizes)
-    effects = _effects(case, found, apart, sources, own)
-    bands = _bands(found, effects.sd(drawn.ratio), drawn.linear)
-    skin_sd = np.sqrt(drawn.skin**2 + case.uncertainty.mesh_length**2)
-    return FoundBands(
-        Bands(
-            bsr_deg=_of_kind(bands, "bsr "),
-            max_hump_mm=next(iter(_of_kind(bands, "hump ").values()), None),
-            shoulder_difference_mm=bands.get("shoulder difference"),
-            spine=spine_bands(case, sources),
-            exact=_bands(found, effects.sd(drawn.ratio, exact=True), np.ones_like(drawn.linear)),
-            sources=_ranked(case, found, sources, effects.by_name),
-            skin_mean_mm=float(skin_sd.mean()),
-            skin_max_mm=float(skin_sd.max()),
-            draws=draws,
-        ),
-        skin_sd,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """Results of draws of all errors."""
-
-    ratio: np.ndarray
-    """Deviation of each number over the prediction of its derivatives for the same draws, shape (numbers,)."""
-    linear: np.ndarray
-    """Whether each changes in proportion, shape (numbers,)."""
-    skin: np.ndarray
-    """Standard deviation of each vertex along its normal [mm], shape (vertices,)."""
-
-
-def _solved(
-    case: Case,
-    prepared: Prepared,
-    increment: Increment,
-    options: RunOptions,
-    linear: Linearization,
-    *,
-    sources: Sequence[Source],
-    sizes: tuple[int, np.random.Generator],
-) -> tuple[tuple[Sensitivity, ...], tuple[Sensitivity, ...], _Drawn, np.ndarray]:
-    """Sensitivities of the numbers, also for separate errors of landmarks before and after, results of the
-    draws, and the effect of each source that moves no landmarks on each number.
-
-    All of one block of linear solves.
-    """
-    skin = predicted_skin(case, prepared.trunk, increment.displacement)
+    skin = predicted_skin(case, trunk, increment.displacement)
     numbers, normals = numbers_of(case, prepared, increment), vertex_normals(skin)
     pulls = pulls_of(case, prepared, options, linear)
-    response = spline_response(case.landmarks_before.points, prepared.trunk.nodes)
-    seen = response, normals
+    seen = response, _ = spline_response(case.landmarks_before.points, trunk.nodes), normals
+    sizes = draws, np.random.default_rng(SEED)
     drawn = draw_errors(
         case, prepared, options, sources, pulls=pulls, seen=seen, numbers=len(numbers), sizes=sizes
     )
     adjoints, followed = linear.adjoints_and_follow(on_nodes(prepared, numbers), drawn.bones, drawn.pulls)
     solved = numbers, adjoints, linear.by_places(adjoints)
-    found = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
-    apart = found
-    if options.bones == "follow" and case.uncertainty.landmark_sd:  # their motion is smoothed against such errors
-        error = math.sqrt(2.0) * case.uncertainty.landmark_sd
+    found = apart = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
+    if options.bones == "follow" and given.landmark_sd:  # their motion is smoothed against errors of landmarks
+        error = math.sqrt(2.0) * given.landmark_sd
         apart = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls, expected_error=error)
+
+    # the effect of one standard deviation of each source on each number, shape (numbers,) each
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
-    changes = _changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.pulls[own])
-    followed = followed[:, prepared.trunk.skin_nodes]
-    ratio, straight = proportion(drawn, followed, numbers, skin, case.planned_landmarks)
-    return found, apart, _Drawn(ratio, straight, skin_deviation(drawn, followed, normals)), changes
+    others = iter((_changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.pulls[own])).T)
+    effects = {
+        source.name: next(others)
+        if (moved := source.landmarks_after) is None
+        else np.array([float(np.vdot(one.landmarks_after, moved)) for one in found])
+        for source in sources
+    }
+    separate = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in apart]
+    same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in found]
+    effects[_LANDMARKS] = given.landmark_sd * np.array(separate)
+    of_surgery = {source.name for source in sources if source.of_surgery}
+    exact = {name: effect for name, effect in effects.items() if name not in of_surgery}
+    exact[_LANDMARKS] = given.landmark_sd * np.array(same)
+    rotation = np.array([one.unit == "degrees" for one in found])
+    mesh = np.where(rotation, given.mesh_rotation, given.mesh_length)
+
+    followed = followed[:, trunk.skin_nodes]
+    ratio, linear_ones = proportion(drawn, followed, numbers, skin, case.planned_landmarks)
+
+    def bands_of(effects: Mapping[str, np.ndarray], linear_ones: np.ndarray) -> dict[str, Band]:
+        sds = np.sqrt(sum(np.square(effect * ratio) for effect in effects.values()) + mesh**2)
+        return {
+            one.name: Band.of(one.value, float(sd), linear=bool(straight))
+            for one, sd, straight in zip(found, sds, linear_ones, strict=True)
+        }
+
+    bands = bands_of(effects, linear_ones)
+    texts = {source.name: (source.spread, source.reference) for source in sources}
+    size = f"{given.landmark_error:g} ± {given.landmark_error_sd:g} mm, before and after each"
+    texts[_LANDMARKS] = (size, REFERENCES["landmark_error"])
+    texts[_MESH] = (f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm", REFERENCES["mesh"])
+    effects[_MESH] = mesh
+    ranked = sorted(effects, key=lambda name: -float(np.square(effects[name][rotation]).sum()))
+    skin_sd = np.sqrt(skin_deviation(drawn, followed, normals) ** 2 + given.mesh_length**2)
+    result = Bands(
+        bsr_deg={name.removeprefix("bsr "): band for name, band in bands.items() if name.startswith("bsr ")},
+        max_hump_mm=next((band for name, band in bands.items() if name.startswith("hump ")), None),
+        shoulder_difference_mm=bands.get("shoulder difference"),
+        spine=spine_bands(case, sources),
+        exact=bands_of(exact, np.ones_like(linear_ones)),
+        sources=tuple(
+            BandSource(
+                name=name,
+                spread=texts[name][0],
+                reference=texts[name][1],
+                sd={one.name: abs(float(sd)) for one, sd in zip(found, effects[name], strict=True)},
+            )
+            for name in ranked
+        ),
+        skin_mean_mm=float(skin_sd.mean()),
+        skin_max_mm=float(skin_sd.max()),
+        draws=draws,
+    )
+    return FoundBands(result, skin_sd)
 
 
 def _changes(derivatives: np.ndarray, fields: np.ndarray) -> np.ndarray:
     """Changes by fields (fields, nodes, 3) from derivatives (numbers, nodes, 3), shape (numbers, fields)."""
     size = derivatives[0].size
     return derivatives.reshape(-1, size) @ fields.reshape(-1, size).T
-
-
-@dataclass(frozen=True, eq=False)
-class _Effects:
-    """Effect of one standard deviation of each source on each number, shape (numbers,) each."""
-
-    by_name: dict[str, np.ndarray]
-    """As surgery and films vary."""
-    same: np.ndarray
-    """Effect of landmarks with the same error before and after."""
-    of_surgery: frozenset[str]
-    """Names of what a plan carried out exactly leaves out."""
-
-    def sd(self, ratio: np.ndarray, *, exact: bool = False) -> np.ndarray:
-        """Of each number, its part by derivatives times the ratio that draws show; or of an exact plan."""
-        parts = {name: effect for name, effect in self.by_name.items() if name != _MESH}
-        if exact:
-            parts = {name: effect for name, effect in parts.items() if name not in self.of_surgery}
-            parts[_LANDMARKS] = self.same
-        return np.sqrt(sum(np.square(effect * ratio) for effect in parts.values()) + self.by_name[_MESH] ** 2)
-
-
-def _effects(
-    case: Case,
-    found: Sequence[Sensitivity],
-    found_apart: Sequence[Sensitivity],
-    sources: Sequence[Source],
-    own: np.ndarray,
-) -> _Effects:
-    """Of landmarks, with errors of their own before and after, of all other sources, and of the mesh."""
-    sd, others = case.uncertainty.landmark_sd, iter(own.T)
-    by_source = {
-        source.name: next(others)
-        if (moved := source.landmarks_after) is None
-        else np.array([float(np.vdot(one.landmarks_after, moved)) for one in found])
-        for source in sources
-    }
-    apart = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in found_apart]
-    same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in found]
-    return _Effects(
-        by_name={
-            **by_source,
-            _LANDMARKS: sd * np.array(apart),
-            _MESH: np.array([_mesh_sd(case, one) for one in found]),
-        },
-        same=sd * np.array(same),
-        of_surgery=frozenset(source.name for source in sources if source.of_surgery),
-    )
-
-
-def _bands(found: Sequence[Sensitivity], sds: np.ndarray, linear: np.ndarray) -> dict[str, Band]:
-    """The bands of numbers with these deviations."""
-    return {
-        one.name: Band.of(one.value, float(sd), linear=bool(straight))
-        for one, sd, straight in zip(found, sds, linear, strict=True)
-    }
-
-
-def _mesh_sd(case: Case, one: Sensitivity) -> float:
-    given = case.uncertainty
-    return given.mesh_rotation if one.unit == "degrees" else given.mesh_length
-
-
-def _of_kind(bands: Mapping[str, Band], prefix: str) -> dict[str, Band]:
-    return {name.removeprefix(prefix): band for name, band in bands.items() if name.startswith(prefix)}
-
-
-def _ranked(
-    case: Case, found: Sequence[Sensitivity], sources: Sequence[Source], effects: Mapping[str, np.ndarray]
-) -> tuple[BandSource, ...]:
-    """Every source with its effects, the largest for back surface rotation first."""
-    given = case.uncertainty
-    texts = {source.name: (source.spread, source.reference) for source in sources}
-    size = f"{given.landmark_error:g} ± {given.landmark_error_sd:g} mm, before and after each"
-    texts[_LANDMARKS] = (size, REFERENCES["landmark_error"])
-    texts[_MESH] = (f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm", REFERENCES["mesh"])
-    rotation = np.array([one.unit == "degrees" for one in found])
-    order = sorted(effects, key=lambda name: -float(np.square(effects[name][rotation]).sum()))
-    return tuple(
-        BandSource(
-            name=name,
-            spread=texts[name][0],
-            reference=texts[name][1],
-            sd={one.name: abs(float(sd)) for one, sd in zip(found, effects[name], strict=True)},
-        )
-        for name in order
-    )
 
 
 STEP = 1e-3

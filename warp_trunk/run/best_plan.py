@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,7 +23,7 @@ from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import WIDTH
 
 from .options import RunOptions, with_changes
-from .patient import Patient, Prepared, patient_of, prepare_plan, with_mesh_given
+from .patient import Patient, Prepared, patient_of, prepare_plan
 from .progress import Progress
 from .sensitivities import Sensitivity, sensitivities
 from .sources import effect_of, sources_of
@@ -116,12 +116,12 @@ class Search:
     def landmark_moves(self, shares: Sequence[float]) -> list[np.ndarray]:
         """How landmarks after surgery move with each share [mm], shape (landmarks, 3) each."""
         moves = []
-        for place in range(len(self.bounds)):
-            ends = [list(shares), list(shares)]
-            ends[0][place] = min(shares[place] + STEP, 1.0)
-            ends[1][place] = max(shares[place] - STEP, 0.0)
-            there = [self.planned(end).planned_landmarks.points for end in ends]
-            moves.append((there[0] - there[1]) / (ends[0][place] - ends[1][place]))
+        for place, share in enumerate(shares):
+            ends = min(share + STEP, 1.0), max(share - STEP, 0.0)
+            upper, lower = (
+                self.planned([*shares[:place], end, *shares[place + 1 :]]).planned_landmarks.points for end in ends
+            )
+            moves.append((upper - lower) / (ends[0] - ends[1]))
         return moves
 
     def check(self) -> None:
@@ -131,10 +131,8 @@ class Search:
             try:
                 self.planned(shares)
             except InputError as error:
-                at = ", ".join(
-                    f"{bound.target} {share:g} of {bound.apex}"
-                    for bound, share in zip(self.bounds, shares, strict=True)
-                )
+                ends = zip(self.bounds, shares, strict=True)
+                at = ", ".join(f"{bound.target} {share:g} of {bound.apex}" for bound, share in ends)
                 raise InputError(f"--within: at {at}: {str(error).removeprefix('plan: ')}") from None
 
 
@@ -202,64 +200,49 @@ def best_plan(
     search.check()
     options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
     if patient is None:
-        case, given_mesh = with_mesh_given(case, options, progress)
-        patient, search = patient_of(case, options, given_mesh, progress), replace(search, case=case)
+        patient = patient_of(case, options, progress=progress)
+        search = replace(search, case=patient.case)
     trials: list[Trial] = []
-    tell = _Teller(search, patient, progress)
-    trials.append(tell.tried(shares_of(search.plan, search.bounds), 1))
+
+    def trial_at(shares: Sequence[float]) -> Trial:
+        for trial in trials:
+            if np.allclose(trial.shares, shares, rtol=0.0, atol=1e-9):
+                return trial
+        if len(trials) >= most:
+            raise _SpentError
+        with progress.stage("search", f"simulating plan {len(trials) + 1}"):
+            trial = Trial(search, patient, tuple(map(float, shares)))
+        trials.append(trial)
+        listed = ", ".join(f"{share:.2f}" for share in trial.shares)
+        result = f"{trial.value:.2f} {_AIMS[aim][1]} at {trial.level}"
+        progress.message(f"plan {len(trials)}: {listed}: {result}")
+        return trial
+
+    given = trial_at(shares_of(plan, search.bounds))
     with suppress(_SpentError):
-        _minimise(search, trials, tell, most)
-    allowed = [trial for trial in trials if _is_within(search.bounds, trial.shares)]
-    given = trials[0]
+        _minimise(search.bounds, given, trial_at)
+    low, high = np.array([(bound.low, bound.high) for bound in search.bounds]).T
+    allowed = [trial for trial in trials if np.all((low <= trial.shares) & (trial.shares <= high))]
     best = min([given, *allowed], key=lambda trial: trial.value)
     sd = 0.0 if best is given else gain_sd(search, patient, given, best)
-    plan = with_shares(search.plan, search.bounds, best.shares)
-    return BestPlan(search, plan, given, best, tuple(trials), given.value - best.value, sd)
+    best_one = with_shares(plan, search.bounds, best.shares)
+    return BestPlan(search, best_one, given, best, tuple(trials), given.value - best.value, sd)
 
 
 class _SpentError(Exception):
     """As many relaxations were made as may be."""
 
 
-@dataclass(frozen=True)
-class _Teller:
-    """Simulates plans and reports each."""
-
-    search: Search
-    patient: Patient
-    progress: Progress
-
-    def tried(self, shares: Sequence[float], number: int) -> Trial:
-        """A plan that is simulated now."""
-        with self.progress.stage("search", f"simulating plan {number}"):
-            trial = Trial(self.search, self.patient, tuple(map(float, shares)))
-        told = ", ".join(f"{share:.2f}" for share in trial.shares)
-        unit = "mm" if self.search.aim == "hump" else "degrees"
-        self.progress.message(f"plan {number}: {told}: {trial.value:.2f} {unit} at {trial.level}")
-        return trial
-
-
-def _is_within(bounds: Sequence[Bound], shares: Sequence[float]) -> bool:
-    return all(bound.low <= share <= bound.high for bound, share in zip(bounds, shares, strict=True))
-
-
-def _minimise(search: Search, trials: list[Trial], tell: _Teller, most: int) -> None:
-    """Adds to the trials until the largest number no longer falls; _SpentError where there are `most`."""
+def _minimise(bounds: Sequence[Bound], first: Trial, trial_of: Callable[[Sequence[float]], Trial]) -> None:
+    """Try plans until the largest number no longer falls."""
     from scipy.optimize import minimize
 
-    low = np.array([bound.low for bound in search.bounds])
-    width = np.array([bound.high for bound in search.bounds]) - low
-    levels = list(trials[0].values)
-    size = max(trials[0].value, 1e-6)
+    low = np.array([bound.low for bound in bounds])
+    width = np.array([bound.high for bound in bounds]) - low
+    levels, size = list(first.values), max(first.value, 1e-6)
 
     def trial_at(z: np.ndarray) -> Trial:
-        shares = tuple(np.clip(low + width * z[:-1], low, low + width).tolist())
-        known = [trial for trial in trials if np.allclose(trial.shares, shares, rtol=0.0, atol=1e-9)]
-        if not known:
-            if len(trials) >= most:
-                raise _SpentError
-            trials.append(tell.tried(shares, len(trials) + 1))
-        return known[0] if known else trials[-1]
+        return trial_of(np.clip(low + width * z[:-1], low, low + width).tolist())
 
     def slack(z: np.ndarray) -> np.ndarray:
         there = trial_at(z).values
@@ -272,12 +255,12 @@ def _minimise(search: Search, trials: list[Trial], tell: _Teller, most: int) -> 
         rows = np.array([slopes.get(level, still) for level in levels]) * width / size
         return np.column_stack([np.concatenate([-rows, rows]), np.ones(2 * len(levels))])
 
-    start = np.clip((np.array(trials[0].shares) - low) / width, 0.0, 1.0)
-    first = trial_at(np.append(start, 1.0))
+    start = np.clip((np.array(first.shares) - low) / width, 0.0, 1.0)
+    value = trial_at(np.append(start, 1.0)).value
     upward = np.append(np.zeros(len(width)), 1.0)
     minimize(
         lambda z: z[-1],
-        np.append(start, first.value / size),
+        np.append(start, value / size),
         jac=lambda _: upward,
         bounds=[*((0.0, 1.0) for _ in width), (0.0, None)],
         constraints={"type": "ineq", "fun": slack, "jac": slack_slopes},
@@ -325,14 +308,11 @@ def best_plan_text(found: BestPlan) -> str:
         ends = f"{bound.low:g} to {bound.high:g}{at}"
         lines.append(f"{f'{bound.target} of {bound.apex}':<42}{was:>8.2f}{share:>8.2f}   {ends}")
     lines.append(f"{f'{name} [{unit}]':<42}{given.value:>8.1f}{best.value:>8.1f}   at {given.level}, {best.level}")
-    return "\n".join([*lines, _gained(found, unit)])
-
-
-def _gained(found: BestPlan, unit: str) -> str:
-    if found.best is found.given:
-        return "No plan within the bounds was found that is better than the plan as given."
     band = WIDTH * found.gain_sd
-    said = f"Gained: {found.gain:.1f} ± {band:.1f} {unit} (in 19 of 20 such operations)"
-    if found.gain < band:
-        return f"{said}. The gain is smaller than its band: choose between the two plans by other reasons."
-    return f"{said}."
+    if best is given:
+        lines.append("No plan within the bounds was found that is better than the plan as given.")
+    else:
+        gained = f"Gained: {found.gain:.1f} ± {band:.1f} {unit} (in 19 of 20 such operations)."
+        weak = " The gain is smaller than its band: choose between the two plans by other reasons."
+        lines.append(gained + weak * (found.gain < band))
+    return "\n".join(lines)

@@ -9,6 +9,7 @@ import tempfile
 import webbrowser
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import warp as wp
@@ -23,9 +24,9 @@ VIEWER_TIMEOUT = 60.0
 """Longest wait for the version of Rerun's viewer [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Finding:
-    """One thing that was looked for."""
+    """One part of the installation."""
 
     name: str
     """Name of the part."""
@@ -37,129 +38,99 @@ class Finding:
     """Whether no simulation runs without it."""
 
 
+class _MissingError(Exception):
+    """A part is missing or does not work."""
+
+
 def examine(results: Path) -> Iterator[Finding]:
-    """Looks for everything that a run, its viewer and its report need, one after the other.
+    """Look for everything that a run, its viewer and its report need, one after the other.
 
     Args:
         results: the folder in which result folders are to be made.
     """
-    yield from _packages()
-    yield _processor()
-    yield _graphics()
-    yield _tetgen()
-    yield _folder("meshes kept", cache_folder(), "set WARP_TRUNK_CACHE to a folder of your own, or use --no-cache")
-    kernels = Path(wp.config.kernel_cache_dir or "")
-    yield _folder("kernels kept", kernels, "set WARP_CACHE_PATH to a folder of your own", needed=True)
-    yield _results(results)
-    yield _viewer()
-    yield _display()
-    yield _browser()
-
-
-def _packages() -> Iterator[Finding]:
     for name, version in versions().items():
-        if version is None:
-            yield Finding(
-                name=name, found="not found", cure=f"install it: uv sync, or pip install {name}", needed=True
-            )
-        else:
-            yield Finding(name=name, found=version)
+        cure = "" if version else f"install it: uv sync, or pip install {name}"
+        yield Finding(name, version or "not found", cure, needed=True)
+    yield Finding("processor", f"{choose_threads(0)} cores for this process")
+    kernels, again = Path(wp.config.kernel_cache_dir or ""), "install it again: uv sync --reinstall-package"
+    for name, probe, needed, cure in (
+        ("graphics processor", _graphics, False, "if there is an NVIDIA GPU, install its driver (see nvidia-smi)"),
+        ("TetGen", _tetgen, True, f"{again} tetgen, or simulate --from-mesh"),
+        ("meshes kept", partial(_cache, cache_folder()), False, "set WARP_TRUNK_CACHE to another folder"),
+        ("kernels kept", partial(_cache, kernels), True, "set WARP_CACHE_PATH to another folder"),
+        (
+            "results",
+            partial(_results, results),
+            True,
+            "go to a folder with space, or give simulate --out one",
+        ),
+        ("Rerun's viewer", _viewer, False, f"{again} rerun-sdk, or simulate --no-record"),
+        ("display", _display, False, WITHOUT_DISPLAY),
+        (
+            "browser",
+            _browser,
+            False,
+            "install one, or open report.html on another machine; it is one file",
+        ),
+    ):
+        try:
+            yield Finding(name, probe())
+        except (_MissingError, OSError, ImportError, subprocess.TimeoutExpired, webbrowser.Error) as error:
+            yield Finding(name, str(error), cure, needed)
 
 
-def _processor() -> Finding:
-    return Finding(name="processor", found=f"{choose_threads(0)} cores for this process")
-
-
-def _graphics() -> Finding:
+def _graphics() -> str:
     devices = wp.get_cuda_devices()
     if not devices:
-        return Finding(
-            name="graphics processor",
-            found="no CUDA device; simulations run on the processor",
-            cure="if there is an NVIDIA GPU, install its driver until `nvidia-smi` lists it",
-        )
+        raise _MissingError("no CUDA device; simulations run on the processor")
     driver = ".".join(map(str, wp.get_cuda_driver_version() or ("not known",)))
     named = ", ".join(f"{d.alias} {d.name}, {d.total_memory / 1e9:.0f} GB" for d in devices)
-    return Finding(name="graphics processor", found=f"{named}; its driver supports CUDA {driver}")
+    return f"{named}; its driver supports CUDA {driver}"
 
 
-def _tetgen() -> Finding:
-    try:
-        importlib.import_module("tetgen")
-    except (ImportError, OSError) as error:
-        again = "install it again: uv sync --reinstall-package tetgen, or simulate --from-mesh"
-        return Finding(name="TetGen", found=f"cannot be loaded ({error})", cure=again, needed=True)
-    return Finding(name="TetGen", found="loads")
+def _tetgen() -> str:
+    importlib.import_module("tetgen")
+    return "loads"
 
 
-def _folder(name: str, folder: Path, cure: str, needed: bool = False) -> Finding:
-    if not writable(folder):
-        return Finding(name=name, found=f"{folder}: cannot be written to", cure=cure, needed=needed)
-    files = [path for path in folder.rglob("*") if path.is_file()]
-    size = sum(path.stat().st_size for path in files)
-    return Finding(
-        name=name, found=f"{folder}: {len(files)} files, {size / 1e6:.0f} MB; may be deleted at any time"
-    )
+def _cache(folder: Path) -> str:
+    _writable(folder)
+    sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
+    return f"{folder}: {len(sizes)} files, {sum(sizes) / 1e6:.0f} MB; may be deleted at any time"
 
 
-def _results(folder: Path) -> Finding:
-    if not writable(folder):
-        cure = "go to a folder of your own, or give simulate --out one"
-        return Finding(name="results", found=f"{folder}: cannot be written to", cure=cure, needed=True)
-    free = shutil.disk_usage(_existing(folder)).free
-    cure = f"free some space: a result needs {LEAST_SPACE / 1e6:.0f} MB" if free < LEAST_SPACE else ""
-    return Finding(
-        name="results",
-        found=f"{folder}: can be written to, {free / 1e9:.1f} GB free",
-        cure=cure,
-        needed=bool(cure),
-    )
+def _results(folder: Path) -> str:
+    free = shutil.disk_usage(_writable(folder)).free
+    if free < LEAST_SPACE:
+        raise _MissingError(f"{folder}: {free / 1e6:.0f} MB free; a result needs {LEAST_SPACE / 1e6:.0f} MB")
+    return f"{folder}: can be written to, {free / 1e9:.1f} GB free"
 
 
-def _viewer() -> Finding:
-    cure = "install it again: uv sync --reinstall-package rerun-sdk, or simulate --no-record"
-    try:
-        done = subprocess.run(
-            viewer_command("--version"),
-            env=viewer_environment(),
-            capture_output=True,
-            text=True,
-            timeout=VIEWER_TIMEOUT,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return Finding(name="Rerun's viewer", found=f"does not start ({error})", cure=cure)
-    said = (done.stdout or done.stderr).strip().splitlines() or ["it says nothing"]
+def _viewer() -> str:
+    command, environment = viewer_command("--version"), viewer_environment()
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=VIEWER_TIMEOUT)
+    lines = (done.stdout or done.stderr).strip().splitlines() or ["no output"]
     if done.returncode:
-        return Finding(name="Rerun's viewer", found=f"does not start ({said[-1]})", cure=cure)
-    return Finding(name="Rerun's viewer", found=" ".join(said[0].split()[:2]))
+        raise _MissingError(f"does not start ({lines[-1]})")
+    return " ".join(lines[0].split()[:2])
 
 
-def _display() -> Finding:
-    if has_display():
-        return Finding(name="display", found="there is one")
-    return Finding(name="display", found="none, so the viewer's window cannot open", cure=WITHOUT_DISPLAY)
+def _display() -> str:
+    if not has_display():
+        raise _MissingError("none, so the viewer's window cannot open")
+    return "there is one"
 
 
-def _browser() -> Finding:
+def _browser() -> str:
+    found = webbrowser.get()
+    return getattr(found, "name", type(found).__name__)
+
+
+def _writable(folder: Path) -> Path:
+    """The nearest folder that exists, if a file can be written into it; nothing is left behind."""
+    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     try:
-        found = webbrowser.get()
-    except webbrowser.Error:
-        cure = "install one, or open report.html on another machine: the file needs nothing else"
-        return Finding(name="browser", found="none that Python knows", cure=cure)
-    return Finding(name="browser", found=getattr(found, "name", type(found).__name__))
-
-
-def writable(folder: Path) -> bool:
-    """Whether a file can be written into a folder, which need not exist yet; nothing is left behind."""
-    try:
-        with tempfile.TemporaryFile(dir=_existing(folder)):
-            return True
-    except OSError:
-        return False
-
-
-def _existing(folder: Path) -> Path:
-    """The folder, or the nearest one above it that exists."""
-    folder = folder.absolute()
-    return next(path for path in (folder, *folder.parents) if path.exists())
+        tempfile.TemporaryFile(dir=there).close()
+    except OSError as error:
+        raise _MissingError(f"{folder}: cannot be written to ({error.strerror})") from None
+    return there

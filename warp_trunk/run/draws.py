@@ -87,35 +87,25 @@ def draw_errors(
     moves = [source.landmarks_after for source in sources if source.landmarks_after is not None]
     moves = np.reshape(moves, (len(moves), *case.landmarks_before.points.shape))
     others = [source for source in sources if source.landmarks_after is None]
-    drawn = draw_landmarks(case, moves, size[:, of_landmarks], random)
+    errors = draw_landmarks(case, moves, size[:, of_landmarks], random)
     if options.bones == "spline":
-        room = max(LEAST_PATTERNS, MOST_SOLVES - numbers - len(others))
-        response, normals = seen
-        fields = spline_fields(case, prepared.trunk, moves, drawn, response=response, normals=normals, most=room)
+        most = max(LEAST_PATTERNS, MOST_SOLVES - numbers - len(others))
+        draws = spline_draws(case, prepared.trunk, moves, errors, *seen, most=most)
     else:
-        fields = rigid_fields(case, prepared.trunk, drawn)
-    own, forces = _of_sources(others, pulls, fields.bones)
-    return Draws(
-        bones=np.concatenate([fields.bones, own]),
-        pulls=np.concatenate([np.zeros_like(fields.bones), forces]),
-        shares=np.hstack([fields.shares, size[:, ~of_landmarks]]),
-        variance=np.append(np.full(len(fields.bones), fields.weight), np.ones(len(others))),
-        left=fields.left,
-        after=drawn.after,
-    )
-
-
-def _of_sources(
-    sources: Sequence[Source], pulls: Mapping[str, np.ndarray], like: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The motion of bones and the forces of sources that move no landmarks, (sources, nodes, 3) each."""
-    bones, forces = np.zeros((2, len(sources), *like.shape[1:]))
-    for row, source in enumerate(sources):
+        draws = rigid_draws(case, prepared.trunk, errors)
+    bones, forces = np.zeros((2, len(others), *draws.bones.shape[1:]))
+    for row, source in enumerate(others):
         if source.bones is not None:
             bones[row] = source.bones
         for name, change in source.constants.items():
             forces[row] += change * pulls[name]
-    return bones, forces
+    return replace(
+        draws,
+        bones=np.concatenate([draws.bones, bones]),
+        pulls=np.concatenate([draws.pulls, forces]),
+        shares=np.hstack([draws.shares, size[:, ~of_landmarks]]),
+        variance=np.append(draws.variance, np.ones(len(others))),
+    )
 
 
 def skin_deviation(draws: Draws, followed: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -152,15 +142,20 @@ def proportion(
         proportion. Where a draw has no such number, or nothing varies, the ratio is 1; the former is not in
         proportion.
     """
-    moved = np.tensordot(draws.shares, followed, axes=(1, 0))
-    found = [*numbers.values()]
-    said = moved.reshape(len(moved), -1) @ np.transpose([one.vertices.ravel() for one in found])
-    said += draws.after.reshape(len(moved), -1) @ np.transpose([one.landmarks.ravel() for one in found])
-    seen = []
+    moved, found = np.tensordot(draws.shares, followed, axes=(1, 0)), [*numbers.values()]
+    predicted = moved.reshape(len(moved), -1) @ np.transpose([one.vertices.ravel() for one in found])
+    predicted += draws.after.reshape(len(moved), -1) @ np.transpose([one.landmarks.ravel() for one in found])
+    measured = []
     for by, after in zip(moved, draws.after, strict=True):
         there = Surface(skin.vertices + by, skin.faces)
-        seen.append(measured_again(there, replace(landmarks, points=landmarks.points + after), [*numbers]))
-    return _compared(said, np.array(seen) - [one.value for one in found])
+        measured.append(measured_again(there, replace(landmarks, points=landmarks.points + after), [*numbers]))
+    seen = np.array(measured) - [one.value for one in found]
+    known = np.isfinite(seen)
+    seen = np.where(known, seen, predicted)
+    spread, wanted = seen.std(axis=0), predicted.std(axis=0)
+    ratio = np.divide(spread, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
+    stray = np.sqrt(np.square(seen - predicted).mean(axis=0))
+    return ratio, known.all(axis=0) & (stray <= PROPORTION * np.maximum(wanted, 1e-9))
 
 
 def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) -> list[float]:
@@ -184,52 +179,14 @@ def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) ->
     return [math.nan if value is None else value for value in values]
 
 
-def _compared(said: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The ratio of deviations and whether proportion holds, of changes (draws, numbers)."""
-    known = np.isfinite(seen)
-    whole = known.all(axis=0)
-    seen = np.where(known, seen, said)
-    spread, wanted = seen.std(axis=0), said.std(axis=0)
-    ratio = np.divide(spread, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
-    stray = np.sqrt(np.square(seen - said).mean(axis=0))
-    return ratio, whole & (stray <= PROPORTION * np.maximum(wanted, 1e-9))
-
-
 LEAST_PATTERNS = 6
 """Patterns of landmarks that are solved for, at least; ten hold nine tenths of what landmarks do to the skin."""
 SAMPLE = 8
 """One in this many vertices of the skin is used to find them."""
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnLandmarks:
-    """Errors of the landmarks and of surgery, drawn."""
-
-    before: np.ndarray
-    """Error of each landmark before surgery [mm], shape (draws, landmarks, 3)."""
-    after: np.ndarray
-    """Error of each landmark after surgery, with what surgery misses [mm], likewise."""
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorFields:
-    """The fields that the errors of all draws are sums of."""
-
-    bones: np.ndarray
-    """Motion of the nodes on bone, with a guess of how others follow [mm], shape (fields, nodes, 3)."""
-    shares: np.ndarray
-    """The weight of each field in each draw, shape (draws, fields)."""
-    weight: float
-    """Variance of the share of each field."""
-    left: np.ndarray
-    """Variance of each vertex along its normal by errors that are in no field, as the spline carries the skin
-    [mm^2], shape (vertices,)."""
-
-
-def draw_landmarks(
-    case: Case, moves: np.ndarray, missed: np.ndarray, random: np.random.Generator
-) -> DrawnLandmarks:
-    """Errors of all landmarks before and after surgery, each on its own, and of surgery.
+def draw_landmarks(case: Case, moves: np.ndarray, missed: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Errors of each landmark before and after surgery, with what surgery misses [mm], (2, draws, landmarks, 3).
 
     Args:
         case: with its uncertainty.
@@ -239,20 +196,21 @@ def draw_landmarks(
         random: where errors of landmarks come from.
     """
     shape = (2, len(missed), *case.landmarks_before.points.shape)
-    before, after = case.uncertainty.landmark_sd * random.standard_normal(shape)
-    return DrawnLandmarks(before, after + np.tensordot(missed, moves, axes=(1, 0)))
+    errors = case.uncertainty.landmark_sd * random.standard_normal(shape)
+    errors[1] += np.tensordot(missed, moves, axes=(1, 0))
+    return errors
 
 
-def spline_fields(
+def spline_draws(
     case: Case,
     trunk: TrunkMesh,
     moves: np.ndarray,
-    drawn: DrawnLandmarks,
-    *,
+    errors: np.ndarray,
     response: np.ndarray,
     normals: np.ndarray,
+    *,
     most: int,
-) -> ErrorFields:
+) -> Draws:
     """For bones that the spline carries: the patterns that move the skin most where the spline carries that, too.
 
     An error before surgery is taken to act on the bones as its opposite after it does.
@@ -261,38 +219,40 @@ def spline_fields(
         case: with its uncertainty.
         trunk: its mesh.
         moves: as in `draw_landmarks`.
-        drawn: errors of one case in each draw.
+        errors: of each draw, as `draw_landmarks` returns them.
         response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
         normals: of the predicted skin, shape (vertices, 3).
         most: how many patterns there may be.
     """
     sd, skin = 2.0**0.5 * case.uncertainty.landmark_sd, response[trunk.skin_nodes]
     # one row for each error: what a standard deviation of it does to all landmarks, by axis
-    errors = np.vstack([sd * np.eye(3 * response.shape[1]), _by_axis(moves)])
-    products = _products(skin[::SAMPLE], normals[::SAMPLE])
-    squares, vectors = np.linalg.eigh(errors @ products @ errors.T)
+    deviations = np.vstack([sd * np.eye(3 * response.shape[1]), _by_axis(moves)])
+    along = np.hstack([skin[::SAMPLE] * normals[::SAMPLE, axis, None] for axis in range(3)])
+    products = along.T @ along  # over vertices, of what two landmarks do along the normals
+    squares, vectors = np.linalg.eigh(deviations @ products @ deviations.T)
     kept = np.flatnonzero(squares > 1e-9 * squares[-1])[-most:]
-    patterns = vectors[:, kept].T @ errors
+    patterns = vectors[:, kept].T @ deviations
     by_pattern = patterns.reshape(len(patterns), 3, response.shape[1])
     every = sd**2 * np.square(skin).sum(axis=1) + _variance(skin, moves.transpose(0, 2, 1), normals)
-    return ErrorFields(
-        bones=(by_pattern @ response.T).transpose(0, 2, 1),
-        shares=_by_axis(drawn.after - drawn.before) @ products @ patterns.T / squares[kept],
-        weight=1.0,
+    bones = (by_pattern @ response.T).transpose(0, 2, 1)
+    return Draws(
+        bones=bones,
+        pulls=np.zeros_like(bones),
+        shares=_by_axis(errors[1] - errors[0]) @ products @ patterns.T / squares[kept],
+        variance=np.ones(len(bones)),
         left=np.maximum(every - _variance(skin, by_pattern, normals), 0.0),
+        after=errors[1],
     )
 
 
-def rigid_fields(case: Case, trunk: TrunkMesh, drawn: DrawnLandmarks) -> ErrorFields:
+def rigid_draws(case: Case, trunk: TrunkMesh, errors: np.ndarray) -> Draws:
     """For bones that move each on its own: every draw is a field."""
     here = rigid_displacement(trunk, motions_of(case))
-    moved = [moved_case(case, *errors) for errors in zip(drawn.before, drawn.after, strict=True)]
-    return ErrorFields(
-        bones=np.array([rigid_displacement(trunk, motions_of(there)) - here for there in moved]),
-        shares=np.eye(len(moved)),
-        weight=1.0 / len(moved),
-        left=np.zeros(len(trunk.skin_nodes)),
-    )
+    moved = [moved_case(case, before, after) for before, after in zip(*errors, strict=True)]
+    bones = np.array([rigid_displacement(trunk, motions_of(there)) - here for there in moved])
+    count, nothing = len(moved), np.zeros(len(trunk.skin_nodes))
+    variance = np.full(count, 1.0 / count)
+    return Draws(bones, np.zeros_like(bones), np.eye(count), variance, left=nothing, after=errors[1])
 
 
 def moved_case(case: Case, before: np.ndarray, after: np.ndarray) -> Case:
@@ -308,12 +268,6 @@ def moved_case(case: Case, before: np.ndarray, after: np.ndarray) -> Case:
 def _by_axis(errors: np.ndarray) -> np.ndarray:
     """Errors (n, landmarks, 3) as rows: all landmarks along x, then y, then z."""
     return errors.transpose(0, 2, 1).reshape(len(errors), 3 * errors.shape[1])
-
-
-def _products(response: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Sums over vertices of what two landmarks do along their normals, ordered as `_by_axis`."""
-    along = np.hstack([response * normals[:, axis, None] for axis in range(3)])
-    return along.T @ along
 
 
 def _variance(response: np.ndarray, by_axis: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import ENERGY, SKIN_RIGIDITY
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 
@@ -75,16 +75,9 @@ class RunOptions:
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
-        if self.skin_rigidity is not None and not 0.0 <= self.skin_rigidity <= MOST_RIGIDITY:
-            raise InputError(
-                f"skin_rigidity: must be from 0 to {MOST_RIGIDITY:g} N mm, not {self.skin_rigidity:g}; "
-                f"that of 2 mm of skin is about {SKIN_RIGIDITY:g}"
-            )
-        if not 0.0 <= self.gravity <= MOST_GRAVITY:  # nor is NaN
-            raise InputError(
-                f"gravity: must be from 0 to {MOST_GRAVITY:g} m/s^2, for it pulls down by itself, not "
-                f"{self.gravity:g}; give 9.81"
-            )
+        if self.skin_rigidity is not None:
+            check_ranges(self, "options", " N mm", skin_rigidity=(0.0, MOST_RIGIDITY))
+        check_ranges(self, "options", " m/s^2, pulling down", gravity=(0.0, MOST_GRAVITY))
 
     @property
     def rigidity_of_skin(self) -> float:
@@ -111,13 +104,12 @@ def with_changes(options: RunOptions, changes: Mapping[str, Any]) -> RunOptions:
 
     def changed(record: Any) -> Any:
         own: dict[str, Any] = {}
-        for item in dataclasses.fields(record):
-            known.add(item.name)
-            value = getattr(record, item.name)
-            if item.name in left:
-                own[item.name] = left.pop(item.name)
+        for name, value in vars(record).items():
+            known.add(name)
+            if name in left:
+                own[name] = left.pop(name)
             elif dataclasses.is_dataclass(value):
-                own[item.name] = changed(value)
+                own[name] = changed(value)
         return dataclasses.replace(record, **own)
 
     new = changed(options)
@@ -130,22 +122,11 @@ def with_changes(options: RunOptions, changes: Mapping[str, Any]) -> RunOptions:
 
 def parameters(options: RunOptions) -> dict[str, Any]:
     """Every option by its own name, as on the command line."""
-    flat: dict[str, Any] = {}
-
-    def add(values: dict[str, Any]) -> None:
-        for name, value in values.items():
-            if isinstance(value, dict):
-                add(value)
-            else:
-                flat[name] = value
-
-    add(dataclasses.asdict(options))
-    for name in ("energy", "skin_rigidity"):
-        del flat[name]
-    flat["energy"] = options.energy_of_tissue  # after the options that it depends on
-    flat["skin_rigidity"] = options.rigidity_of_skin
-    if options.from_mesh is not None:
-        flat["from_mesh"] = str(options.from_mesh)
-        for name in dataclasses.asdict(options.mesh):
-            del flat[name]
-    return flat
+    nested = dataclasses.asdict(options)
+    del nested["energy"], nested["skin_rigidity"]  # below, after the options that they depend on
+    simulation = nested.pop("simulation")
+    mesh = nested.pop("mesh") if options.from_mesh is None else {}
+    relax = simulation.pop("relax")
+    given = {} if options.from_mesh is None else {"from_mesh": str(options.from_mesh)}
+    taken = {"energy": options.energy_of_tissue, "skin_rigidity": options.rigidity_of_skin}
+    return {**mesh, **simulation, **relax, **nested, **given, **taken}

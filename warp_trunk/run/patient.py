@@ -26,6 +26,7 @@ from warp_trunk.io.exchange import read_volume
 from warp_trunk.meshing import make_trunk
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
+from warp_trunk.results.fingerprint import anatomy_of, difference
 
 from .options import RunOptions
 from .progress import stage_of
@@ -60,8 +61,6 @@ class Patient:
     """The mesh, with the tissue of its tetrahedra and with free joints where bones move each on its own."""
     model: Model
     """The mesh on its device, at rest."""
-    given: TrunkMesh | None = None
-    """The mesh that was given instead of being made here."""
 
     @cached_property
     def relaxer(self) -> Relaxer:
@@ -96,25 +95,11 @@ class Patient:
 
     def check(self, case: Case) -> None:
         """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""
-        if differs := self._differs(case):
+        if differs := difference(anatomy_of(self.case), anatomy_of(case)):
             raise InputError(
-                f"case {case.name!r}: its {differs} must be that of {self.case.name!r}, for whom mesh and model "
-                "were made, but is another; simulate it on its own"
+                f"case {case.name!r}: must be of the same anatomy and tissue as {self.case.name!r}, for whom mesh "
+                f"and model were made, but {differs}; simulate it on its own"
             )
-
-    def _differs(self, case: Case) -> str:
-        """The first thing that mesh or model depend on and that is another in a case; empty where none is."""
-        mine = self.case
-        if not _same(mine.skin, case.skin):
-            return "skin"
-        if mine.bones.keys() != case.bones.keys():
-            return f"bone {min(mine.bones.keys() ^ case.bones.keys())}"
-        for name, bone in mine.bones.items():
-            if not _same(bone, case.bones[name]):
-                return f"bone {name}"
-        if mine.tissue != case.tissue:
-            return "tissue"
-        return "" if _same_layers(mine.layers, case.layers) else "layers of tissue"
 
 
 def patient_of(
@@ -123,35 +108,49 @@ def patient_of(
     trunk: TrunkMesh | None = None,
     progress: Progress | None = None,
 ) -> Patient:
-    """Mesh a patient and build her model.
+    """Mesh a patient and build her model; where `from_mesh` gives a mesh, its boundary is her skin.
 
     Args:
         case: the patient, with her tissue; nothing need be planned.
         options: how she is simulated; the defaults when left out.
-        trunk: the mesh where there is one already; made, or fetched from the cache, when left out.
+        trunk: the mesh where there is one already; read, made, or fetched from the cache, when left out.
         progress: what to show the stages on; nothing is shown when left out.
 
     Raises:
         InputError: the case or an option is one that a stage refuses.
     """
-    options = options or RunOptions()
-    kernels = None
-    if (
-        trunk is None and options.mesh.tets >= WORTH_COMPILING_AHEAD
-    ):  # a smaller mesh takes less time than another process
-        kernels = CompilationAhead(options, layered=layers_from(case, options) != "none")
-    given, trunk = trunk, trunk or _mesh(case, options, progress)
+    options, kernels = options or RunOptions(), None
+    if trunk is None and options.from_mesh is not None:
+        with stage_of(progress, "mesh", f"reading {options.from_mesh}"):
+            trunk = read_volume(options.from_mesh, case.skin, case.bones)
+        case = dataclasses.replace(case, skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
+    if options.layers == "mesh":
+        check_labels(case.layers, trunk)
+    if trunk is None:
+        if options.mesh.tets >= WORTH_COMPILING_AHEAD:
+            kernels = CompilationAhead(options, layered=layers_from(case, options) != "none")
+        with stage_of(progress, "build", "meshing the soft tissue"):
+            build = make_trunk(case.skin, case.bones, options.mesh)
+        trunk = build.trunk
+        if progress is not None:
+            progress.add("surface", build.surface_seconds)
+            progress.add("mesh", build.mesh_seconds)
     if options.bones == "follow":
         trunk = free_joints(trunk)
-    trunk, tissues = _tissues(case, trunk, options, progress)
+    source, layers = layers_from(case, options), case.layers or Layers()
+    if source == "none":
+        trunk = dataclasses.replace(trunk, tissue=None)
+    else:
+        with stage_of(progress, "layers", "assigning tissue layers"):
+            trunk = layered(trunk, layers, source)
     with stage_of(progress, "compile", "preparing the model"):
         if kernels is not None:
             kernels.wait()
-        model = _model(trunk, tissues, options)
+        model = _model(trunk, case.tissue if source == "none" else layers.tissues(case.tissue), options)
     if options.gravity != 0.0 and options.rest == "sag-free":
         with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
             model = sag_free(model).model
-    return Patient(case, options, trunk, model, given)
+    return Patient(case, options, trunk, model)
 
 
 def _model(trunk: TrunkMesh, tissues: Tissue | tuple[Tissue, ...], options: RunOptions) -> Model:
@@ -167,62 +166,11 @@ def _model(trunk: TrunkMesh, tissues: Tissue | tuple[Tissue, ...], options: RunO
     )
 
 
-def with_mesh_given(
-    case: Case, options: RunOptions, progress: Progress | None = None
-) -> tuple[Case, TrunkMesh | None]:
-    """The mesh of another program, if one is asked for, and the case with the boundary of it as its skin."""
-    trunk = None
-    if options.from_mesh is not None:
-        with stage_of(progress, "mesh", f"reading {options.from_mesh}"):
-            trunk = read_volume(options.from_mesh, case.skin, case.bones)
-        case = dataclasses.replace(case, skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
-    if options.layers == "mesh":
-        check_labels(case.layers, trunk)
-    return case, trunk
-
-
-def _mesh(case: Case, options: RunOptions, progress: Progress | None) -> TrunkMesh:
-    with stage_of(progress, "build", "meshing the soft tissue"):
-        build = make_trunk(case.skin, case.bones, options.mesh)
-    if progress is not None:
-        progress.add("surface", build.surface_seconds)
-        progress.add("mesh", build.mesh_seconds)
-    return build.trunk
-
-
-def _tissues(
-    case: Case, trunk: TrunkMesh, options: RunOptions, progress: Progress | None
-) -> tuple[TrunkMesh, Tissue | tuple[Tissue, ...]]:
-    """The mesh with the tissue of its tetrahedra, and the tissues."""
-    source = layers_from(case, options)
-    if source == "none":
-        return dataclasses.replace(trunk, tissue=None), case.tissue
-    layers = case.layers or Layers()
-    with stage_of(progress, "layers", "assigning tissue layers"):
-        return layered(trunk, layers, source), layers.tissues(case.tissue)
-
-
 def layers_from(case: Case, options: RunOptions) -> LayersFrom:
     """Where the layers of a case come from."""
     if options.layers is not None:
         return options.layers
     return "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
-
-
-def _same(one: Surface, other: Surface) -> bool:
-    return one is other or (
-        np.array_equal(one.vertices, other.vertices) and np.array_equal(one.faces, other.faces)
-    )
-
-
-def _same_layers(one: Layers | None, other: Layers | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return (
-        np.array_equal(one.skin_thickness, other.skin_thickness)
-        and np.array_equal(one.fat_thickness, other.fat_thickness)
-        and (one.constants, one.mesh) == (other.constants, other.mesh)
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,7 +233,6 @@ def motions_of(
     case: Case, steps: Steps | None = None, expected_error: float | None = None
 ) -> dict[str, RigidTransform]:
     """How each bone of a case moves rigidly, known ones first; see `bone_motions` and `given_motions`."""
-    planned = case.planned_landmarks
     if case.landmarks_after is None:
         return given_motions(case.bones, case.given_motions)
     known = {
@@ -295,7 +242,7 @@ def motions_of(
     return bone_motions(
         case.bones,
         case.landmarks_before,
-        planned,
+        case.landmarks_after,
         {**case.bones_after, **known},
         case.rib_shares,
         pose=case.study.pose,

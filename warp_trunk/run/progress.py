@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -18,11 +17,9 @@ class Progress:
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stderr if stream is None else stream
-        self._start = time.perf_counter()
         self._bars: Any = None
         self._task: Any = None
-        self._began, self._reached = self._start, 0
-        self._named = ""
+        self._began, self._reached, self._named = time.perf_counter(), 0, ""
         self.seconds: dict[str, float] = {}
         """Time spent so far in each stage [s]."""
 
@@ -43,9 +40,7 @@ class Progress:
             self._bars.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bars is not None:
             self._bars.stop()
 
@@ -61,17 +56,15 @@ class Progress:
     @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:
         """Shows what is being done, and adds the time until the block ends to `seconds[name]`."""
-        bars = self._bars
-        task = None if bars is None else bars.add_task(self._named + doing, total=None)
+        task = None if self._bars is None else self._bars.add_task(self._named + doing, total=None)
         start = time.perf_counter()
         try:
             yield
         finally:
-            taken = time.perf_counter() - start
-            self.add(name, taken)
-            if bars is not None:
-                bars.update(task, total=1, completed=1)
-        if bars is None:
+            self.add(name, taken := time.perf_counter() - start)
+            if self._bars is not None:
+                self._bars.update(task, total=1, completed=1)
+        if self._bars is None:
             self._line(f"{doing}: {taken:.1f} s")
 
     def add(self, name: str, seconds: float) -> None:
@@ -87,15 +80,14 @@ class Progress:
 
     def increment(self, increment: Increment, count: int) -> None:
         """Shows that one of several increments is done; the remaining time follows from those before it."""
-        relaxation = increment.relaxation
         if self._bars is not None:
             self._bar("relaxing the tissue", increment.number, count)
             return
+        end = increment.relaxation
         self._line(
-            f"increment {increment.number} of {count}: {relaxation.status.name}, "
-            f"{relaxation.estimated_error:.2g} mm from equilibrium, "
-            f"{relaxation.steps} step{'' if relaxation.steps == 1 else 's'}, "
-            f"{relaxation.linear_iterations} linear iterations, {increment.seconds:.1f} s"
+            f"increment {increment.number} of {count}: {end.status.name}, {end.estimated_error:.2g} mm from "
+            f"equilibrium, {end.steps} step{'s' * (end.steps != 1)}, {end.linear_iterations} linear iterations, "
+            f"{increment.seconds:.1f} s"
         )
 
     def part(self, doing: str, done: int, count: int, line: str = "", note: str = "") -> None:
@@ -116,8 +108,8 @@ class Progress:
             self._bar(f"{doing}, {note}" if note else doing, done, count)
         elif line:
             left = (time.perf_counter() - self._began) / done * (count - done)
-            told = (f"{done} of {count} {doing}", *([note] if note else []), f"about {_time(left)} left")
-            self._line(f"{line} ({', '.join(told)})")
+            named = f"{done} of {count} {doing}, " + (f"{note}, " if note else "")
+            self._line(f"{line} ({named}about {_time(left)} left)")
 
     def _bar(self, doing: str, done: int, count: int) -> None:
         doing = self._named + doing
@@ -125,10 +117,6 @@ class Progress:
             self._task = self._bars.add_task(doing, total=count)
         self._reached = done
         self._bars.update(self._task, completed=done, description=doing)
-
-    def total(self) -> float:
-        """Time since this was made [s]."""
-        return time.perf_counter() - self._start
 
     def _line(self, text: str) -> None:
         print(self._named + text, file=self._stream, flush=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,14 +12,11 @@ from warp_trunk.bone_motion.steps import PathDerivative, RememberedSteps, rigid_
 from warp_trunk.case.layers import NAMES, Layers
 from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
-from warp_trunk.errors import InputError
-from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.measures import measure
 from warp_trunk.measures.derivatives import (
     Derivative,
     hump_derivative,
-    point_derivative,
     rotation_derivative,
     shoulder_derivative,
 )
@@ -31,9 +28,7 @@ from .patient import Prepared, layers_from, motions_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.simulation import Increment
-    from warp_trunk.geometry.surface import Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +36,7 @@ class Sensitivity:
     """A number of the predicted trunk, and its derivative in everything it depends on."""
 
     name: str
-    """`bsr T8`, `hump T9`, `shoulder difference`, or `skin 1234` for a vertex of the skin along its normal."""
+    """`bsr T8`, `hump T9` or `shoulder difference`."""
     unit: str
     """Its unit: degrees or mm."""
     value: float
@@ -66,7 +61,6 @@ def sensitivities(
     increment: Increment,
     options: RunOptions | None = None,
     *,
-    vertices: Sequence[int] = (),
     all_humps: bool = False,
     linear: Linearization | None = None,
 ) -> tuple[Sensitivity, ...]:
@@ -81,15 +75,14 @@ def sensitivities(
         prepared: what `prepare` made of it.
         increment: the last increment that `simulate` yielded.
         options: those that `prepare` was given.
-        vertices: vertices of the skin of which the place along the normal is asked for too.
         all_humps: whether the hump of each level is asked for, and not the largest alone.
         linear: the trunk linearised at the increment, where there is one; made when left out.
 
     Raises:
-        InputError: the last relaxation did not converge, or there is no such vertex.
+        InputError: the last relaxation did not converge.
     """
     options = options or RunOptions()
-    numbers = numbers_of(case, prepared, increment, vertices, all_humps=all_humps)
+    numbers = numbers_of(case, prepared, increment, all_humps=all_humps)
     linear = linear or Linearization(prepared.model, increment)
     adjoints = linear.adjoints(on_nodes(prepared, numbers))
     pulls = pulls_of(case, prepared, options, linear)
@@ -99,11 +92,20 @@ def sensitivities(
 
 
 def numbers_of(
-    case: Case, prepared: Prepared, increment: Increment, vertices: Sequence[int] = (), *, all_humps: bool = False
+    case: Case, prepared: Prepared, increment: Increment, *, all_humps: bool = False
 ) -> dict[str, Derivative]:
     """The numbers of a predicted skin by name, each with its derivative in the skin and in the landmarks after."""
-    skin = predicted_skin(case, prepared.trunk, increment.displacement)
-    return dict(_numbers(skin, case.planned_landmarks, vertices, all_humps))
+    skin, landmarks = predicted_skin(case, prepared.trunk, increment.displacement), case.planned_landmarks
+    measured = measure(skin, landmarks)
+    tangents = {level: tangent for level, tangent in measured.tangents.items() if tangent is not None}
+    found: dict[str, Derivative | None] = {
+        f"bsr {level}": rotation_derivative(skin, landmarks, level, tangent) for level, tangent in tangents.items()
+    }
+    for level, tangent in tangents.items():
+        if all_humps or level == measured.hump_level:
+            found[f"hump {level}"] = hump_derivative(skin, landmarks, level, tangent)
+    found["shoulder difference"] = shoulder_derivative(skin, landmarks)
+    return {name: number for name, number in found.items() if number is not None}
 
 
 def on_nodes(prepared: Prepared, numbers: Mapping[str, Derivative]) -> np.ndarray:
@@ -166,32 +168,6 @@ def landmark_derivative(
         return spline_derivative(trunk.nodes[trunk.prescribed], before, after)
     steps = RememberedSteps(before.points, after.points)
     return rigid_derivative(trunk, motions_of(case, steps, expected_error), steps)
-
-
-def _numbers(
-    skin: Surface, landmarks: Landmarks, vertices: Sequence[int], all_humps: bool
-) -> Iterator[tuple[str, Derivative]]:
-    """The numbers of a skin by name, each with its derivative."""
-    measured = measure(skin, landmarks)
-    for level, tangent in measured.tangents.items():
-        if tangent is not None:
-            yield f"bsr {level}", rotation_derivative(skin, landmarks, level, tangent)
-    for level, tangent in measured.tangents.items():
-        if tangent is not None and (all_humps or level == measured.hump_level):
-            hump = hump_derivative(skin, landmarks, level, tangent)
-            if hump is not None:
-                yield f"hump {level}", hump
-    shoulders = shoulder_derivative(skin, landmarks)
-    if shoulders is not None:
-        yield "shoulder difference", shoulders
-    normals = vertex_normals(skin)
-    for vertex in vertices:
-        if not 0 <= vertex < len(normals):
-            raise InputError(
-                f"sensitivities: 'vertices' must be from 0 to {len(normals) - 1}, the vertices of the skin, "
-                f"not {vertex}"
-            )
-        yield f"skin {vertex}", point_derivative(skin, landmarks, vertex, normals[vertex])
 
 
 def constant_names(prepared: Prepared) -> dict[str, Constant]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 import time
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -18,69 +18,36 @@ from warp_trunk.bone_motion.bone_path import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner, plan_text
 from warp_trunk.bone_motion.plan.plan_file import planned_case
 from warp_trunk.bone_motion.vertebra_smoothing import smoothing_warnings
-from warp_trunk.case import check_case
+from warp_trunk.case import Case, check_case
 from warp_trunk.case.motions import check_passing
 from warp_trunk.engine import simulation
 from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import Increment
 from warp_trunk.errors import InputError
-from warp_trunk.io.folders import removed_if_empty
-from warp_trunk.measures import measure
+from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.folders import locked, removed_if_empty
+from warp_trunk.io.result_files import RECORDING
+from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.recording import Recording, load_rerun, start_viewer
-from warp_trunk.results import (
-    RECORDING,
-    locked,
-    partial,
-    predicted_skin,
-    prepare_folder,
-    result_of,
-    write_result,
-)
+from warp_trunk.results import Result, predicted_skin, prepare_folder, result_of, write_result
 from warp_trunk.results.summary_text import markdown
 
 from .bands import find_bands
 from .options import RunOptions, parameters, with_changes
-from .patient import Patient, Prepared, motions_of, patient_of, prepare_plan, with_mesh_given
+from .patient import Patient, Prepared, motions_of, patient_of, prepare_plan
 from .progress import Progress
 from .warnings import curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
-    from warp_trunk.measures import TrunkMeasures
-    from warp_trunk.results import Result
     from warp_trunk.results.bands import FoundBands
 
 
 @overload
-def simulate(
-    case: Case,
-    plan: Plan | None = None,
-    *,
-    folder: str | Path | None = None,
-    options: RunOptions | None = None,
-    progress: Progress | None = None,
-    patient: Patient | None = None,
-    warnings: Sequence[str] | None = None,
-    **changes: Any,
-) -> Result: ...
-
-
+def simulate(case: Case, plan: Plan | None = None, **how: Any) -> Result: ...
 @overload
-def simulate(
-    case: Case,
-    plan: Sequence[Plan] | Mapping[str, Plan],
-    *,
-    folder: str | Path | None = None,
-    options: RunOptions | None = None,
-    progress: Progress | None = None,
-    on_result: Callable[[str, Result], None] | None = None,
-    **changes: Any,
-) -> list[Result]: ...
-
-
+def simulate(case: Case, plan: Sequence[Plan] | Mapping[str, Plan], **how: Any) -> list[Result]: ...
 def simulate(
     case: Case,
     plan: Plan | Sequence[Plan] | Mapping[str, Plan] | None = None,
@@ -126,17 +93,15 @@ def simulate(
             to or is in use, a patient who is another or was prepared with other options, or a case or option that
             a stage refuses. Everything that can be refused before the first simulation is refused before it.
     """
-    progress = progress or Progress()
+    progress, folder = progress or Progress(), None if folder is None else Path(folder)
     options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
-    folder = None if folder is None else Path(folder)
     if plan is None:
-        return _simulated(case, folder, options, progress, warnings=warnings, patient=patient)
+        return _Simulation(case, options, progress, patient, warnings).result(folder)
     if isinstance(plan, Plan):
         name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
-        surgery = _surgery(Planner(case), "", plan)
-        return _planned(case, surgery, name, folder, options=options, progress=progress, patient=patient)
+        return _planned(case, _surgery(Planner(case), "", plan), name, options, progress, patient).result(folder)
     plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(plan, start=1)}
-    return _several(case, plans, folder, options, progress, on_result=on_result)
+    return _several(case, plans, folder, options, progress, on_result)
 
 
 def _several(
@@ -145,9 +110,9 @@ def _several(
     folder: Path | None,
     options: RunOptions,
     progress: Progress,
-    *,
     on_result: Callable[[str, Result], None] | None,
 ) -> list[Result]:
+    """The result of each plan for one patient."""
     if not plans:
         raise InputError("simulate: there is no plan; give at least one")
     if options.live and len(plans) > 1:
@@ -159,24 +124,14 @@ def _several(
     for place in filter(None, places.values()):
         with removed_if_empty(place):
             prepare_folder(place)
-    case, given = with_mesh_given(case, options, progress)
-    patient = patient_of(case, options, given, progress)
+    patient = patient_of(case, options, progress=progress)
     results = []
     for name, surgery in surgeries.items():
         with progress.of(f"plan {name}"):
-            result = _planned(
-                case,
-                surgery,
-                name,
-                places[name],
-                options=options,
-                progress=progress,
-                patient=patient,
-                checked=checked[name],
-            )
-        results.append(result)
+            run = _planned(patient.case, surgery, name, options, progress, patient, checked[name])
+            results.append(run.result(places[name]))
         if on_result is not None:
-            on_result(name, result)
+            on_result(name, results[-1])
     return results
 
 
@@ -191,181 +146,146 @@ def _planned(
     case: Case,
     surgery: PlannedSurgery,
     name: str,
-    folder: Path | None,
-    *,
     options: RunOptions,
     progress: Progress,
     patient: Patient | None,
     checked: Sequence[str] | None = None,
-) -> Result:
+) -> _Simulation:
     for warning in surgery.warnings:
         progress.message(f"warning: {warning}")
-    planned, text = planned_case(case, surgery, name), plan_text(surgery.plan)
-    return _simulated(planned, folder, options, progress, warnings=checked, patient=patient, plan=text)
+    planned = planned_case(case, surgery, name)
+    return _Simulation(planned, options, progress, patient, checked, plan_text(surgery.plan))
 
 
-def _simulated(
-    case: Case,
-    folder: Path | None,
-    options: RunOptions,
-    progress: Progress,
-    *,
-    warnings: Sequence[str] | None,
-    patient: Patient | None,
-    plan: str | None = None,
-) -> Result:
-    """One simulation, in its result folder or without one."""
-    if folder is not None:
-        with removed_if_empty(folder):
-            prepare_folder(folder)
-            said = _checked(case, options, progress, warnings=warnings, patient=patient)
-            with locked(folder):
-                result = _run(case, folder, options, progress, warnings=said, patient=patient, plan=plan)
-                write_result(folder, result)
-                return result
-    said = _checked(case, options, progress, warnings=warnings, patient=patient)
-    place = Path(tempfile.mkdtemp(prefix="warp_trunk_"))  # for the recording, until it is saved
-    try:
-        result = _run(case, place, options, progress, warnings=said, patient=patient, plan=plan)
-    except BaseException:
-        shutil.rmtree(place, ignore_errors=True)
-        raise
-    weakref.finalize(result, shutil.rmtree, place, ignore_errors=True)
-    return result
+@dataclass
+class _Simulation:
+    """One simulation of a case in which the surgery is planned."""
 
+    case: Case
+    options: RunOptions
+    progress: Progress
+    patient: Patient | None
+    warnings: Sequence[str] | None
+    """What the check of the case found; None before it is checked."""
+    plan: str | None = None
 
-def _checked(
-    case: Case,
-    options: RunOptions,
-    progress: Progress,
-    *,
-    warnings: Sequence[str] | None,
-    patient: Patient | None,
-) -> list[str]:
-    """The warnings about a case and options, shown; InputError for what no later stage should have to refuse."""
-    _ = case.planned_landmarks  # refused here where nothing is planned
-    if case.landmarks_after is None:
-        for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
-            if asked:
-                raise InputError(
-                    f"{name}: needs landmarks_after.csv, and bones move by motions alone; leave it out"
-                )
-    if patient is not None and patient.options != options:
-        raise InputError("simulate: 'patient' was made ready with other options; give the same, or leave it out")
-    choose_device(options.device)
-    choose_threads(options.threads)
-    if options.live and not options.record:
-        raise InputError("--live: shows what is recorded; leave --no-record out")
-    before, after = case.landmarks_before, case.planned_landmarks
-    found = [*(check_case(case) if warnings is None else warnings), *curve_warnings(before, after)]
-    if options.bones == "follow" and case.landmarks_after is not None:
-        found += [*unknown_bones(case.bones), *smoothing_warnings(before, after)]
-    layers = () if case.layers is None else case.layers.tissues(case.tissue)
-    found += option_warnings((case.tissue, *layers), options.gravity)
-    if case.motions:
-        check_passing(case, motions_of(case), "motions")
-    for warning in found:
-        progress.message(f"warning: {warning}")
-    return found
+    def result(self, folder: Path | None) -> Result:
+        """The result, in its folder or without one."""
+        if folder is not None:
+            with removed_if_empty(folder):
+                prepare_folder(folder)
+                self.check()
+                with locked(folder):
+                    result = self.run(folder)
+                    write_result(folder, result)
+            return result
+        self.check()
+        place = tempfile.TemporaryDirectory(prefix="warp_trunk_", ignore_cleanup_errors=True)  # for the recording
+        try:
+            result = self.run(Path(place.name))
+        except BaseException:
+            place.cleanup()
+            raise
+        weakref.finalize(result, place.cleanup)
+        return result
 
+    def check(self) -> None:
+        """Find and show the warnings; InputError for what no later stage should have to refuse."""
+        case, options = self.case, self.options
+        before, after = case.landmarks_before, case.planned_landmarks  # refused here where nothing is planned
+        if case.landmarks_after is None:
+            for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
+                if asked:
+                    raise InputError(
+                        f"{name}: needs landmarks_after.csv, and bones move by motions alone; leave it out"
+                    )
+        if self.patient is not None and self.patient.options != options:
+            raise InputError("simulate: 'patient' was prepared with other options; give the same, or leave it out")
+        choose_device(options.device)
+        choose_threads(options.threads)
+        if options.live and not options.record:
+            raise InputError("--live: shows what is recorded; leave --no-record out")
+        checked = check_case(case) if self.warnings is None else self.warnings
+        found = [*checked, *curve_warnings(before, after)]
+        if options.bones == "follow" and case.landmarks_after is not None:
+            found += [*unknown_bones(case.bones), *smoothing_warnings(before, after)]
+        layers = () if case.layers is None else case.layers.tissues(case.tissue)
+        found += option_warnings((case.tissue, *layers), options.gravity)
+        if case.motions:
+            check_passing(case, motions_of(case), "motions")
+        for warning in found:
+            self.progress.message(f"warning: {warning}")
+        self.warnings = found
 
-def _run(
-    case: Case,
-    folder: Path,
-    options: RunOptions,
-    progress: Progress,
-    *,
-    warnings: list[str],
-    patient: Patient | None,
-    plan: str | None,
-) -> Result:
-    """Mesh, simulate and measure, with a recording in the folder that grows by each increment."""
-    start, known = time.perf_counter(), {} if patient is None else dict(progress.seconds)
-    given: TrunkMesh | None = None
-    if patient is None:
-        case, given = with_mesh_given(case, options, progress)
-    else:
-        patient.check(case)
-    live = start_viewer() if options.live else None
-    path = partial(folder / RECORDING)
-    if options.record:
-        load_rerun()
-    else:
-        path.unlink(missing_ok=True)  # of a run that was interrupted
-    if patient is None:
-        patient = patient_of(case, options, given, progress)
-        with progress.stage("compile", "preparing the relaxation"):
-            _ = patient.relaxer  # made while Rerun is being imported
-    prepared = prepare_plan(patient, case, progress)
-    held = colliding_bones(prepared.trunk, prepared.bone_path)
-    if held:
-        progress.message(f"warning: {held[0]}; tissue cannot follow there")
-    before = measure(case.skin, case.landmarks_before)
-    with _opened(path, case, prepared, before, options=options, live=live, progress=progress) as recording:
-        increments, after = _increments(case, prepared, patient, recording, progress)
-        if _unconfirmed(increments[-1], options):
-            patient = patient.in_float64()
-            prepared = Prepared(patient.trunk, patient.model, prepared.bone_path)
-            increments[-1] = _continued(increments[-1], prepared, patient, progress)
-            after = measure(
-                predicted_skin(case, prepared.trunk, increments[-1].displacement),
-                case.planned_landmarks,
-                case.skin,
-            )
+    def run(self, folder: Path) -> Result:
+        """Mesh, simulate and measure, with a recording in the folder that grows by each increment."""
+        options, progress, path = self.options, self.progress, partial(folder / RECORDING)
+        start, known = time.perf_counter(), {} if self.patient is None else dict(progress.seconds)
+        if self.patient is not None:
+            self.patient.check(self.case)
+        live = start_viewer() if options.live else None
+        if options.record:
+            load_rerun()
+        else:
+            path.unlink(missing_ok=True)  # of a run that was interrupted
+        patient = self.patient
+        if patient is None:
+            patient = patient_of(self.case, options, progress=progress)
+            self.case = patient.case
+            with progress.stage("compile", "preparing the relaxation"):
+                _ = patient.relaxer  # made while Rerun is being imported
+        case = self.case
+        prepared = prepare_plan(patient, case, progress)
+        trunk, bone_path, recording = prepared.trunk, prepared.bone_path, None
+        held = colliding_bones(trunk, bone_path)
+        if held:
+            progress.message(f"warning: {held[0]}; tissue cannot follow there")
+        before = measure(case.skin, case.landmarks_before)
+        with ExitStack() as recordings:
+            if options.record:
+                unit = prepared.model.elements.unit
+                with progress.stage("record", "opening the recording"):
+                    recording = Recording(
+                        path, case, trunk, before, bone_path, unit=unit, whiskers=options.bands, live=live
+                    )
+                recordings.enter_context(recording)
+            increments, after = _increments(case, prepared, patient, recording, progress)
+            if _unconfirmed(increments[-1], options):
+                patient = patient.in_float64()
+                prepared = Prepared(trunk, patient.model, bone_path)
+                increments[-1] = _continued(increments[-1], prepared, patient, progress)
+                skin = predicted_skin(case, trunk, increments[-1].displacement)
+                after = measure(skin, case.planned_landmarks, case.skin)
+                if recording is not None:
+                    recording.increment(increments[-1], after)
+            last = increments[-1]
+            skin = predicted_skin(case, trunk, last.displacement)
+            quality = skin_quality(case.skin, skin, case.landmarks_before, case.bones)
+            ending = ending_warnings(last.relaxation, held, folded_tissue(trunk, bone_path))
+            warnings = [*(self.warnings or ()), *ending]
+            found = _bands(case, prepared, last, patient, progress)
             if recording is not None:
-                recording.increment(increments[-1], after)
-        last = increments[-1]
-        skin = predicted_skin(case, prepared.trunk, last.displacement)
-        quality = skin_quality(case.skin, skin, case.landmarks_before, case.bones)
-        folded = folded_tissue(prepared.trunk, prepared.bone_path)
-        warnings = [*warnings, *ending_warnings(last.relaxation, held, folded)]
-        found = _bands(case, prepared, last, patient, progress)
-        if recording is not None:
-            if found is not None:
-                recording.bands(found.bands)
-            recording.finish(markdown(case, last, before, after, [*warnings, *quality.faults]))
-    taken = {name: value - known.get(name, 0.0) for name, value in progress.seconds.items()}
-    seconds = {name: value for name, value in taken.items() if value > 0.0}  # of a shared patient only what is new
-    return result_of(
-        case,
-        prepared.trunk,
-        prepared.model,
-        increments,
-        before=before,
-        after=after,
-        quality=quality,
-        parameters=parameters(options),
-        seconds={**seconds, "total": seconds.get("load", 0.0) + time.perf_counter() - start},
-        warnings=warnings,
-        found=found,
-        recording=None if recording is None or recording.failed else recording.path,
-        plan=plan,
-    )
-
-
-def _opened(
-    path: Path,
-    case: Case,
-    prepared: Prepared,
-    before: TrunkMeasures,
-    *,
-    options: RunOptions,
-    live: str | None,
-    progress: Progress,
-) -> AbstractContextManager[Recording | None]:
-    """The recording of a run, closed where the block ends; None where none is wanted."""
-    if not options.record:
-        return nullcontext()
-    with progress.stage("record", "opening the recording"):
-        return Recording(
-            path,
+                if found is not None:
+                    recording.bands(found.bands)
+                recording.finish(markdown(case, last, before, after, [*warnings, *quality.faults]))
+        taken = {name: value - known.get(name, 0.0) for name, value in progress.seconds.items()}
+        seconds = {
+            name: value for name, value in taken.items() if value > 0.0
+        }  # without those of a shared patient
+        seconds["total"] = seconds.get("load", 0.0) + time.perf_counter() - start
+        return result_of(
             case,
-            prepared.trunk,
-            before,
-            prepared.bone_path,
-            unit=prepared.model.elements.unit,
-            whiskers=options.bands,
-            live=live,
+            trunk,
+            prepared.model,
+            increments,
+            measures=(before, after),
+            quality=quality,
+            parameters=parameters(options),
+            seconds=seconds,
+            warnings=warnings,
+            found=found,
+            recording=None if recording is None or recording.failed else recording.path,
+            plan=self.plan,
         )
 
 
@@ -373,8 +293,7 @@ def _increments(
     case: Case, prepared: Prepared, patient: Patient, recording: Recording | None, progress: Progress
 ) -> tuple[list[Increment], TrunkMeasures]:
     """Every increment, shown and recorded as it comes, and the measures of the predicted skin."""
-    options = patient.options.simulation
-    increments: list[Increment] = []
+    options, increments = patient.options.simulation, list[Increment]()
     began, after = time.perf_counter(), None
     for increment in simulation.simulate(prepared.model, prepared.bone_path, options, relaxer=patient.relaxer):
         if not increments:  # the time before the first one compiled and loaded the kernels
@@ -426,7 +345,7 @@ def _bands(
         progress.message("no bands: the relaxation did not converge")
         return None
     try:
-        with progress.stage("bands", "finding how sure each number is"):
+        with progress.stage("bands", "computing the uncertainty of each number"):
             return find_bands(case, prepared, increment, patient.options, relaxer=patient.relaxer)
     except InputError as error:  # the prediction stands without them
         progress.message(f"no bands: {error}")

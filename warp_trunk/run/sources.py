@@ -64,78 +64,61 @@ def effect_of(source: Source, one: Sensitivity) -> float:
 
 def sources_of(case: Case, prepared: Prepared, options: RunOptions) -> tuple[Source, ...]:
     """All sources but the landmarks, whose errors have no direction, and the mesh, which nothing carries."""
-    tissue = (*_constants(case, prepared), *_thickness(case, prepared, options))
-    return (*_surgery(case), *_ribs(case, prepared, options), *tissue)
+    return (*_surgery(case), *_ribs(case, prepared, options), *_tissue(case, prepared, options))
 
 
 def _surgery(case: Case) -> Iterator[Source]:
     """How exactly surgery meets the plan: the amount of the whole correction, and the turn of each apex."""
     before, after, given = case.landmarks_before, case.planned_landmarks, case.uncertainty
     curves = cobb_angles(before)
-    reached = curves_after(curves, after)
-    corrected = {
-        curve: abs(curve.angle - angle) for curve, angle in zip(curves, reached, strict=True) if angle is not None
-    }
+    reached = zip(curves, curves_after(curves, after), strict=True)
+    corrected = {curve: abs(curve.angle - angle) for curve, angle in reached if angle is not None}
     main = max(corrected, key=corrected.__getitem__, default=None)
     if main is None or corrected[main] < LEAST_CORRECTION:
         return
     if given.cobb:
-        yield Source(
-            "amount of correction",
-            f"{given.cobb:g} degrees of Cobb of {main.upper} to {main.lower}",
-            REFERENCES["cobb"],
-            of_surgery=True,
-            landmarks_after=(given.cobb / corrected[main]) * (after.points - before.points),
-        )
+        spread = f"{given.cobb:g} degrees of Cobb of {main.upper} to {main.lower}"
+        moved = (given.cobb / corrected[main]) * (after.points - before.points)
+        yield Source("amount of correction", spread, REFERENCES["cobb"], of_surgery=True, landmarks_after=moved)
     for curve in corrected:
         if given.rotation and corrected[curve] >= LEAST_CORRECTION:
-            turned = math.radians(given.rotation) * _bump(after, curve)[:, None] * _turned_about_z(after)
-            yield Source(
-                f"rotation of {curve.apex}",
-                f"{given.rotation:g} degrees, less towards the ends of its curve",
-                REFERENCES["rotation"],
-                of_surgery=True,
-                landmarks_after=turned,
-            )
+            spread = f"{given.rotation:g} degrees, less towards the ends of its curve"
+            moved = _turned(after, curve, math.radians(given.rotation))
+            name, reference = f"rotation of {curve.apex}", REFERENCES["rotation"]
+            yield Source(name, spread, reference, of_surgery=True, landmarks_after=moved)
 
 
-def _bump(landmarks: Landmarks, curve: CobbAngle) -> np.ndarray:
-    """1 at the apex of a curve, falling to 0 at half a curve beyond its ends, for each landmark, shape (n,)."""
-    heights = {level: landmarks.of_bone(level).points[:, 2].mean() for level in landmarks.vertebrae()}
-    apex, upper, lower = (heights[level] for level in (curve.apex, curve.upper, curve.lower))
-    shape = np.zeros(len(landmarks.names))
-    for row, name in enumerate(landmarks.names):
-        level = name.partition("_")[0]
-        if level in heights:
-            end = upper if heights[level] > apex else lower
-            part = (heights[level] - apex) / (1.5 * (end - apex)) if end != apex else float(level != curve.apex)
-            shape[row] = math.cos(0.5 * math.pi * min(abs(part), 1.0)) ** 2
-    return shape
+def _turned(landmarks: Landmarks, curve: CobbAngle, angle: float) -> np.ndarray:
+    """Motion of each landmark where vertebrae turn about the vertical through their middles [mm], shape (n, 3).
 
-
-def _turned_about_z(landmarks: Landmarks) -> np.ndarray:
-    """Velocity of each landmark of a vertebra that turns about the vertical through its middle, shape (n, 3)."""
-    velocity = np.zeros_like(landmarks.points)
-    for level in landmarks.vertebrae():
+    The apex of the curve turns by the angle [rad], others less, and those by half a curve beyond its ends not.
+    """
+    middles = {level: landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()}
+    apex, upper, lower = (middles[level][2] for level in (curve.apex, curve.upper, curve.lower))
+    moved = np.zeros_like(landmarks.points)
+    for level, middle in middles.items():
+        end = upper if middle[2] > apex else lower
+        part = (middle[2] - apex) / (1.5 * (end - apex)) if end != apex else float(level != curve.apex)
+        share = math.cos(0.5 * math.pi * min(abs(part), 1.0)) ** 2
         rows = [row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")]
-        away = landmarks.points[rows] - landmarks.points[rows].mean(axis=0)
-        velocity[rows] = np.column_stack([-away[:, 1], away[:, 0], np.zeros(len(rows))])
-    return velocity
+        away = landmarks.points[rows] - middle
+        moved[rows] = angle * share * np.column_stack([-away[:, 1], away[:, 0], np.zeros(len(rows))])
+    return moved
 
 
 def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
     """How ribs follow: part of the way to the other way of moving bones, and their shares where they have some."""
-    part = case.uncertainty.ribs
+    part, trunk = case.uncertainty.ribs, prepared.trunk
     if not part:
         return
-    trunk = prepared.trunk
-    follow = rigid_displacement(trunk, motions_of(case))
-    other, words = follow, "from bones that bend with the spline to ribs that follow by shares"
+    ways = "ribs that follow by shares", "bones that bend with the spline"
     if options.bones == "follow":
         other = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks).displacement
-        words = "from ribs that follow by shares to bones that bend with the spline"
+    else:
+        other, ways = rigid_displacement(trunk, motions_of(case)), ways[::-1]
     way = np.where(trunk.prescribed[:, None], other - prepared.bone_path.at(1.0), 0.0)
-    yield Source("how ribs follow", f"{part:g} of the way {words}", REFERENCES["ribs"], bones=part * way)
+    spread = f"{part:g} of the way from {ways[0]} to {ways[1]}"
+    yield Source("how ribs follow", spread, REFERENCES["ribs"], bones=part * way)
     if options.bones == "follow":
         yield from rib_share_sources(case, trunk)
 
@@ -143,41 +126,29 @@ def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Sourc
 def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[Source]:
     """For each share that moves a bone of this case, half of what it does over its range."""
     for name, ends in RANGES.items():
-        low, high = (
-            rigid_displacement(
-                trunk, motions_of(replace(case, rib_shares=replace(case.rib_shares, **{name: end})))
-            )
-            for end in ends
-        )
+        shares = [replace(case.rib_shares, **{name: end}) for end in ends]
+        low, high = (rigid_displacement(trunk, motions_of(replace(case, rib_shares=one))) for one in shares)
         if (high != low).any():
             spread = f"half of {ends[0]:g} to {ends[1]:g}"
             yield Source(f"ribs' share of {name}", spread, "docs/ribs.md", bones=0.5 * (high - low))
 
 
-def _constants(case: Case, prepared: Prepared) -> Iterator[Source]:
-    """The tissue: each uncertain constant of the model; but for moduli, one varies in all layers at once."""
+def _tissue(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
+    """Each uncertain constant of the model; but for moduli, one varies in all layers at once. Of layers by depth,
+    also how thick skin and fat are, everywhere alike."""
+    given = case.uncertainty
     by_kind: dict[str, dict[str, float]] = {}
     for name, constant in constant_names(prepared).items():
-        spread = getattr(case.uncertainty, constant.name, None)
+        spread = getattr(given, constant.name, None)
         if spread is None or spread == (1.0 if constant.name in FACTORS else 0.0):
             continue
-        value = value_of(prepared.model, constant)
-        change = value * math.log(spread) if constant.name in FACTORS else spread
+        change = value_of(prepared.model, constant) * math.log(spread) if constant.name in FACTORS else spread
         by_kind.setdefault(name if constant.name == "youngs_modulus" else constant.name, {})[name] = change
     for kind, changes in by_kind.items():
         constant = kind.rpartition(".")[2]
-        spread = getattr(case.uncertainty, constant)
-        words = f"a factor of {spread:g}" if constant in FACTORS else f"{spread:g}"
+        words = f"{'a factor of ' if constant in FACTORS else ''}{getattr(given, constant):g}"
         yield Source(kind.replace("_", " "), words, REFERENCES[constant], constants=changes)
-
-
-def _thickness(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
-    """How thick skin and fat are, everywhere alike, if layers are assigned by depth."""
-    if layers_from(case, options) != "depth":
-        return
-    for layer in ("skin", "fat"):
-        spread = getattr(case.uncertainty, f"{layer}_thickness")
-        if spread:
-            name = f"{layer}_thickness"
-            words = f"{spread:g} mm everywhere"
-            yield Source(name.replace("_", " "), words, REFERENCES[name], constants={f"{layer}.thickness": spread})
+    for name in ("skin_thickness", "fat_thickness") if layers_from(case, options) == "depth" else ():
+        if spread := getattr(given, name):
+            changes = {name.replace("_", "."): spread}
+            yield Source(name.replace("_", " "), f"{spread:g} mm everywhere", REFERENCES[name], constants=changes)

@@ -1,7 +1,12 @@
+"""Named points on bones, and their files: tables, and markups of 3D Slicer."""
+
+import json
+
 import numpy as np
 import pytest
 
-from warp_trunk.case.landmarks import Landmarks, bone_of, read_landmarks, write_landmarks
+from warp_trunk.case.axes import Axes
+from warp_trunk.case.landmarks import Landmarks, bone_of, landmark_file, read_landmarks, write_landmarks
 from warp_trunk.errors import InputError
 
 NAMES = (
@@ -37,35 +42,94 @@ def test_reads_what_spreadsheets_write(tmp_path):
     np.testing.assert_array_equal(back.points, [[1.0, 2.5, -30.0]])
 
 
+def markups(points, system="LPS", **more):
+    controls = [{"id": str(i), "label": label, "position": at} for i, (label, at) in enumerate(points)]
+    return {"markups": [{"type": "Fiducial", "coordinateSystem": system, "controlPoints": controls, **more}]}
+
+
+@pytest.mark.parametrize(("system", "sign"), [("LPS", 1.0), ("RAS", -1.0), (0, -1.0), (1, 1.0)])
+def test_slicer_markups_come_in_the_axes_they_name(tmp_path, system, sign):
+    content = markups([("T7_a", [1.5, -2.0, 3.0]), ("T8_a", [4.0, 5.0, 6.0])], system)
+    (tmp_path / "a.mrk.json").write_text(json.dumps(content))
+    read = read_landmarks(tmp_path / "a.mrk.json", Axes("SAR"), "m")  # of a table only
+    assert read.names == ("T7_a", "T8_a")
+    np.testing.assert_array_equal(read.points, [[sign * 1.5, sign * -2.0, 3.0], [sign * 4.0, sign * 5.0, 6.0]])
+
+
+def test_slicer_markups_keep_their_units_and_leave_out_what_was_not_placed(tmp_path):
+    content = markups([("T7_a", [1.0, 2.0, 3.0]), ("T8_a", [0.0, 0.0, 0.0])], coordinateUnits="cm")
+    content["markups"][0]["controlPoints"][1]["positionStatus"] = "undefined"
+    (tmp_path / "a.mrk.json").write_text(json.dumps(content))
+    read = read_landmarks(tmp_path / "a.mrk.json")
+    assert read.names == ("T7_a",)
+    np.testing.assert_array_equal(read.points, [[10.0, 20.0, 30.0]])
+
+
+@pytest.mark.parametrize(("system", "sign"), [("LPS", 1.0), ("RAS", -1.0), ("0", -1.0)])
+def test_older_slicer_files_come_in_the_axes_they_name(tmp_path, system, sign):
+    (tmp_path / "a.fcsv").write_text(
+        f"# Markups fiducial file version = 4.11\n# CoordinateSystem = {system}\n"
+        "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n"
+        'vtkMRMLMarkupsFiducialNode_0,1.5,-2,3,0,0,0,1,1,1,0,T7_a,"left, upper",\n'
+    )
+    read = read_landmarks(tmp_path / "a.fcsv")
+    assert read.names == ("T7_a",)
+    np.testing.assert_array_equal(read.points, [[sign * 1.5, sign * -2.0, 3.0]])
+
+
+def test_a_table_may_have_other_columns_in_another_order(tmp_path):
+    (tmp_path / "a.csv").write_text("up, comment, label, left, back\n3, good, T7_a, 0.1, 0.2\n")
+    read = read_landmarks(tmp_path / "a.csv", units="cm", columns=("label", "left", "back", "up"))
+    assert read.names == ("T7_a",)
+    np.testing.assert_allclose(read.points, [[1.0, 2.0, 30.0]], rtol=1e-15)
+
+
+def points(*rows, system="LPS", **more):
+    return json.dumps(markups(rows, system, **more))
+
+
 @pytest.mark.parametrize(
-    ("text", "rule"),
+    ("name", "text", "rule"),
     [
-        ("x,y,name\n", "the first line must name the columns name,x,y,z once each, not x,y,name"),
-        ("name,x,x,y,z\n", "once each, not name,x,x,y,z"),
-        ("", "the first line must name the columns name,x,y,z once each, not an empty file"),
-        ("name,x,y,z\n", "there is no landmark in it"),
-        ("name,x,y,z\nT1_a,1,2\n", "line 2: a landmark is name,x,y,z, not 'T1_a,1,2'"),
-        ("name,x,y,z\n,1,2,3\n", "line 2: a landmark is name,x,y,z, not ',1,2,3'"),
-        ("name,x,y,z\nT1_a,1,2,3\n\nT1_a,4,5,6\n", "line 4: 'T1_a' stands in line 2 already"),
-        ("name,x,y,z\nT1_a,1,2,three\n", "line 2: z of 'T1_a' must be a number, not 'three'"),
-        ("name,x,y,z\nT1_a,1,nan,3\n", "line 2: y of 'T1_a' must be finite and within 1e+07, not nan"),
-        ("name,x,y,z\nT1_a,-inf,2,3\n", "line 2: x of 'T1_a' must be finite and within 1e+07, not -inf"),
+        ("a.csv", "x,y,name\n", "the first line must name the columns name,x,y,z once each, not 'x,y,name'"),
+        ("a.csv", "name,x,x,y,z\n", "once each, not 'name,x,x,y,z'"),
+        ("a.csv", "", "once each, not ''"),
+        ("a.csv", "name,x,y,z\n", "there is no point in it"),
+        ("a.csv", "name,x,y,z\nT1_a,1,2\n", "line 2: a landmark is name,x,y,z, not 'T1_a,1,2'"),
+        ("a.csv", "name,x,y,z\n,1,2,3\n", "line 2: a point has a name of letters in one line, not ''"),
+        ("a.csv", "name,x,y,z\nT1_a,1,2,3\n\nT1_a,4,5,6\n", "line 4: 'T1_a' is the name of a point above"),
+        ("a.csv", "name,x,y,z\nT1_a,1,2,three\n", "z of 'T1_a' must be a finite number within 1e+07, not 'three'"),
+        ("a.csv", "name,x,y,z\nT1_a,-inf,2,3\n", "line 2: x of 'T1_a' must be a finite number"),
+        ("a.mrk.json", "[" * 100_000, "cannot be read as markups"),
+        ("a.mrk.json", "[1]", "Expected `object`, got `array`"),
+        ("a.mrk.json", points(), "there is no point"),
+        ("a.mrk.json", points(("", [1, 2, 3])), "point 1: a point has a name of letters"),
+        ("a.mrk.json", points(("a", [1])), "of length 3"),
+        ("a.mrk.json", points(("a", [1, 2, 1e8])), "z of 'a' must be a finite number"),
+        ("a.mrk.json", points(("a", [1, 2, 3]), system="IJK"), "must be LPS or RAS, not 'IJK'"),
+        ("a.mrk.json", points(("a", [1, 2, 3]), coordinateUnits="inch"), "'coordinateUnits' must be mm, cm, m"),
+        ("a.fcsv", "# CoordinateSystem = LPS\n0,1,2,nan,0,0,0,1,1,1,0,a\n", "z of 'a' must be a finite number"),
+        ("a.fcsv", "0,1,2,3\n", "does not say '# CoordinateSystem"),
+        ("a.fcsv", "# CoordinateSystem = LPS\n0,1,2\n", "a point is id,x,y,z"),
+        ("a.fcsv", "# CoordinateSystem = LPS\n# columns = id,x,label\n", "must name x, y, z and label"),
     ],
 )
-def test_bad_files_are_refused(tmp_path, text, rule):
-    (tmp_path / "bad.csv").write_text(text)
+def test_bad_files_are_refused_in_one_line(tmp_path, name, text, rule):
+    (tmp_path / name).write_text(text)
     with pytest.raises(InputError) as error:
-        read_landmarks(tmp_path / "bad.csv")
-    assert "bad.csv" in str(error.value)
+        read_landmarks(tmp_path / name)
+    assert name in str(error.value)
     assert rule in str(error.value)
+    assert "\n" not in str(error.value)
 
 
-def test_missing_and_binary_files_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.csv: there is no such file"):
-        read_landmarks(tmp_path / "nowhere.csv")
-    (tmp_path / "bad.csv").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(InputError, match=r"bad\.csv: is no text in UTF-8"):
-        read_landmarks(tmp_path / "bad.csv")
+def test_landmarks_in_two_files_of_a_folder_are_refused(tmp_path):
+    assert landmark_file(tmp_path, "landmarks_before") == tmp_path / "landmarks_before.csv"
+    (tmp_path / "landmarks_before.fcsv").write_text("")
+    assert landmark_file(tmp_path, "landmarks_before") == tmp_path / "landmarks_before.fcsv"
+    (tmp_path / "landmarks_before.csv").write_text("")
+    with pytest.raises(InputError, match="give 'landmarks_before' in one file"):
+        landmark_file(tmp_path, "landmarks_before")
 
 
 def test_vertebrae_stand_top_to_bottom():

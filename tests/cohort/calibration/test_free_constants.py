@@ -28,7 +28,7 @@ CONTINUUM: dict[str, Any] = {"bones": "spline", "energy": "neo-hookean"}
         (("youngs_modulus",), PAPERS, "all forces grow with it alike"),
         (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
         (("youngs_modulus",), {}, "all forces (but those of bending skin"),
-        (("skin_rigidity",), {}, "an option of a simulation"),
+        (("skin_rigidity",), {}, "there is no constant 'skin_rigidity'"),
         (("epsilon",), {}, "simulated with neo-hookean; give --energy itmsm"),
         (("density",), {}, "acts only with gravity"),
         (("poisson_ratio",), PAPERS, "give --energy neo-hookean"),

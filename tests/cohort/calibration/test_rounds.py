@@ -13,7 +13,7 @@ import pytest
 from warp_trunk.cohort.calibration.fit import Prior
 from warp_trunk.cohort.calibration.free_constants import FreeConstant
 from warp_trunk.cohort.calibration.one_fit import CaseFit, FitJob
-from warp_trunk.cohort.calibration.rounds import FitCase, Rounds
+from warp_trunk.cohort.calibration.rounds import Rounds
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress
@@ -28,14 +28,16 @@ class Known(Rounds):
     def __init__(self, limits: Mapping[str, float]) -> None:
         self.limits = limits
         free = (FreeConstant(name="theta", start=1.0),)
-        job = FitJob(folder=Path(), options=RunOptions(), align_pelvis=False, refine=None, free=free)
         nobody: Any = None
-        cases = [FitCase(name=name, patient=name, pose="surgery", virtual=True, job=job) for name in limits]
-        super().__init__(nobody, cases, Progress())
+        jobs = [
+            FitJob(folder=Path(name), options=RunOptions(), align_pelvis=False, refine=None, free=free)
+            for name in limits
+        ]
+        super().__init__(nobody, jobs, Progress())
 
-    def submitted(self, jobs: Sequence[tuple[FitCase, FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
+    def submitted(self, jobs: Sequence[tuple[FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
         """Each case at its constants."""
-        return {case.name: self.one(case.name, float(counted[0])) for case, _, counted in jobs}
+        return {job.name: self.one(job.name, float(counted[0])) for job, counted in jobs}
 
     def one(self, name: str, x: float) -> CaseFit | Exception:
         """A case at a constant."""
@@ -51,7 +53,7 @@ def test_a_few_cases_that_end_so_on_the_way_are_left_out_and_told() -> None:
     fit = rounds.search(PRIOR)
     assert fit.converged
     assert fit.counted[0] == pytest.approx(3.0, abs=1e-2)
-    assert [case.name for case in rounds.cases] == list("abc")
+    assert [job.name for job in rounds.jobs] == list("abc")
     assert rounds.left_out == {"edge": "edge: ended STALLED"}
     assert rounds.count >= 3  # the start is not simulated again, and counted once
 

@@ -14,7 +14,6 @@ from warp_trunk.measures import TrunkMeasures, back_surface_rotation, measure
 from warp_trunk.measures.derivatives import (
     Derivative,
     hump_derivative,
-    point_derivative,
     rotation_derivative,
     shoulder_derivative,
 )
@@ -85,10 +84,3 @@ def test_shoulders() -> None:
     assert measured is not None
     assert found.value == pytest.approx(measured.difference, abs=1e-12)
     agree(differs(lambda m: None if m.shoulders is None else m.shoulders.difference, found, skin, landmarks))
-
-
-def test_a_vertex_moves_by_what_it_moves_along_its_normal() -> None:
-    skin, landmarks = rough(), CASE.landmarks_before
-    found = point_derivative(skin, landmarks, 7, np.array([0.6, 0.0, 0.8]))
-    assert np.vdot(found.vertices, np.ones_like(skin.vertices)) == pytest.approx(1.4)
-    assert not found.landmarks.any()

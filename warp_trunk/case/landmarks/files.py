@@ -1,28 +1,56 @@
-"""Reading and writing landmarks: CSV tables, and any file that holds landmarks."""
+"""Files of landmarks: CSV tables, and the markups of 3D Slicer in its two formats."""
 
 from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import FARTHEST
 from warp_trunk.io.file_access import is_plain, number, read_text
 
-from ..axes import Axes
+from ..axes import MILLIMETRES, Axes
 from .landmarks import Landmarks
-from .slicer import read_fcsv, read_markups
 
 COLUMNS = ("name", "x", "y", "z")
 """The columns of a table of landmarks, unless others are named."""
+ENDINGS = (".csv", ".mrk.json", ".fcsv")
+"""Endings of the files that are read."""
+_SLICER_AXES = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
+"""The names of axes in files of 3D Slicer; the numbers are those of Slicer before 4.11."""
+_SLICER_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label"
+_EXPECTED, _CURE = "markups of 3D Slicer were expected", "save the markups again from 3D Slicer"
 
 
-def read_table(path: Path, columns: tuple[str, ...] = COLUMNS) -> Landmarks:
-    """Landmarks from the columns of a CSV file; see `read_rows`."""
-    return Landmarks(*read_rows(path, columns))
+def read_landmarks(
+    path: str | Path, axes: Axes | None = None, units: str = "mm", columns: tuple[str, ...] = COLUMNS
+) -> Landmarks:
+    """Landmarks in LPS and mm from a CSV table, or from the markups of 3D Slicer (.mrk.json, .fcsv).
+
+    A file of 3D Slicer names its axes and units; those of a table are given here.
+
+    Args:
+        path: the file; its ending says what it is.
+        axes: those of a table; LPS when left out.
+        units: of a table: mm, cm or m.
+        columns: the columns of a table that hold name, x, y and z.
+
+    Raises:
+        InputError: a missing or unreadable file, a landmark that is named twice or not at all, a coordinate
+            that is not a finite number, or no landmark.
+    """
+    path = Path(path)
+    if path.name.lower().endswith(".mrk.json"):
+        return _read_markups(path)
+    if path.name.lower().endswith(".fcsv"):
+        return _read_fcsv(path)
+    names, points = read_rows(path, columns)
+    return Landmarks(names, (axes or Axes("LPS")).points_to_lps(points, units))
 
 
 def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
@@ -39,58 +67,116 @@ def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np
             an empty name or one used twice, a coordinate that is not a finite number, or no landmark at all.
     """
     text = read_text(path, f"a table is given as CSV ({','.join(columns)}) in UTF-8")
-    try:
-        rows = [[field.strip() for field in row] for row in csv.reader(io.StringIO(text, newline=""))]
-    except csv.Error as error:
-        raise InputError(f"{path}: cannot be read ({error}); it must be CSV text in UTF-8") from error
-    header = rows[0] if rows else []
+    header, *rows = _csv_rows(path, io.StringIO(text, newline="")) or [[]]
     if any(header.count(column) != 1 for column in columns):
-        found = ",".join(header) if header else "an empty file"
         raise InputError(
-            f"{path}: the first line must name the columns {','.join(columns)} once each, not {found[:80]}; "
-            "correct it, or name the columns of the file in case.toml as landmark_columns"
+            f"{path}: the first line must name the columns {','.join(columns)} once each, not "
+            f"'{','.join(header)[:80]}'; correct it, or name the columns in case.toml as landmark_columns"
         )
     places = [header.index(column) for column in columns]
-
-    first_line: dict[str, int] = {}
-    points = []
-    for line, row in enumerate(rows[1:], start=2):
+    found = []
+    for line, row in enumerate(rows, start=2):
         if not any(row):
             continue
-        where = f"{path}, line {line}"
-        if len(row) != len(header) or not row[places[0]]:
-            raise InputError(f"{where}: a landmark is {','.join(header)}, not '{','.join(row)[:80]}'")
-        name, *coordinates = (row[place] for place in places)
-        if not is_plain(name):
-            raise InputError(
-                f"{where}: a name has no line breaks or control characters, not '{name[:40]}'; rename it"
-            )
-        if name in first_line:
-            raise InputError(
-                f"{where}: '{name}' stands in line {first_line[name]} already; give each landmark once"
-            )
-        first_line[name] = line
-        points.append(
-            [
-                _coordinate(text, f"{where}: {axis} of '{name}'")
-                for axis, text in zip(columns[1:], coordinates, strict=True)
-            ]
-        )
-    if not points:
-        raise InputError(f"{path}: there is no landmark in it; a case needs six for each vertebra and the ASIS")
-    return tuple(first_line), np.array(points, dtype=np.float64)
+        if len(row) != len(header):
+            given = ",".join(row)[:80]
+            raise InputError(f"{path}, line {line}: a landmark is {','.join(header)}, not '{given}'; correct it")
+        found.append((f"{path}, line {line}", *(row[place] for place in places)))
+    return _named(path, columns[1:], found)
 
 
-def _coordinate(text: str, what: str) -> float:
+def _csv_rows(path: Path, lines: Iterable[str]) -> list[list[str]]:
     try:
-        value = number(text)
-    except ValueError:
-        raise InputError(f"{what} must be a number, not '{text[:40]}'") from None
-    if not abs(value) <= FARTHEST:  # nor is NaN
-        raise InputError(
-            f"{what} must be finite and within {FARTHEST:g}, not {text[:40]}; correct it or leave the landmark out"
-        )
-    return value
+        return [[field.strip() for field in row] for row in csv.reader(lines)]
+    except csv.Error as error:
+        raise InputError(f"{path}: cannot be read ({error}); it must be CSV text in UTF-8") from error
+
+
+def _named(
+    path: Path, axes: Sequence[str], rows: Iterable[Sequence[str | float]]
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names and coordinates of rows of a place in a file, a name and a coordinate for each axis."""
+    points: dict[str, list[float]] = {}
+    for where, name, *coordinates in rows:
+        name = str(name)
+        if not name or not is_plain(name):
+            raise InputError(f"{where}: a point has a name of letters in one line, not '{name[:40]}'; rename it")
+        if name in points:
+            raise InputError(f"{where}: '{name}' is the name of a point above; give each landmark once")
+        points[name] = []
+        for axis, given in zip(axes, coordinates, strict=True):
+            try:
+                value = number(given) if isinstance(given, str) else given
+            except ValueError:
+                value = np.nan
+            if not abs(value) <= FARTHEST:  # nor is NaN
+                raise InputError(
+                    f"{where}: {axis} of '{name}' must be a finite number within {FARTHEST:g}, not "
+                    f"'{str(given)[:40]}'; correct it or leave the point out"
+                )
+            points[name].append(value)
+    if not points:
+        raise InputError(f"{path}: there is no point in it; a case needs six for each vertebra and the ASIS")
+    return tuple(points), np.array(list(points.values()), dtype=np.float64)
+
+
+class _Point(msgspec.Struct, rename="camel"):
+    label: str = ""
+    position: tuple[float, float, float] | None = None
+    position_status: str = "defined"
+
+
+class _Markup(msgspec.Struct, rename="camel"):
+    coordinate_system: str | int = "LPS"
+    coordinate_units: str = "mm"
+    control_points: list[_Point] = []
+
+
+class _Markups(msgspec.Struct):
+    markups: list[_Markup]
+
+
+def _read_markups(path: Path) -> Landmarks:
+    """The control points that were placed, of all markups in a .mrk.json file."""
+    try:
+        markups = msgspec.json.decode(read_text(path, _EXPECTED), type=_Markups).markups
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as markups ({error}); {_CURE}") from error
+    frames = {(str(markup.coordinate_system), markup.coordinate_units) for markup in markups}
+    if len(frames) > 1:
+        raise InputError(f"{path}: all markups must be in the same axes and units; save them one by one")
+    axes, units = frames.pop() if frames else ("LPS", "mm")
+    if units not in MILLIMETRES:
+        raise InputError(f"{path}: 'coordinateUnits' must be {', '.join(MILLIMETRES)}, not {units!r}; {_CURE}")
+    points = [point for markup in markups for point in markup.control_points if point.position_status == "defined"]
+    rows = [(point.label, *point.position) for point in points if point.position is not None]
+    return _of_slicer(path, rows, axes, units)
+
+
+def _read_fcsv(path: Path) -> Landmarks:
+    """The points of a .fcsv file."""
+    lines = read_text(path, _EXPECTED).split("\n")
+    header = [line[1:].partition("=") for line in lines if line.startswith("#")]
+    given = {key.strip(): value.strip() for key, _, value in header}
+    if "CoordinateSystem" not in given:
+        raise InputError(f"{path}: does not say '# CoordinateSystem = LPS' or RAS; {_CURE}")
+    columns = given.get("columns", _SLICER_COLUMNS).replace(" ", "").split(",")
+    if not {"x", "y", "z", "label"} <= set(columns):
+        raise InputError(f"{path}: '# columns' must name x, y, z and label, not {','.join(columns)[:80]}; {_CURE}")
+    places = [columns.index(column) for column in ("label", "x", "y", "z")]
+    rows = _csv_rows(path, (line for line in lines if line.strip() and not line.startswith("#")))
+    for row in rows:
+        if len(row) <= max(places):
+            raise InputError(f"{path}: a point is {','.join(columns)[:80]}, not '{','.join(row)[:80]}'; {_CURE}")
+    return _of_slicer(path, [[row[place] for place in places] for row in rows], given["CoordinateSystem"], "mm")
+
+
+def _of_slicer(path: Path, rows: Sequence[Sequence[str | float]], axes: str, units: str) -> Landmarks:
+    """Landmarks of rows of a label and coordinates in the axes and units of a file of 3D Slicer."""
+    if axes not in _SLICER_AXES:
+        raise InputError(f"{path}: the coordinate system must be LPS or RAS, not {axes[:40]!r}; {_CURE}")
+    names, points = _named(path, "xyz", [(f"{path}, point {n}", *row) for n, row in enumerate(rows, start=1)])
+    return Landmarks(names, Axes(_SLICER_AXES[axes]).points_to_lps(points, units))
 
 
 def write_landmarks(path: str | Path, landmarks: Landmarks) -> None:
@@ -102,37 +188,6 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> None:
             writer.writerow([name, *map(repr, point)])
 
 
-ENDINGS = (".csv", ".mrk.json", ".fcsv")
-"""Endings of the files that are read."""
-
-
-def read_landmarks(
-    path: str | Path, axes: Axes | None = None, units: str = "mm", columns: tuple[str, ...] = COLUMNS
-) -> Landmarks:
-    """Landmarks in LPS and mm from a CSV table, or from the markups of 3D Slicer (.mrk.json, .fcsv).
-
-    A file of 3D Slicer says itself in which axes and units it is; of a table, the caller has to.
-
-    Args:
-        path: the file; its ending says what it is.
-        axes: those of a table; LPS when left out.
-        units: of a table: mm, cm or m.
-        columns: the columns of a table that hold name, x, y and z.
-
-    Raises:
-        InputError: a missing or unreadable file, a landmark that is named twice or not at all, a coordinate
-            that is not a finite number, or no landmark.
-    """
-    path = Path(path)
-    name = path.name.lower()
-    if name.endswith(".mrk.json"):
-        return read_markups(path)
-    if name.endswith(".fcsv"):
-        return read_fcsv(path)
-    table = read_table(path, columns)
-    return Landmarks(table.names, (axes or Axes("LPS")).points_to_lps(table.points, units))
-
-
 def landmark_file(folder: Path, stem: str) -> Path:
     """The file of a folder that holds landmarks under this name; its CSV name where there is none.
 
@@ -141,7 +196,5 @@ def landmark_file(folder: Path, stem: str) -> Path:
     """
     found = [folder / (stem + ending) for ending in ENDINGS if (folder / (stem + ending)).is_file()]
     if len(found) > 1:
-        raise InputError(
-            f"{found[1]}: there is {found[0].name} beside it; give '{stem}' in one file and remove the other"
-        )
+        raise InputError(f"{found[1]}: there is {found[0].name} beside it; give '{stem}' in one file")
     return found[0] if found else folder / f"{stem}.csv"

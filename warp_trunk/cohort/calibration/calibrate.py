@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..statistics import Estimate, over_patients
-from .fit import Certainty, Fit, Prior, certainty, without
-from .free_constants import FreeConstant
-from .one_fit import CaseFit
-from .rounds import FitCase, Rounds
+from .fit import Prior, certainty, without
+from .free_constants import FreeConstant, values_of
+from .one_fit import CaseFit, FitJob
+from .rounds import Rounds
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -93,7 +92,7 @@ class Calibration:
 
 def calibrate(
     client: Client,
-    cases: Sequence[FitCase],
+    jobs: Sequence[FitJob],
     free: Sequence[FreeConstant],
     progress: Progress,
     *,
@@ -104,45 +103,11 @@ def calibrate(
     Raises:
         InputError: no case could be simulated.
     """
-    rounds = Rounds(client, cases, progress)
-    prior = prior_of(free, priors)
+    rounds, prior = Rounds(client, jobs, progress), prior_of(free, priors)
     fit = rounds.search(prior)
-    sure = certainty(fit.pieces, prior)
+    sure, cases = certainty(fit.pieces, prior), rounds.jobs
     first, last = rounds.at(prior.mean), rounds.at(fit.counted)
-    held_out = _held_out(rounds, fit, prior, free) if len(fit.pieces) > 1 else ()
-    return Calibration(
-        found=tuple(_found(free, fit, sure)),
-        correlation=tuple(tuple(float(one) for one in row) for row in sure.correlation),
-        cases=tuple(case.name for case in rounds.cases),
-        patients=len(fit.pieces),
-        poses=tuple(sorted({case.pose for case in rounds.cases})),
-        virtual=sum(case.virtual for case in rounds.cases),
-        left_out=rounds.left_out,
-        rounds=rounds.count,
-        converged=fit.converged,
-        skin_before_mm=float(np.mean([first[case.name].skin_mm for case in rounds.cases])),
-        skin_mm=float(np.mean([last[case.name].skin_mm for case in rounds.cases])),
-        held_out=held_out,
-        held_out_gain_mm=over_patients(
-            [one.skin_before_mm - one.skin_mm for one in held_out], [one.patient for one in held_out]
-        ),
-    )
-
-
-def prior_of(free: Sequence[FreeConstant], weight: bool) -> Prior:
-    """The prior of the constants; without priors only their limits."""
-    limits = np.array([one.limits for one in free])
-    return Prior(
-        mean=np.array([one.counted(one.start) for one in free]),
-        sd=np.array([one.believed for one in free]),
-        low=limits[:, 0],
-        high=limits[:, 1],
-        weight=float(weight),
-    )
-
-
-def _found(free: Sequence[FreeConstant], fit: Fit, sure: Certainty) -> list[Found]:
-    return [
+    found = [
         Found(
             name=one.name,
             start=one.start,
@@ -153,23 +118,43 @@ def _found(free: Sequence[FreeConstant], fit: Fit, sure: Certainty) -> list[Foun
         )
         for one, x, sd, share in zip(free, fit.counted, sure.sd, sure.from_data, strict=True)
     ]
-
-
-def _held_out(rounds: Rounds, fit: Fit, prior: Prior, free: Sequence[FreeConstant]) -> tuple[HeldOut, ...]:
-    """Every case with the constants of the other patients, simulated."""
-    others = {patient: without(fit.pieces, patient, fit.counted, prior) for patient in fit.pieces}
-    jobs = [(case, dataclasses.replace(case.job, derivative=False), others[case.patient]) for case in rounds.cases]
-    results, first = rounds.submitted(jobs), rounds.at(prior.mean)
-    return tuple(
-        HeldOut(
-            case=case.name,
-            patient=case.patient,
-            constants={one.name: one.value(float(x)) for one, x in zip(free, others[case.patient], strict=True)},
-            skin_before_mm=first[case.name].skin_mm,
-            skin_mm=one.skin_mm,
-            bsr_before_deg=first[case.name].bsr_deg,
-            bsr_deg=one.bsr_deg,
-        )
-        for case in rounds.cases
-        if isinstance(one := results[case.name], CaseFit)
+    held_out: list[HeldOut] = []
+    if len(fit.pieces) > 1:  # every case with the constants of the other patients, simulated
+        others = {patient: without(fit.pieces, patient, fit.counted, prior) for patient in fit.pieces}
+        left = rounds.submitted([(replace(job, derivative=False), others[job.patient]) for job in cases])
+        held_out = [
+            HeldOut(
+                case=job.name,
+                patient=job.patient,
+                constants=values_of(free, others[job.patient]),
+                skin_before_mm=first[job.name].skin_mm,
+                skin_mm=one.skin_mm,
+                bsr_before_deg=first[job.name].bsr_deg,
+                bsr_deg=one.bsr_deg,
+            )
+            for job in cases
+            if isinstance(one := left[job.name], CaseFit)
+        ]
+    gains = [one.skin_before_mm - one.skin_mm for one in held_out]
+    return Calibration(
+        found=tuple(found),
+        correlation=tuple(tuple(map(float, row)) for row in sure.correlation),
+        cases=tuple(job.name for job in cases),
+        patients=len(fit.pieces),
+        poses=tuple(sorted({job.study.pose for job in cases})),
+        virtual=sum(job.study.virtual for job in cases),
+        left_out=rounds.left_out,
+        rounds=rounds.count,
+        converged=fit.converged,
+        skin_before_mm=float(np.mean([first[job.name].skin_mm for job in cases])),
+        skin_mm=float(np.mean([last[job.name].skin_mm for job in cases])),
+        held_out=tuple(held_out),
+        held_out_gain_mm=over_patients(gains, [one.patient for one in held_out]),
     )
+
+
+def prior_of(free: Sequence[FreeConstant], weight: bool) -> Prior:
+    """The prior of the constants; without priors only their limits."""
+    low, high = np.array([one.limits for one in free]).T
+    mean, sd = np.array([(one.counted(one.start), one.believed) for one in free]).T
+    return Prior(mean=mean, sd=sd, low=low, high=high, weight=float(weight))

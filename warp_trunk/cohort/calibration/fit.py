@@ -17,7 +17,7 @@ ENOUGH = 2e-3
 Piece = tuple[np.ndarray, np.ndarray]
 """Residuals (n,) and their derivative (n, constants) of one patient."""
 Evaluate = Callable[[np.ndarray], Mapping[str, Piece]]
-"""From constants as they are counted to the pieces of all patients."""
+"""From constants as they are counted to the pieces of all patients; called twice at some places."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,8 +49,6 @@ class Fit:
     """The constants as they are counted, shape (constants,)."""
     pieces: Mapping[str, Piece]
     """Residuals and derivatives there, by patient."""
-    rounds: int
-    """Evaluations of all cases."""
     converged: bool
     """Whether the search came to its end."""
 
@@ -59,21 +57,13 @@ def find(evaluate: Evaluate, prior: Prior) -> Fit:
     """The constants that fit all patients best (SciPy's trust region), with what is believed of them."""
     from scipy.optimize import least_squares  # heavy
 
-    known: dict[bytes, Mapping[str, Piece]] = {}
-
-    def pieces(x: np.ndarray) -> Mapping[str, Piece]:
-        key = x.tobytes()
-        if key not in known:
-            known[key] = evaluate(x)
-        return known[key]
-
     root = np.sqrt(prior.weight) / prior.sd
 
     def residuals(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([*(r for r, _ in pieces(x).values()), root * (x - prior.mean)])
+        return np.concatenate([*(r for r, _ in evaluate(x).values()), root * (x - prior.mean)])
 
     def derivative(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([*(j for _, j in pieces(x).values()), np.diag(root)])
+        return np.concatenate([*(j for _, j in evaluate(x).values()), np.diag(root)])
 
     solve: Any = least_squares  # its types know no function for a derivative
     found = solve(
@@ -87,10 +77,10 @@ def find(evaluate: Evaluate, prior: Prior) -> Fit:
         gtol=None,
         max_nfev=MOST_EVALUATIONS,
     )
-    return Fit(counted=found.x, pieces=pieces(found.x), rounds=len(known), converged=found.status > 0)
+    return Fit(counted=found.x, pieces=evaluate(found.x), converged=found.status > 0)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Certainty:
     """How sure the constants are, as they are counted."""
 
@@ -135,11 +125,7 @@ def certainty(pieces: Mapping[str, Piece], prior: Prior) -> Certainty:
         correlation = robust / np.sqrt(np.outer(np.diag(robust), np.diag(robust)))
         sd = wider * np.sqrt(np.diag(inverse))
         covariance, width = np.outer(sd, sd) * correlation, float(t.ppf(0.5 + 0.5 * CONFIDENCE, patients - 1))
-    return Certainty(
-        covariance=covariance,
-        width=width,
-        from_data=1.0 - np.diag(inverse @ prior.information),
-    )
+    return Certainty(covariance, width, from_data=1.0 - np.diag(inverse @ prior.information))
 
 
 def without(pieces: Mapping[str, Piece], left_out: str, at: np.ndarray, prior: Prior) -> np.ndarray:

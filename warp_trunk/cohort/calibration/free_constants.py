@@ -26,7 +26,6 @@ _SHARE = 0.25
 """Prior standard deviation of a share of the ribs without a known range."""
 _FACTOR = 1000.0
 """A stiffness is looked for between its start over this and its start times this."""
-_OF_ITMSM, _OF_CONTINUUM = ("epsilon", "theta"), ("poisson_ratio",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,29 +99,19 @@ def values_of(free: Sequence[FreeConstant], counted: np.ndarray) -> dict[str, fl
 def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
     """Raise InputError for constants that no skin depends on, with the reason."""
     if not names:
-        raise InputError(
-            "--free: is missing; give the constants to find, such as --free poisson_ratio ribs.recovery"
-        )
-    for name in names:
-        if name == "skin_rigidity":
-            raise InputError(
-                f"--free: '{name}' is no constant of a case but an option of a simulation; compare cohorts with "
-                "several --skin-rigidity"
-            )
+        raise InputError("--free: is missing; give constants to find, such as --free poisson_ratio ribs.recovery")
+    for number, name in enumerate(names):
         if name not in CONSTANT_NAMES:
             near = difflib.get_close_matches(name, CONSTANT_NAMES, n=1)
             hint = f" (did you mean {near[0]}?)" if near else ""
             raise InputError(f"--free: there is no constant '{name}'{hint}; known are {', '.join(CONSTANT_NAMES)}")
-    twice = [name for number, name in enumerate(names) if name in names[:number]]
-    if twice:
-        raise InputError(f"--free: '{twice[0]}' is given twice; give it once")
+        if name in names[:number]:
+            raise InputError(f"--free: '{name}' is given twice; give it once")
     layered = options.layers != "none" and (options.layers is not None or case.layers is not None)
     for name in names:
-        why = _unseen(name, case, options, layered)
-        if why:
+        if why := _unseen(name, case, options, layered):
             raise InputError(f"--free: '{name}' cannot be found from any skin: {why}")
-    stiff = [name for name in names if name.endswith(".youngs_modulus")]
-    if len(stiff) == len(NAMES) and not options.gravity:
+    if all(f"{layer}.youngs_modulus" in names for layer in NAMES) and not options.gravity:
         raise InputError(
             "--free: the Young's moduli of all layers cannot be found together: with bones moved as prescribed "
             "and no gravity only their ratios act; leave one out, which the others are then found against"
@@ -132,31 +121,33 @@ def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
 def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
     """Why a constant changes no prediction with these options; empty where it does."""
     of, _, constant = name.rpartition(".")
-    if of == RIBS:
-        return "" if options.bones == "follow" else "ribs have shares only where bones follow; give --bones follow"
-    if of and not layered:
-        return "the trunk has no layers; give --layers depth"
-    if constant in _OF_ITMSM and options.energy_of_tissue != "itmsm":
-        energy = options.energy_of_tissue
-        return f"it is a constant of the energy itmsm; these are simulated with {energy}; give --energy itmsm"
-    if constant in _OF_CONTINUUM and options.energy_of_tissue == "itmsm":
-        return "it is a constant of the neo-Hookean energy; give --energy neo-hookean"
-    if constant == "density" and not options.gravity:
-        return "a density acts only with gravity; give --gravity 9.81"
-    if constant == "youngs_modulus" and not of and layered:
-        return "every layer has its own; free fat.youngs_modulus instead"
-    if constant == "youngs_modulus" and not of and not options.gravity:
-        bending = " (but those of bending skin, which hardly move the back)" * bool(options.rigidity_of_skin)
-        return (
+    energy, weightless = options.energy_of_tissue, not options.gravity
+    bending = " (but those of bending skin, which hardly move the back)" * bool(options.rigidity_of_skin)
+    every = not of and layered and (name == "youngs_modulus" or len(layers_with(case, name)) == len(NAMES))
+    reasons = [
+        (of == RIBS and options.bones != "follow", "ribs have shares where bones follow; give --bones follow"),
+        (of in NAMES and not layered, "the trunk has no layers; give --layers depth"),
+        (
+            constant in ("epsilon", "theta") and energy != "itmsm",
+            f"it is a constant of the energy itmsm; these are simulated with {energy}; give --energy itmsm",
+        ),
+        (
+            constant == "poisson_ratio" and energy == "itmsm",
+            "it is a constant of the neo-Hookean energy; give --energy neo-hookean",
+        ),
+        (constant == "density" and weightless, "a density acts only with gravity; give --gravity 9.81"),
+        (every, "every layer has its own; free fat.youngs_modulus instead"),
+        (
+            name == "youngs_modulus" and weightless,
             f"with bones moved as prescribed and no gravity all forces{bending} grow with it alike, so that the "
             "trunk comes to rest at the same place; give --gravity 9.81, or free the ratio of layers "
-            "(fat.youngs_modulus)"
-        )
-    own = (
-        []
-        if case.layers is None
-        else [layer for layer in NAMES if constant in {**CONSTANTS[layer], **case.layers.constants.get(layer, {})}]
-    )
-    if not of and layered and len(own) == len(NAMES):
-        return "every layer has its own; free those"
-    return ""
+            "(fat.youngs_modulus)",
+        ),
+    ]
+    return next((why for holds, why in reasons if holds), "")
+
+
+def layers_with(case: Case, constant: str) -> list[str]:
+    """The layers that have a constant of their own, given by the case or by default."""
+    given = {} if case.layers is None else case.layers.constants
+    return [layer for layer in NAMES if constant in {**CONSTANTS[layer], **given.get(layer, {})}]

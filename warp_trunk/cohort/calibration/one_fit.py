@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from uuid import uuid4
 
 import numpy as np
 
 from warp_trunk.case import read_checked_case
-from warp_trunk.case.layers import CONSTANTS, NAMES
+from warp_trunk.case.layers import NAMES
 from warp_trunk.case.rib_shares import LIMITS
+from warp_trunk.case.study import Study
 from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
 from warp_trunk.engine.constants import Constant
 from warp_trunk.engine.linearization import Linearization
@@ -31,7 +32,7 @@ from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import Prepared, find_path, prepare
 from warp_trunk.run.starting import start_warp
 
-from .free_constants import FreeConstant, values_of
+from .free_constants import FreeConstant, layers_with, values_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -57,7 +58,7 @@ STEP = 1e-2
 
 @dataclass(frozen=True, kw_only=True)
 class FitJob:
-    """The task of a worker."""
+    """A case of a calibration, the task of a worker."""
 
     folder: Path
     """The case."""
@@ -69,10 +70,22 @@ class FitJob:
     """The changes of the command line to each case."""
     free: tuple[FreeConstant, ...]
     """The constants that are fitted."""
+    study: Study = field(default_factory=Study)
+    """Whose case it is, its pose, and whether it is synthetic."""
     derivative: bool = True
     """Whether the change with each constant is wanted."""
     key: str = field(default_factory=lambda: uuid4().hex)
     """With it, a worker that has done the job before uses its copy of the case."""
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return self.folder.name
+
+    @property
+    def patient(self) -> str:
+        """Whose case it is."""
+        return self.study.patient or self.name
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,15 +115,31 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
         InputError: a case that cannot be simulated, has no actual skin, or whose skin finds no equilibrium.
     """
     start_warp()
-    now = _simulated(_kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job, counted)
-    places = now.kept.places
-    distance, direction = _distance(now, places)
-    scale = np.sqrt(WORTH / len(places)) / SKIN_SD
+    kept, options = _kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job.options
+    case = kept.case if job.refine is None else job.refine(kept.case)
+    case = with_constants(case, values_of(job.free, counted))
+    prepared = prepare(case, options, kept.trunk)
+    model, skin_nodes = prepared.model, prepared.trunk.skin_nodes
+    relaxer = Relaxer(model, options.simulation.relax)
+    *_, last = simulate(model, prepared.bone_path, options.simulation, relaxer=relaxer)
+    status = last.relaxation.status
+    linear = Linearization(model, last, relaxer=relaxer, unconfirmed=status is not RelaxStatus.NOT_FINITE)
+    if status is not RelaxStatus.CONVERGED:
+        far = float(np.linalg.norm(linear.newton_correction()[skin_nodes], axis=1).max())
+        if not far <= SETTLED:
+            ended = f"ended {status.name}, the skin {far:.1f} mm from equilibrium"
+            raise InputError(f"{job.folder}: {ended}, which is no prediction")
+    skin = predicted_skin(case, prepared.trunk, last.displacement)
+    distance, direction = _distance(skin.vertices[kept.places], kept.actual)
+    scale = np.sqrt(WORTH / len(kept.places)) / SKIN_SD
     derivative = None
     if job.derivative:
-        moved = _moved(now, job)[:, places]
+        none = np.zeros_like(prepared.trunk.nodes)
+        bones = [_bones_moved(case, prepared.trunk, options, one) if one.of == RIBS else none for one in job.free]
+        pulls = [none if one.of == RIBS else _pull(case, linear, prepared, one) for one in job.free]
+        moved = linear.follow(np.stack(bones), np.stack(pulls))[:, skin_nodes][:, kept.places]
         derivative = scale * np.einsum("vi,cvi->vc", direction, moved)
-    judged = compare_skins(now.skin, now.kept.actual, now.case.planned_landmarks)
+    judged = compare_skins(skin, kept.actual, case.planned_landmarks)
     back, rotation = judged.distance["back"], judged.bsr_error["T3-L5"]
     return CaseFit(
         residuals=scale * distance,
@@ -128,16 +157,12 @@ def tried(job: FitJob, counted: np.ndarray) -> CaseFit | InputError:
         return error
 
 
-@dataclass(frozen=True, eq=False)
-class _Kept:
+class _Kept(NamedTuple):
     """The data of a case that do not depend on the constants."""
 
     case: Case
-    """As it was read."""
     actual: Surface
-    """Its actual skin."""
     trunk: TrunkMesh
-    """Its mesh."""
     places: np.ndarray
     """Vertices of the skin at which it is compared, chosen by the skin before, shape (places,)."""
 
@@ -157,84 +182,38 @@ def _kept(key: str, folder: Path, align_pelvis: bool, mesh: MeshOptions) -> _Kep
     return _Kept(case, case.actual_skin, make_trunk(case.skin, case.bones, mesh).trunk, places)
 
 
-@dataclass(frozen=True, eq=False)
-class _Simulated:
-    """A case at its end."""
-
-    kept: _Kept
-    case: Case
-    prepared: Prepared
-    linear: Linearization
-    skin: Surface
-
-
-def _simulated(kept: _Kept, job: FitJob, counted: np.ndarray) -> _Simulated:
-    case = kept.case if job.refine is None else job.refine(kept.case)
-    case = with_constants(case, values_of(job.free, counted))
-    prepared = prepare(case, job.options, kept.trunk)
-    relaxer = Relaxer(prepared.model, job.options.simulation.relax)
-    *_, last = simulate(prepared.model, prepared.bone_path, job.options.simulation, relaxer=relaxer)
-    status = last.relaxation.status
-    linear = Linearization(prepared.model, last, relaxer=relaxer, unconfirmed=status is not RelaxStatus.NOT_FINITE)
-    if status is not RelaxStatus.CONVERGED:
-        way = linear.newton_correction()[prepared.trunk.skin_nodes]
-        far = float(np.linalg.norm(way, axis=1).max())
-        if not far <= SETTLED:
-            ended = f"ended {status.name}, the skin {far:.1f} mm from equilibrium"
-            raise InputError(f"{job.folder}: {ended}, which is no prediction")
-    return _Simulated(kept, case, prepared, linear, predicted_skin(case, prepared.trunk, last.displacement))
-
-
-def _distance(now: _Simulated, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distance of places of the predicted skin from the actual one, and the direction in which it grows."""
-    points = now.skin.vertices[places]
-    nearest = SurfaceDistance(now.kept.actual).nearest(points)
+def _distance(points: np.ndarray, actual: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance of points from the actual skin, and the direction in which it grows."""
+    nearest = SurfaceDistance(actual).nearest(points)
     distance = nearest.distance.astype(np.float64)
     away = points - nearest.point
-    length = np.linalg.norm(away, axis=1)
-    normal = unit(area_vectors(now.kept.actual.vertices, now.kept.actual.faces[nearest.face]))
-    far = length > 0.05  # float32 knows no direction of less
-    direction = np.where(
-        far[:, None], np.sign(distance)[:, None] * away / np.maximum(length, 1e-9)[:, None], normal
-    )
-    return distance, direction
+    length = np.linalg.norm(away, axis=1)[:, None]
+    normal = unit(area_vectors(actual.vertices, actual.faces[nearest.face]))
+    outward = np.sign(distance)[:, None] * away / np.maximum(length, 1e-9)
+    return distance, np.where(length > 0.05, outward, normal)  # float32 has no direction of less
 
 
-def _moved(now: _Simulated, job: FitJob) -> np.ndarray:
-    """How the skin moves with each constant as it is counted [mm], shape (constants, vertices, 3)."""
-    linear = now.linear
-    none = np.zeros_like(now.prepared.trunk.nodes)
-    bones = [_bones_moved(now, job, free) if free.of == RIBS else none for free in job.free]
-    pulls = [none if free.of == RIBS else _pull(now, linear, free) for free in job.free]
-    return linear.follow(np.stack(bones), np.stack(pulls))[:, now.prepared.trunk.skin_nodes]
-
-
-def _bones_moved(now: _Simulated, job: FitJob, free: FreeConstant) -> np.ndarray:
+def _bones_moved(case: Case, trunk: TrunkMesh, options: RunOptions, free: FreeConstant) -> np.ndarray:
     """Change of the places of bones with a share of the ribs [mm], shape (nodes, 3)."""
-    value, step = getattr(now.case.rib_shares, free.constant), STEP * free.believed
+    value, step = getattr(case.rib_shares, free.constant), STEP * free.believed
     low, high = max(value - step, LIMITS[free.constant][0]), min(value + step, LIMITS[free.constant][1])
     lower, upper = (
-        find_path(with_constants(now.case, {free.name: end}), now.prepared.trunk, job.options).at(1.0)
-        for end in (low, high)
+        find_path(with_constants(case, {free.name: end}), trunk, options).at(1.0) for end in (low, high)
     )
     return (upper - lower) / (high - low)
 
 
-def _pull(now: _Simulated, linear: Linearization, free: FreeConstant) -> np.ndarray:
+def _pull(case: Case, linear: Linearization, prepared: Prepared, free: FreeConstant) -> np.ndarray:
     """Derivative of the gradient of every free node by a constant, in the scale in which it is fitted."""
-    tissues = now.prepared.model.tissues
-    slope = free.slope(constant_of(now.case, free.name))
+    tissues = [0] if len(prepared.model.tissues) == 1 else _without_own(case, free.constant)
     if free.of:
-        return slope * linear.pull(Constant(free.constant, NAMES.index(free.of)))
-    if len(tissues) == 1:
-        return slope * linear.pull(Constant(free.constant, 0))
-    return slope * sum(
-        (linear.pull(Constant(free.constant, n)) for n in _without_own(now.case, free.constant)),
-        start=np.zeros_like(now.prepared.trunk.nodes),
-    )
+        tissues = [NAMES.index(free.of)]
+    nothing = np.zeros_like(prepared.trunk.nodes)
+    pull = sum((linear.pull(Constant(free.constant, tissue)) for tissue in tissues), start=nothing)
+    return free.slope(constant_of(case, free.name)) * pull
 
 
-def _without_own(case: Case, constant: str) -> Sequence[int]:
+def _without_own(case: Case, constant: str) -> list[int]:
     """The layers that have a constant from the uniform tissue."""
-    given: Mapping[str, Mapping[str, float]] = {} if case.layers is None else case.layers.constants
-    return [n for n, layer in enumerate(NAMES) if constant not in {**CONSTANTS[layer], **given.get(layer, {})}]
+    own = layers_with(case, constant)
+    return [number for number, layer in enumerate(NAMES) if layer not in own]

@@ -9,33 +9,21 @@ import msgspec
 from warp_trunk.case.tissue_file import write_tissue_file
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.folders import make_writable
 from warp_trunk.report.page import rendered
 
-from .calibrate import Calibration, HeldOut
+from .calibrate import Calibration, Found
 
 FOUND_HEAD = ("constant", "prior", "found", "95 % interval", "from the patients")
-HELD_HEAD = (
-    "case",
-    "back: before",
-    "with the others' constants",
-    "rotation: before",
-    "with the others' constants",
-)
+_OTHERS = "with the others' constants"
+HELD_HEAD = ("case", "back: before", _OTHERS, "rotation: before", _OTHERS)
 
 
 def check_file(path: Path) -> None:
     """Raise InputError where the files cannot be written."""
     if path.suffix != ".toml":
         raise InputError(f"{path}: must end in .toml, as simulate --tissue-file reads it; call it tissue.toml")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        probe = path.with_name(f".{path.name}.writable")
-        probe.write_bytes(b"")
-        probe.unlink()
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written here ({error.strerror}); give --out a place of your own"
-        ) from error
+    make_writable(path.parent, "a calibration")
 
 
 def write_calibration(path: Path, calibration: Calibration) -> Path:
@@ -45,12 +33,11 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
         *(["SYNTHETIC: these cases were made by a computer"] if calibration.virtual else []),
         *(f"{one.name}: {one.low:.4g} to {one.high:.4g} (95 %)" for one in calibration.found),
     ]
-    record = path.with_suffix(".json")
-    with atomic_write(record) as unfinished:
-        unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(calibration), indent=2) + b"\n")
+    record = msgspec.json.format(msgspec.json.encode(calibration), indent=2) + b"\n"
     page = path.with_suffix(".html")
-    with atomic_write(page) as unfinished:
-        unfinished.write_text(calibration_page(calibration), encoding="utf-8")
+    for file, content in ((path.with_suffix(".json"), record), (page, calibration_page(calibration).encode())):
+        with atomic_write(file) as unfinished:
+            unfinished.write_bytes(content)
     write_tissue_file(path, {one.name: one.value for one in calibration.found}, remarks)
     return page
 
@@ -68,8 +55,7 @@ def calibration_page(calibration: Calibration) -> str:
         warnings=warnings_of(calibration),
         found_head=FOUND_HEAD,
         found_rows=[
-            [one.name, f"{one.start:.4g}", f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}",
-             f"{100.0 * one.from_data:.0f} %"]
+            [one.name, f"{one.start:.4g}", f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}", _percent(one)]
             for one in calibration.found
         ],
         correlation_head=("", *names),
@@ -81,9 +67,17 @@ def calibration_page(calibration: Calibration) -> str:
         before=f"{calibration.skin_before_mm:.2f}",
         after=f"{calibration.skin_mm:.2f}",
         held_head=HELD_HEAD,
-        held_rows=[_held_row(one) for one in calibration.held_out],
+        held_rows=[
+            [one.case, f"{one.skin_before_mm:.2f} mm", f"{one.skin_mm:.2f} mm"]
+            + ["–" if angle is None else f"{angle:.2f}°" for angle in (one.bsr_before_deg, one.bsr_deg)]
+            for one in calibration.held_out
+        ],
         gain=gain_text(calibration),
-    )  # fmt: skip
+    )
+
+
+def _percent(one: Found) -> str:
+    return f"{100.0 * one.from_data:.0f} %"
 
 
 def warnings_of(calibration: Calibration) -> list[str]:
@@ -91,18 +85,16 @@ def warnings_of(calibration: Calibration) -> list[str]:
     said = [f"{name} took no part: {reason}" for name, reason in calibration.left_out.items()]
     if not calibration.converged:
         said.append("The search did not come to its end; give other constants free, or more cases.")
-    for one in calibration.found:
-        if one.from_data < 0.5:
-            said.append(
-                f"{one.name}: {100.0 * one.from_data:.0f} % of the information comes from these patients, "
-                "the rest is the prior; do not fit it, or add patients."
-            )
+    said += [
+        f"{one.name}: {_percent(one)} of the information comes from these patients, the rest is the prior; do "
+        "not fit it, or add patients."
+        for one in calibration.found
+        if one.from_data < 0.5
+    ]
     judged = {one.case for one in calibration.held_out}
-    missing = [name for name in calibration.cases if calibration.held_out and name not in judged]
+    missing = ", ".join(name for name in calibration.cases if name not in judged) if judged else ""
     if missing:
-        said.append(
-            f"{', '.join(missing)}: no equilibrium with the constants of the others; not among the left-out backs."
-        )
+        said.append(f"{missing}: no equilibrium with the constants of the others; not among the left-out backs.")
     if calibration.patients == 1:
         said.append("One patient: the intervals follow from the stated errors alone, and no patient is held out.")
     return said
@@ -125,20 +117,10 @@ def calibration_text(calibration: Calibration) -> str:
     lines = [f"{len(calibration.cases)} cases of {calibration.patients} patients, {calibration.rounds} rounds"]
     lines += [
         f"{one.name:<22} {one.value:10.4g}   95 %: {one.low:.4g} to {one.high:.4g}   (before {one.start:.4g}; "
-        f"{100.0 * one.from_data:.0f} % from the patients)"
+        f"{_percent(one)} from the patients)"
         for one in calibration.found
     ]
     lines.append(
         f"mean distance of the backs: {calibration.skin_before_mm:.2f} mm before, {calibration.skin_mm:.2f} after"
     )
     return "\n".join([*lines, *filter(None, [gain_text(calibration)]), *warnings_of(calibration)])
-
-
-def _held_row(one: HeldOut) -> list[str]:
-    return [
-        one.case,
-        f"{one.skin_before_mm:.2f} mm",
-        f"{one.skin_mm:.2f} mm",
-        "–" if one.bsr_before_deg is None else f"{one.bsr_before_deg:.2f}°",
-        "–" if one.bsr_deg is None else f"{one.bsr_deg:.2f}°",
-    ]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,22 +25,6 @@ MOST_LOST = 0.25
 can do wherever the search goes, and are left out."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitCase:
-    """A case of a calibration."""
-
-    name: str
-    """Name of its folder."""
-    patient: str
-    """Whose it is."""
-    pose: str
-    """Surgery or bending."""
-    virtual: bool
-    """Whether a computer made it."""
-    job: FitJob
-    """The task of a worker."""
-
-
 class _LostError(Exception):
     """Cases were left out in the middle of a search."""
 
@@ -49,8 +32,8 @@ class _LostError(Exception):
 class Rounds:
     """Simulations of all cases at some constants, which are done once each."""
 
-    def __init__(self, client: Client, cases: Sequence[FitCase], progress: Progress) -> None:
-        self.cases, self.left_out = list(cases), dict[str, str]()
+    def __init__(self, client: Client, jobs: Sequence[FitJob], progress: Progress) -> None:
+        self.jobs, self.left_out = list(jobs), dict[str, str]()
         self._client, self._progress = client, progress
         self._known: dict[bytes, dict[str, CaseFit]] = {}
         self._where: dict[str, list[str]] = {}
@@ -72,10 +55,10 @@ class Rounds:
         """The pieces of all patients."""
         fits = self.at(counted)
         pieces: dict[str, list[Piece]] = {}
-        for case in self.cases:
-            one = fits[case.name]
+        for job in self.jobs:
+            one = fits[job.name]
             assert one.derivative is not None  # it was asked for
-            pieces.setdefault(case.patient, []).append((one.residuals, one.derivative))
+            pieces.setdefault(job.patient, []).append((one.residuals, one.derivative))
         return {
             patient: (np.concatenate([r for r, _ in own]), np.concatenate([j for _, j in own]))
             for patient, own in pieces.items()
@@ -89,54 +72,46 @@ class Rounds:
         """
         key = counted.tobytes()
         if key not in self._known:
-            results = self.submitted([(case, case.job, counted) for case in self.cases])
+            results = self.submitted([(job, counted) for job in self.jobs])
             failed = {name: str(error) for name, error in results.items() if isinstance(error, Exception)}
             begun = bool(self._known)
-            if begun and len(failed) > MOST_LOST * len(self.cases):
+            if begun and len(failed) > MOST_LOST * len(self.jobs):
                 results |= {name: self._worse(name) for name in failed}
                 failed = {}
             self._known[key] = {name: one for name, one in results.items() if isinstance(one, CaseFit)}
-            self._leave_out(failed)
+            self.left_out |= failed
+            self.jobs = [job for job in self.jobs if job.name not in failed]
+            if not self.jobs:
+                first = next(iter(failed.values()))
+                raise InputError(f"calibrate: no case could be simulated; the first: {first}")
             if begun and failed:
                 raise _LostError
         return self._known[key]
 
-    def _leave_out(self, failed: Mapping[str, str]) -> None:
-        self.left_out |= failed
-        self.cases = [case for case in self.cases if case.name not in failed]
-        if not self.cases:
-            raise InputError(f"calibrate: no case could be simulated; the first: {next(iter(failed.values()))}")
-
     def _worse(self, name: str) -> CaseFit:
         """A fit so much worse than the last one of a case that the search takes a shorter step from there."""
         last = next(fits[name] for fits in reversed(self._known.values()) if name in fits)
-        return dataclasses.replace(last, residuals=WORSE * last.residuals)
+        return replace(last, residuals=WORSE * last.residuals)
 
-    def submitted(self, jobs: Sequence[tuple[FitCase, FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
+    def submitted(self, jobs: Sequence[tuple[FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:
         """Jobs over the workers, best where a case was done before; what a job refuses is in its place."""
         from distributed import as_completed
 
-        futures = {
-            self._client.submit(
-                tried,
-                job,
-                counted,
-                pure=False,
-                workers=self._where.get(case.name),
-                allow_other_workers=case.name in self._where,
-            ): case.name
-            for case, job, counted in jobs
-        }
+        where, doing = self._where, "cases of this round"
+        futures = {}
+        for job, counted in jobs:
+            before: Any = {"workers": where.get(job.name), "allow_other_workers": job.name in where}
+            futures[self._client.submit(tried, job, counted, pure=False, **before)] = job.name
         found: dict[str, CaseFit | Exception] = {}
-        self._progress.part("cases of this round", 0, len(futures))
+        self._progress.part(doing, 0, len(futures))
         for future in as_completed(list(futures)):
+            name = futures[future]
             try:
-                found[futures[future]] = future.result()
+                one = found[name] = future.result()
             except Exception as error:  # of its worker; the round reports it
-                found[futures[future]] = error
-            one = found[futures[future]]
-            said = str(one) if isinstance(one, Exception) else f"{one.skin_mm:.2f} mm from the actual back"
-            self._progress.part("cases of this round", len(found), len(futures), f"{futures[future]}: {said}")
+                one = found[name] = error
+            ended = str(one) if isinstance(one, Exception) else f"{one.skin_mm:.2f} mm from the actual back"
+            self._progress.part(doing, len(found), len(futures), f"{name}: {ended}")
         done: Any = self._client.who_has(list(futures))  # of a client that is not asynchronous
         self._where |= {name: list(done[one.key]) for one, name in futures.items() if done.get(one.key)}
         return found
