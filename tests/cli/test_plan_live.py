@@ -75,7 +75,7 @@ def test_the_extra_is_named_where_it_is_missing(
 def test_a_signal_ends_it_and_names_what_was_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: int
 ) -> None:
-    monkeypatch.setattr(opening, "patient_of", lambda *_: small_patient())
+    monkeypatch.setattr(opening, "patient_of", lambda *_, **__: small_patient())
     before = signal.getsignal(number)
 
     class Opened(Progress):
