@@ -72,7 +72,7 @@ CASES = [
     ("unknown axes", header('axes = "LPX"'), "case.toml", "LPX"),
     ("axes of another hand", header('axes = "RAS"'), "axes", "correct the axes"),
     ("a number too large", text("case.toml", lambda t: t.replace("density = ", "density = 1" + "0" * 400)),
-     "Number out of range - at `$.density`"),
+     "must be a finite number"),
     ("thickness elsewhere", text("case.toml", lambda t: t + '\n[layers]\nskin_thickness = "../a.txt"\n'),
      "lies outside the case folder", "copy it"),
     ("no landmarks", lambda f: (f / "landmarks_before.csv").unlink(), "before.csv: there is no such file"),
