@@ -1,5 +1,6 @@
 """The energy itmsm with weights by volume, and of several tissues, against sums over tetrahedra in NumPy."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -54,36 +55,32 @@ def test_by_volume_the_whole_trunk_is_as_stiff_as_by_count() -> None:
         assert by_volume.terms[term] == pytest.approx(by_count.terms[term], rel=1e-12)
 
 
+def measure_of(points: np.ndarray, feature: tuple[int, ...]) -> float:
+    """Length, area or volume."""
+    edges = points[list(feature[1:])] - points[feature[0]]
+    return float(np.sqrt(np.linalg.det(edges @ edges.T)))
+
+
 def expected(
     mesh: TrunkMesh, displacement: np.ndarray, tissues: tuple[Tissue, ...], weights: str
 ) -> dict[str, float]:
-    """Every tetrahedron's terms, with its own tissue's constants and its share of edges and faces."""
-    reference = Reference(mesh)
+    """Every tetrahedron's terms, with its own tissue's constants and its share of edges, faces and itself."""
+    points, tets = mesh.nodes + displacement, mesh.tets.tolist()
     rest_volume = volumes(mesh.nodes, mesh.tets)
-    part_of_volume = rest_volume / rest_volume.sum()
-    points = mesh.nodes + displacement
-    growth = volumes(points, mesh.tets) / rest_volume - 1.0
-    edges, faces = (
-        [set(feature) for feature in features.tolist()] for features in (reference.edges, reference.faces)
-    )
-    times_edge = [sum(edge <= set(tet) for tet in mesh.tets.tolist()) for edge in edges]
-    times_face = [sum(face <= set(tet) for tet in mesh.tets.tolist()) for face in faces]
-    edge_growth = reference.lengths(points) / reference.rest_lengths - 1.0
-    face_growth = reference.areas(points) / reference.rest_areas - 1.0
-    total = {"distance": 0.0, "area": 0.0, "volume": 0.0}
-    for t, tet in enumerate(mesh.tets.tolist()):
-        tissue = tissues[0 if mesh.tissue is None else mesh.tissue[t]]
-        stiffness = tissue.youngs_modulus / tissues[0].youngs_modulus
-        for pair in combinations(tet, 2):
-            e = edges.index(set(pair))
-            share = 1.0 / times_edge[e] if weights == "count" else part_of_volume[t] * len(edges) / 6.0
-            total["distance"] += stiffness * share * edge_growth[e] ** 2
-        for triple in combinations(tet, 3):
-            f = faces.index(set(triple))
-            share = 1.0 / times_face[f] if weights == "count" else part_of_volume[t] * len(faces) / 4.0
-            total["area"] += stiffness * tissue.epsilon * share * face_growth[f] ** 2
-        share = 1.0 if weights == "count" else part_of_volume[t] * len(mesh.tets)
-        total["volume"] += stiffness * tissue.theta * share * growth[t] ** 2
+    sign = np.sign(volumes(points, mesh.tets))
+    total = dict.fromkeys(("distance", "area", "volume"), 0.0)
+    for size, term in enumerate(total, start=2):
+        times = Counter(feature for tet in tets for feature in combinations(sorted(tet), size))
+        for t, tet in enumerate(tets):
+            tissue = tissues[0 if mesh.tissue is None else mesh.tissue[t]]
+            factor = {"distance": 1.0, "area": tissue.epsilon, "volume": tissue.theta}[term]
+            own = list(combinations(sorted(tet), size))
+            for feature in own:
+                grown = measure_of(points, feature) * (sign[t] if size == 4 else 1.0)
+                by_volume = rest_volume[t] / rest_volume.sum() * len(times) / len(own)
+                share = 1.0 / times[feature] if weights == "count" else by_volume
+                change = grown / measure_of(mesh.nodes, feature) - 1.0
+                total[term] += tissue.youngs_modulus / tissues[0].youngs_modulus * factor * share * change**2
     return total
 
 

@@ -11,14 +11,7 @@ from warp_trunk.engine.state import Products
 
 
 def trial(length: float, energy: float, slope: float, forbidden: int = 0) -> Trial:
-    products = Products(
-        slope=slope,
-        gradient_squared=slope**2,
-        direction_squared=1.0,
-        gradient_change=0.0,
-        previous_slope=0.0,
-        previous_squared=0.0,
-    )
+    products = Products(slope, slope**2, 1.0, 0.0, 0.0, 0.0)
     return Trial(length, Energy({"distance": energy}), forbidden, forbidden, products)
 
 
