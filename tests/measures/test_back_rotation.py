@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from support.there import there
 from support.trunk_shapes import LEFT, SPINE, ellipse, joined, rotation, spine, tube
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
@@ -65,6 +66,16 @@ def test_a_flat_back_gives_its_rotation_however_rounding_falls():
     for degrees in np.linspace(-40.0, 40.0, 400):
         turn = rotation(degrees)
         assert angle(dual_tangent(box @ turn.T, turn @ SPINE, LEFT)) == pytest.approx(degrees, abs=1e-7)
+
+
+@pytest.mark.parametrize("pelvis", [-12.0, 25.0])
+def test_the_rotation_is_that_against_the_pelvis(pelvis):
+    """Degrees counterclockwise seen from above, which is negative for a back."""
+    turn, asis = rotation(8.0), np.array([[120.0, 0.0], [-120.0, 0.0]]) @ rotation(pelvis).T
+    marks = spine({"T8": 200.0}, turn @ SPINE, asis.tolist())
+    found = there(back_surface_rotation(tube(grooved() @ turn.T), marks)["T8"])
+    straight = there(back_surface_rotation(tube(grooved()), spine({"T8": 200.0}))["T8"])
+    assert found.angle == pytest.approx(straight.angle - (8.0 - pelvis), abs=1e-6)
 
 
 def test_spine_outside_the_section_has_no_tangent():
