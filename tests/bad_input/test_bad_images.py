@@ -111,7 +111,7 @@ ROWS: list[tuple[Any, ...]] = [
      "--labels totalsegmentator-v1 or totalsegmentator-v2"),
     ("an affine of zeros", affine(lambda a: 0.0 * a), "voxels must be 0.1 to 12 mm long, these are 0 x 0 x 0 mm"),
     ("an affine of one plane", affine(lambda a: a[:, [0, 0, 2, 3]]), "lie nearly in one plane"),
-    ("metres", affine(lambda a: a * 1e-3), "0.0015 x 0.0015 x 0.0015 mm, as if they were in m; write"),
+    ("metres", affine(lambda a: a * 1e-3), "0.0015 x 0.0015 x 0.0015 mm; write the file with its spacing in mm"),
     ("a kilometre away", affine(lambda a: a + 1e6 * np.eye(4)[:, [3, 3, 3, 0]]), "look at its spacing and origin"),
     ("no orientation", field("sform_code", 0), "neither its sform nor its qform states where"),
     ("names that define entities", extension("<!DOCTYPE a [<!ENTITY b 'b'>]>" + NAMED.format(36)),

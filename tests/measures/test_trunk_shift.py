@@ -8,7 +8,8 @@ from support.there import there
 from support.trunk_shapes import ASIS, ellipse, spine, tube, with_points
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import TrunkShift, measure
+from warp_trunk.measures import measure
+from warp_trunk.measures.trunk_shift import TrunkShift
 
 LEVELS = {"T1": 380.0, "T8": 240.0, "L5": 80.0}
 

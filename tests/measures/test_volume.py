@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from support.meshes import block
-from warp_trunk.measures import tissue_volume_change
+from warp_trunk.measures.part import tissue_volume_change
 
 
 def test_stretch_grows_the_volume_by_its_product():

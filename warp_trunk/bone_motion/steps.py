@@ -53,9 +53,9 @@ class RememberedSteps(Steps):
     def __init__(self, before: np.ndarray, after: np.ndarray) -> None:
         """For these landmarks, (landmarks, 3) each [mm]."""
         self._landmarks = before, after
-        self._known: dict[int, Any] = {}  # by where they are in memory; they stay there as long as this does
+        # by where they are in memory; they stay there as long as this does
+        self._known: dict[int, Any] = {id(before): before, id(after): after}
         self._steps: list[tuple[Any, tuple[Any, ...], _PullBack]] = []
-        self._rows: list[tuple[np.ndarray, int, np.ndarray]] = []
         self._carried: list[tuple[np.ndarray, np.ndarray]] = []
 
     def __call__(self, function: Callable[..., T], *values: Any) -> T:
@@ -82,19 +82,13 @@ class RememberedSteps(Steps):
 
     def rows(self, points: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Also remembers which they are."""
-        found = super().rows(points, rows)
-        which = next((i for i, known in enumerate(self._landmarks) if known is points), None)
-        if which is None:
 
-            def pull_back(weight: np.ndarray) -> list[np.ndarray]:
-                spread = np.zeros((len(weight), *points.shape))
-                spread[:, rows] = weight.reshape(len(weight), len(rows), 3)
-                return [spread.reshape(len(weight), -1)]
+        def pull_back(weight: np.ndarray) -> list[np.ndarray]:
+            spread = np.zeros((len(weight), *points.shape))
+            spread[:, rows] = weight.reshape(len(weight), len(rows), 3)
+            return [spread.reshape(len(weight), -1)]
 
-            return self._taken(found, (points,), pull_back)
-        self._known[id(found)] = found
-        self._rows.append((found, which, rows))
-        return found
+        return self._taken(super().rows(points, rows), (points,), pull_back)
 
     def carried(self, spline: Spline, points: np.ndarray) -> np.ndarray:
         """Also remembers which they are."""
@@ -134,14 +128,9 @@ class RememberedSteps(Steps):
             if (weight := sums.get(id(result))) is not None:
                 for value, pulled in zip(values, pull_back(weight), strict=True):
                     add(value, pulled)
-        return self._in_landmarks(len(weights[0]), sums)
-
-    def _in_landmarks(self, count: int, sums: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Weights of rows and of carried points in the landmarks."""
-        found = np.zeros((2, count, *self._landmarks[0].shape))
-        for value, which, rows in self._rows:
-            if (weight := sums.get(id(value))) is not None:
-                found[which][:, rows] += weight.reshape(count, len(rows), 3)
+        count, shape = len(weights[0]), self._landmarks[0].shape
+        none = np.zeros((count, *shape))
+        found = np.array([np.reshape(sums.get(id(marks), none), none.shape) for marks in self._landmarks])
         carried = [(points, sums[id(value)]) for value, points in self._carried if id(value) in sums]
         if carried:
             spline = SplineDerivative(*self._landmarks, np.concatenate([points for points, _ in carried]))

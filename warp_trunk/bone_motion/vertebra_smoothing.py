@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,8 +63,7 @@ def smooth_vertebrae(
     there = [steps.rows(after.points, one) for one in rows]
     numbers = [steps(_numbers, steps.fit(*pair), pair[0]) for pair in zip(here, there, strict=True)]
     moved = [
-        steps(_moved, points, steps(_mixed, smoothing.weights[:, row], *numbers))
-        for row, points in enumerate(here)
+        steps(partial(_moved, smoothing.weights[:, row]), points, *numbers) for row, points in enumerate(here)
     ]
     others = np.setdiff1d(np.arange(len(after.names)), np.concatenate(rows))
     places = np.argsort(np.concatenate([*rows, others]))
@@ -143,17 +143,12 @@ def _numbers(motion: RigidTransform, points: np.ndarray) -> np.ndarray:
     return np.concatenate([motion.rotation.as_rotvec(), motion.apply(middle) - middle])
 
 
-def _moved(points: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """The points where their numbers take them."""
+def _moved(weights: np.ndarray, points: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
+    """The points where weighted sums of the numbers of all vertebrae take them; weights (6, vertebrae)."""
     from scipy.spatial.transform import Rotation  # heavy
 
-    middle = points.mean(axis=0)
-    return Rotation.from_rotvec(numbers[:3]).apply(points - middle) + middle + numbers[3:]
-
-
-def _mixed(weights: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
-    """Each of the six numbers as a weighted sum over all vertebrae; weights have shape (6, vertebrae)."""
-    return np.einsum("nv,vn->n", weights, np.array(numbers))
+    middle, mixed = points.mean(axis=0), np.einsum("nv,vn->n", weights, np.array(numbers))
+    return Rotation.from_rotvec(mixed[:3]).apply(points - middle) + middle + mixed[3:]
 
 
 def _joined(places: np.ndarray, *points: np.ndarray) -> np.ndarray:

@@ -33,21 +33,17 @@ def read_transform(path: str | Path, axes: np.ndarray | None = None) -> np.ndarr
     """
     path = Path(path)
     text = read_text(path, "a transform of 16 numbers was expected")
+    change = np.eye(4)
     if text.startswith(_ITK):
         return np.linalg.inv(rigid(_itk_matrix(text, str(path)), str(path)))
-    words = text.replace(",", " ").split()
+    change[:3, :3] = np.eye(3) if axes is None else axes
     try:
-        matrix = np.array([number(word) for word in words])
+        matrix = np.array([number(word) for word in text.replace(",", " ").split()]).reshape(4, 4)
     except ValueError as error:
         raise InputError(
             f"{path}: must hold 16 numbers and nothing else ({str(error)[:80]}); give a 4x4 matrix"
         ) from error
-    if len(matrix) != 16 or not (np.abs(matrix) <= FARTHEST).all():
-        finite = int((np.abs(matrix) <= FARTHEST).sum())
-        raise InputError(f"{path}: must hold 16 finite numbers, not {finite} of {len(matrix)}; give a 4x4 matrix")
-    change = np.eye(4)
-    change[:3, :3] = np.eye(3) if axes is None else axes
-    return change @ rigid(matrix.reshape(4, 4), str(path)) @ change.T
+    return change @ rigid(matrix, str(path)) @ change.T
 
 
 def _itk_matrix(text: str, name: str) -> np.ndarray:
@@ -70,8 +66,6 @@ def _itk_matrix(text: str, name: str) -> np.ndarray:
         raise InputError(
             f"{name}: must hold 12 Parameters and 3 FixedParameters ({str(error)[:60]}); save the transform again"
         ) from error
-    if not (np.abs(matrix) <= FARTHEST).all():
-        raise InputError(f"{name}: must hold finite numbers; save the transform again")
     return matrix
 
 
@@ -80,6 +74,8 @@ def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
 
     Raises InputError that starts with `name` when it is not a rotation and a translation.
     """
+    if not (np.abs(matrix) <= FARTHEST).all():  # nor is NaN
+        raise InputError(f"{name}: must hold finite numbers within {FARTHEST:g}; write the transform again")
     if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > _OFF:
         raise InputError(
             f"{name}: the last row must be 0 0 0 1, not {matrix[3].tolist()}; write the matrix row by row"

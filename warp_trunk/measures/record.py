@@ -50,10 +50,7 @@ def measures_record(measures: TrunkMeasures) -> dict[str, Any]:
     curves = [
         {
             "cobb_deg": curve.angle,
-            "upper": curve.upper,
-            "lower": curve.lower,
-            "apex": curve.apex,
-            "convex": curve.convex,
+            **{name: getattr(curve, name) for name in ("upper", "lower", "apex", "convex")},
             "apical_rotation_deg": apex.rotation,
             "apical_translation_mm": apex.translation,
             "apical_translation_from": apex.line,
@@ -78,9 +75,7 @@ def comparison_record(comparison: SkinComparison) -> dict[str, Any]:
             if error is None
             else {
                 "levels": list(error.levels),
-                "mean_deg": error.mean,
-                "sd_deg": error.sd,
-                "of_maximum_deg": error.of_maximum,
+                **{f"{part}_deg": getattr(error, part) for part in ("mean", "sd", "of_maximum")},
                 "undetectable": error.undetectable,
             }
             for name, error in comparison.bsr_error.items()

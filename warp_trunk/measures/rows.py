@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -78,51 +79,33 @@ class MeasureRow:
         return cells
 
 
+_BSR = "Rotation of the back (BSR), largest from"
 _BACK = (
-    (
-        "Rotation of the back (BSR), largest from T1 to T12",
-        "°",
-        "max_thoracic_bsr",
-        "rotation of the upper back",
-        "",
-        True,
-    ),
-    (
-        "Rotation of the back (BSR), largest from L1 to L5",
-        "°",
-        "max_lumbar_bsr",
-        "rotation of the lower back",
-        "",
-        True,
-    ),
-    ("Hump, largest", "mm", "max_hump", "hump", "hump", True),
-    ("Higher shoulder, by", "mm", "shoulders.difference", "shoulders", "shoulder difference", True),
-    ("Movement of the skin, largest", "mm", "skin_change_max", "", "", False),
-    ("Movement of the skin, mean", "mm", "skin_change_mean", "", "", False),
+    (f"{_BSR} T1 to T12", "°", "max_thoracic_bsr", "rotation of the upper back", ""),
+    (f"{_BSR} L1 to L5", "°", "max_lumbar_bsr", "rotation of the lower back", ""),
+    ("Hump, largest", "mm", "max_hump", "hump", "hump"),
+    ("Higher shoulder, by", "mm", "shoulders.difference", "shoulders", "shoulder difference"),
+    ("Movement of the skin, largest", "mm", "skin_change_max", "", ""),
+    ("Movement of the skin, mean", "mm", "skin_change_mean", "", ""),
 )
-"""Name, unit, where `value_at` finds it, name within a sentence, name of the band, and whether it has a side."""
+"""Name, unit, where `value_at` finds it, name within a sentence, and name of the band."""
 _CURVE = (
-    ("Cobb angle {ends}", "°", "angle_after", "Cobb angle {ends}", "cobb_deg {upper}-{lower}", False),
+    ("Cobb angle {ends}", "°", "angle_after", "Cobb angle {ends}", "cobb_deg {upper}-{lower}"),
     ("Rotation of the apical vertebra {apex}", "°", "apex_after.rotation", "rotation of {apex}",
-     "apical_rotation_deg {apex}", True),
-    ("Apical vertebra {apex} beside {line}", "mm", "apex_after.translation", "", "", True),
+     "apical_rotation_deg {apex}"),
+    ("Apical vertebra {apex} beside {line}", "mm", "apex_after.translation", "", ""),
 )  # fmt: skip
 _SPINE = (
-    (
-        "Top of the spine beside the sacrum",
-        "mm",
-        "trunk_shift.lateral",
-        "balance to the side",
-        "trunk_shift_mm",
-        True,
-    ),
-    ("Top of the spine in front of the sacrum", "mm", "trunk_shift.forward", "", "trunk_shift_forward_mm", False),
-    ("Kyphosis T5 to T12", "°", "kyphosis.T5-T12", "kyphosis", "kyphosis_deg T5-T12", False),
-    ("Kyphosis T1 to T12", "°", "kyphosis.T1-T12", "", "kyphosis_deg T1-T12", False),
-    ("Lordosis L1 to L5", "°", "lordosis.L1-L5", "lordosis", "lordosis_deg L1-L5", False),
-    ("Lordosis L1 to S1", "°", "lordosis.L1-S1", "", "lordosis_deg L1-S1", False),
-    ("Height of the spine", "mm", "spine_height.height", "height of the spine", "spine_height_mm", False),
+    ("Top of the spine beside the sacrum", "mm", "trunk_shift.lateral", "balance to the side", "trunk_shift_mm"),
+    ("Top of the spine in front of the sacrum", "mm", "trunk_shift.forward", "", "trunk_shift_forward_mm"),
+    ("Kyphosis T5 to T12", "°", "kyphosis.T5-T12", "kyphosis", "kyphosis_deg T5-T12"),
+    ("Kyphosis T1 to T12", "°", "kyphosis.T1-T12", "", "kyphosis_deg T1-T12"),
+    ("Lordosis L1 to L5", "°", "lordosis.L1-L5", "lordosis", "lordosis_deg L1-L5"),
+    ("Lordosis L1 to S1", "°", "lordosis.L1-S1", "", "lordosis_deg L1-S1"),
+    ("Height of the spine", "mm", "spine_height.height", "height of the spine", "spine_height_mm"),
 )
+_SIDED = re.compile(r"bsr|max_|shoulders|apex|trunk_shift\.lateral")
+"""Where measures stand that have a side."""
 
 
 def measure_rows(states: States) -> dict[str, list[MeasureRow]]:
@@ -159,12 +142,12 @@ def spine_rows(states: States) -> dict[str, list[MeasureRow]]:
 def level_rows(states: States) -> list[MeasureRow]:
     """The rotation of the back at every vertebra."""
     levels = next((list(state.tangents) for state in states if state is not None), [])
-    table = [(level, "°", f"bsr.{level}", "", f"bsr {level}", True) for level in levels]
+    table = [(level, "°", f"bsr.{level}", "", f"bsr {level}") for level in levels]
     return _rows(table, states, DETECTABLE, known=False)
 
 
 def _rows(
-    table: Sequence[tuple[str, str, str, str, str, bool]],
+    table: Sequence[tuple[str, str, str, str, str]],
     states: Sequence[Any],
     angle: float,
     words: Mapping[str, Any] | None = None,
@@ -173,14 +156,13 @@ def _rows(
 ) -> list[MeasureRow]:
     """The rows of a table, those that no state has left out where only what is known is asked for."""
     found = []
-    for name, unit, path, short, key, sided in table:
-        name, short, key = (text.format_map(words or {}) for text in (name, short, key))
+    for name, unit, path, short, key in table:
         values = tuple(value_at(state, path) for state in states)
         if not known or any(value is not None for value in values):
+            name, short, key = (text.format_map(words or {}) for text in (name, short, key))
+            named: dict[str, str] = {"name": name, "unit": unit, "short": short, "key": key}
             alike = LENGTH if unit == "mm" else angle
-            found.append(
-                MeasureRow(name=name, unit=unit, values=values, sided=sided, alike=alike, short=short, key=key)
-            )
+            found.append(MeasureRow(**named, values=values, sided=_SIDED.match(path) is not None, alike=alike))
     return found
 
 

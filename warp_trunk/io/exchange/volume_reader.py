@@ -119,19 +119,14 @@ def _boundary(tets: np.ndarray) -> np.ndarray:
 
 def _check_agrees(path: Path, trunk: TrunkMesh, skin: Surface, bones: Mapping[str, Surface]) -> None:
     outer = Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces)
-    off = max(
-        float(np.abs(SurfaceDistance(one).at(other.vertices)).max())
-        for one, other in ((skin, outer), (outer, skin))
-    )
-    if not off <= OFF_SURFACE:
-        raise InputError(
-            f"{path}: its outer boundary is up to {off:.1f} mm from the skin of the case, {OFF_SURFACE:g} mm is "
-            "allowed; bring the mesh into the case's frame (LPS, mm)"
-        )
     on_bone = trunk.nodes[trunk.prescribed]
-    off = float(np.abs(np.min([SurfaceDistance(bone).at(on_bone) for bone in bones.values()], axis=0)).max())
-    if not off <= OFF_SURFACE:
-        raise InputError(
-            f"{path}: a node on bone is {off:.1f} mm from every bone of the case, {OFF_SURFACE:g} mm is "
-            "allowed; check which nodes are tagged as bone, and the frame of the mesh"
-        )
+    for what, cure, distance in (
+        ("its outer boundary is {} from the skin", "bring the mesh into its frame (LPS, mm)",
+         np.append(SurfaceDistance(skin).at(outer.vertices), SurfaceDistance(outer).at(skin.vertices))),
+        ("a node on bone is {} from every bone", "check which nodes are tagged as bone, and the frame of the mesh",
+         np.min([SurfaceDistance(bone).at(on_bone) for bone in bones.values()], axis=0)),
+    ):  # fmt: skip
+        off = float(np.abs(distance).max())
+        if not off <= OFF_SURFACE:
+            where = what.format(f"{off:.1f} mm")
+            raise InputError(f"{path}: {where} of the case, {OFF_SURFACE:g} mm is allowed; {cure}")

@@ -41,8 +41,8 @@ def check_grid(path: Path, shape: tuple[int, ...], affine: np.ndarray) -> None:
     low, high = VOXEL
     if not ((sides >= low) & (sides <= high)).all():
         raise InputError(
-            f"{path}: voxels must be {low:g} to {high:g} mm long, these are {_times(sides)} mm{_unit(sides)}; "
-            "write the file with its spacing in mm"
+            f"{path}: voxels must be {low:g} to {high:g} mm long, these are {_times(sides)} mm; write "
+            "the file with its spacing in mm, not in m, cm or micrometres"
         )
     if abs(np.linalg.det(matrix)) < _SLANT * sides.prod():
         raise InputError(
@@ -54,13 +54,6 @@ def check_grid(path: Path, shape: tuple[int, ...], affine: np.ndarray) -> None:
             f"{path}: reaches over {_times(extent)} mm from {affine[:3, 3].round(1).tolist()}, and a scan over "
             f"{LARGEST:g} mm at most; look at its spacing and origin"
         )
-
-
-def _unit(sides: np.ndarray) -> str:
-    for unit, length in (("m", 1000.0), ("cm", 10.0), ("micrometres", 1e-3)):
-        if ((sides * length >= 0.3) & (sides * length <= 6.0)).all():
-            return f", as if they were in {unit}"
-    return ""
 
 
 def _times(numbers: np.ndarray | tuple[int, ...]) -> str:
