@@ -9,7 +9,7 @@
     python scripts/benchmark.py scale CASE --tets 150000 225000 500000            growth with the mesh
 
 `phantom` stands for the built-in phantom instead of a case folder. All but `prepare`, and `scale` of a case,
-run where only numpy and warp are installed. Times are wall clock after set-up; kernels compile apart.
+run where only numpy, scipy and warp are installed. Times are wall clock after set-up; kernels compile apart.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The benchmarked problem: one file that holds a mesh, the motion of its bones and where it ends.
 
-It is read with numpy alone, so that a machine without the meshing libraries can run the benchmark.
+It is read with numpy and scipy alone, so that a machine without the meshing libraries can run the benchmark.
 """
 
 from __future__ import annotations

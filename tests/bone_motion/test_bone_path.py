@@ -35,19 +35,6 @@ def test_carries_landmarks_straight() -> None:
         np.testing.assert_allclose(BEFORE + path.at(t), BEFORE + t * (AFTER - BEFORE), atol=1e-9)
 
 
-def test_a_spline_for_each_increment_would_end_elsewhere_but_at_the_landmarks() -> None:
-    def composed(points: np.ndarray) -> np.ndarray:
-        moved = points
-        for k in range(10):
-            here, there = (BEFORE + t / 10 * (AFTER - BEFORE) for t in (k, k + 1))
-            moved = moved + spline_path(moved, landmarks(here), landmarks(there)).at(1.0)
-        return moved - points
-
-    apart = composed(NODES) - spline_path(NODES, landmarks(BEFORE), landmarks(AFTER)).at(1.0)
-    assert np.abs(apart).max() > 0.01  # why the engine takes one spline
-    np.testing.assert_allclose(composed(BEFORE), AFTER - BEFORE, atol=1e-8)
-
-
 @pytest.fixture(scope="module")
 def jointed():
     """Two spheres that touch, so that they share one surface, and a motion for each."""

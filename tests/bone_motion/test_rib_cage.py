@@ -11,14 +11,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from warp_trunk.bone_motion.rib_cage import ends, follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebra, split
 from warp_trunk.case.rib_shares import RibShares
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 
 SKIN, BONES, LANDMARKS = straight_trunk()
 NO_STERNUM = {name: bone for name, bone in BONES.items() if name != "sternum"}
 RIBS = [name for name in BONES if name.startswith("rib")]
-MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
 def vertebrae_of(curve: SpineCurve) -> dict[str, Vertebra]:
@@ -85,24 +83,6 @@ def test_cartilages_keep_their_length_within_a_tenth() -> None:
                 before = np.linalg.norm(tip - anchor)
                 after = np.linalg.norm(motions[rib].apply(tip) - motions["sternum"].apply(anchor))
                 assert abs(after - before) <= 0.1 * before + 0.011
-
-
-def test_seen_in_a_mirror_everything_moves_mirrored() -> None:
-    bones = {
-        name.replace("left", "?").replace("right", "left").replace("?", "right"): Surface(
-            bone.vertices @ MIRROR, bone.faces[:, ::-1]
-        )
-        for name, bone in BONES.items()
-    }
-    seen = {name: Vertebra(mirrored(moving.motion), moving.axis @ MIRROR) for name, moving in CURVED.items()}
-    here, there = follow(BONES, CURVED, RibShares()), follow(bones, seen, RibShares())
-    for one, other in (("rib_left_06", "rib_right_06"), ("rib_right_11", "rib_left_11"), ("sternum", "sternum")):
-        np.testing.assert_allclose(there[other].as_matrix(), mirrored(here[one]).as_matrix(), atol=1e-6)
-
-
-def mirrored(motion: RigidTransform) -> RigidTransform:
-    rotation = Rotation.from_matrix(MIRROR @ motion.rotation.as_matrix() @ MIRROR)
-    return RigidTransform.from_components(MIRROR @ motion.translation, rotation)
 
 
 def directly(degrees: float) -> dict[str, Vertebra]:

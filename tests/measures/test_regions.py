@@ -33,16 +33,6 @@ def test_areas_are_those_of_their_part_of_a_cylinder(cylinder, band, side):
         assert area == pytest.approx(RADIUS * math.radians(60.0) * (high - low), rel=0.03)
 
 
-def test_front_and_back_are_a_third_each_and_caps_are_no_region(cylinder):
-    skin, regions = cylinder
-    third = RADIUS * math.radians(120.0) * 360.0
-    for region in ("back", "front", "flanks"):
-        assert regions.area[regions.masks[region]].sum() == pytest.approx(third, rel=0.02)
-        heights = skin.vertices[regions.masks[region], 2]
-        assert 9.0 < heights.min() < heights.max() < 371.0
-    assert skin.vertices[regions.masks["back"], 1].min() > 0.0
-
-
 def test_left_is_left_of_the_spine_as_it_runs():
     """A spine that leans from 60 mm left at the bottom to 60 mm right at the top parts the back there."""
     skin = tube(ellipse(360, RADIUS, RADIUS), rows=40)

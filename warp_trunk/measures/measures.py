@@ -37,10 +37,6 @@ class TrunkMeasures:
 
     spine: Spine
     """The vertebrae."""
-    outlines: dict[str, np.ndarray | None]
-    """Section of the trunk by vertebral level, top to bottom, x and y [mm]; None where it misses the trunk."""
-    tangents: dict[str, DualTangent | None]
-    """Dual tangent of the back by level; None where the section is missing or no line touches both sides."""
     cobb: tuple[CobbAngle, ...]
     """Curves of the spine, top to bottom."""
     apices: tuple[ApicalVertebra, ...]
@@ -51,18 +47,22 @@ class TrunkMeasures:
     """Lordosis [degrees] of L1-L5 and L1-S1, see `lordosis`; None where missing."""
     spine_height: SpineHeight | None
     """Height of the spine; None where its ends have no landmarks."""
-    shoulders: Shoulders | None
-    """Heights of the shoulders; None without T1, or where the skin ends below it."""
-    skin_change_max: float | None
-    """Largest displacement of a skin vertex from the skin compared with [mm]; None if there was none."""
-    skin_change_mean: float | None
-    """Mean of the same over the vertices [mm]."""
     axial_rotation: dict[str, float | None]
     """Rotation of each vertebra against the pelvis [degrees], see `axial_rotation`."""
     trunk_shift: TrunkShift | None
     """Coronal and sagittal balance; None without landmarks of C7 or T1."""
     sacral_line: SacralLine | None
     """The line that trunk shift and flanks are measured from; None without a spine."""
+    outlines: dict[str, np.ndarray | None] = field(default_factory=dict)
+    """Section of the trunk by vertebral level, top to bottom, x and y [mm]; None where it misses the trunk."""
+    tangents: dict[str, DualTangent | None] = field(default_factory=dict)
+    """Dual tangent of the back by level; None where the section is missing or no line touches both sides."""
+    shoulders: Shoulders | None = None
+    """Heights of the shoulders; None without T1, or where the skin ends below it."""
+    skin_change_max: float | None = None
+    """Largest displacement of a skin vertex from the skin compared with [mm]; None if there was none."""
+    skin_change_mean: float | None = None
+    """Mean of the same over the vertices [mm]."""
     missing: dict[str, str] = field(default_factory=dict)
     """Why a measure is missing, by level or by the name of the measure."""
 
@@ -179,16 +179,11 @@ def measure_spine(landmarks: Landmarks) -> TrunkMeasures:
     curves = curves_of(spine)
     found = TrunkMeasures(
         spine=spine,
-        outlines={},
-        tangents={},
         cobb=curves,
         apices=() if line is None else apical_vertebrae(spine, curves, rotation, line),
         kyphosis=kyphosis(spine),
         lordosis=lordosis(spine),
         spine_height=spine_height(spine),
-        shoulders=None,
-        skin_change_max=None,
-        skin_change_mean=None,
         axial_rotation=rotation,
         trunk_shift=None if line is None else trunk_shift(spine, line),
         sacral_line=line,

@@ -29,6 +29,11 @@ class Shoulders:
     right: float
     """Mean height of the right shoulder above the centroid of T1 [mm]."""
 
+    inner: float
+    """Where the heights were taken: from this distance beside T1 [mm] ..."""
+    outer: float
+    """... to this one [mm]."""
+
     @property
     def difference(self) -> float:
         """How much higher the right shoulder stands [mm], negative where the left one does."""
@@ -41,6 +46,8 @@ class UpperOutline:
 
     edge: int
     """The vertex at the edge of the narrower shoulder, from which distances are taken."""
+    reach: float
+    """Its distance from T1 along the pelvis' axis [mm]."""
     heights: np.ndarray
     """Heights of the places above the centroid of T1, left and right [mm], shape (2, PLACES)."""
     ends: np.ndarray
@@ -70,7 +77,7 @@ def shoulder_heights(skin: Surface, spine: Spine, across: np.ndarray) -> Shoulde
     if outline is None:
         return None
     left, right = (float(heights.mean()) for heights in outline.heights)
-    return Shoulders(left, right)
+    return Shoulders(left, right, outline.reach * INNER, outline.reach * OUTER)
 
 
 def upper_outline(skin: Surface, spine: Spine, across: np.ndarray) -> UpperOutline | None:
@@ -101,4 +108,4 @@ def upper_outline(skin: Surface, spine: Spine, across: np.ndarray) -> UpperOutli
         highest = int(np.argmax(there))
         heights.append(there[highest])
         ends.append((start[crossed[highest]], end[crossed[highest]]))
-    return UpperOutline(edge, np.reshape(heights, (2, PLACES)), np.reshape(ends, (2, PLACES, 2)))
+    return UpperOutline(edge, float(reach), np.reshape(heights, (2, PLACES)), np.reshape(ends, (2, PLACES, 2)))

@@ -7,10 +7,9 @@ import pytest
 
 from support.known_spine import known_spine
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
-from warp_trunk.bone_motion.plan.least_motion import limits_of, rim_gaps
+from warp_trunk.bone_motion.plan.least_motion import rim_gaps
 from warp_trunk.bone_motion.plan.posture import Placed, posture_of
 from warp_trunk.case import Case
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
@@ -61,19 +60,6 @@ def test_target_of_segments_that_stay() -> None:
     text = refusal(Plan(uiv="T4", liv="T12", unfused="fixed", lordosis_L1_L5=40.0))
     assert "lordosis_L1_L5 40 degrees cannot be met" in text
     assert nearest(text) == pytest.approx(30.0, abs=0.5)
-
-
-@pytest.mark.parametrize(("bend", "overlaps"), [(15.0, False), (16.5, True)])
-def test_disc_that_would_overlap(bend: float, overlaps: bool) -> None:
-    """A disc of 6 mm turns by half; rims of 22 mm radius meet where 6 cos(b / 2) = 22 sin b, at 15.7 degrees."""
-    wide = known_spine().points.copy()
-    for row, name in enumerate(SPINE.names):
-        wide[row, 0] += 10.0 * (("left_pedicle" in name) - float("right_pedicle" in name))
-    posture = posture_of(Landmarks(SPINE.names, wide))
-    change = posture.still
-    change[:8, 1] = -bend  # T8 and all above lean forward against T9
-    excess = limits_of(posture).excess(Placed(posture, change))
-    assert bool(excess.max() > 0.0) is overlaps
 
 
 def test_height_of_a_disc_at_its_rim() -> None:
