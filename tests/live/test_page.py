@@ -21,9 +21,8 @@ from warp_trunk.case import read_case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.motions import Motion, rigid_motions
 from warp_trunk.case.points import Points
-from warp_trunk.live.motion_plan import with_handles
 from warp_trunk.live.page import Page
-from warp_trunk.live.sliders import MotionSliders, SpineSliders
+from warp_trunk.live.sliders import MotionSliders, SpineSliders, with_handles
 from warp_trunk.measures.rows import number as shown
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.recording.viewer import free_port

@@ -14,9 +14,8 @@ from support.small_patient import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case.motions import Motion
 from warp_trunk.engine.simulation import simulate
-from warp_trunk.live.motion_plan import with_handles
 from warp_trunk.live.session import Latest, PlanView, Session
-from warp_trunk.live.sliders import MotionSliders, Sliders, SpineSliders, Wish, first_wish
+from warp_trunk.live.sliders import MotionSliders, Sliders, SpineSliders, Wish, first_wish, with_handles
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.results import predicted_skin

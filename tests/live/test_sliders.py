@@ -14,8 +14,7 @@ from warp_trunk.bone_motion.plan import CurvePlan, Plan
 from warp_trunk.bone_motion.plan.surgery import surgery_record
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
-from warp_trunk.live.motion_plan import with_handles
-from warp_trunk.live.sliders import MotionSliders, SpineSliders, first_wish
+from warp_trunk.live.sliders import MotionSliders, SpineSliders, first_wish, with_handles
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import asis_axis, spine_of

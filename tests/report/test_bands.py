@@ -12,8 +12,8 @@ import pytest
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli.measure import Measure
+from warp_trunk.report.page import BAND_HEAD, band_table, source_table
 from warp_trunk.report.sentences import band_sentence
-from warp_trunk.report.tables import BAND_HEAD, band_table, source_table
 from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
 from warp_trunk.results.bands import Band

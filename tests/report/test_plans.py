@@ -76,7 +76,7 @@ def test_plan_that_did_not_converge_is_named(tmp_path):
 
 def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):
     one, other = write_small_result(tmp_path / "one"), write_small_result(tmp_path / "other", without="T8")
-    with pytest.raises(InputError, match=r"other: its landmarks before surgery must be those of .*one"):
+    with pytest.raises(InputError, match=r"other: skin and landmarks before surgery must be those of .*one"):
         write_comparison([read_result(one), read_result(other)])
     with pytest.raises(InputError, match="is given twice"):
         write_comparison([read_result(one)] * 2)

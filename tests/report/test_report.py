@@ -15,8 +15,8 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.report.modelled import modelled, not_modelled
+from warp_trunk.report.page import rotation_table
 from warp_trunk.report.sentences import sentences
-from warp_trunk.report.tables import rotation_table
 from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
 

@@ -1,7 +1,6 @@
 """From the words of a command line to a command, whose file is loaded only then, and to an exit status."""
 
 import ast
-import atexit
 import difflib
 import gc
 import importlib
@@ -83,15 +82,12 @@ def _sentence(name: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status, 0 only for a simulation that converged."""
-    own_process = arguments is None
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     if arguments[:1] in (["-h"], ["--help"]):
         print(overview())
         return OK
-    atexit.unregister(gc.freeze)
-    atexit.register(gc.freeze)  # else the end looks for garbage in all that was loaded, a third of a second
     try:
-        return _loaded(arguments, own_process).run(arguments)
+        return _loaded(arguments).run(arguments)
     except InputError as error:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -103,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _loaded(arguments: list[str], own_process: bool) -> Any:
+def _loaded(arguments: list[str]) -> Any:
     """The command that is asked for, with Warp started: after the help, for which neither is needed."""
     gc.disable()  # what is loaded is no garbage; to look for some again and again takes a sixth of the time
     try:
@@ -116,6 +112,4 @@ def _loaded(arguments: list[str], own_process: bool) -> Any:
         start_warp()
         return command
     finally:
-        if own_process:
-            gc.freeze()  # nor later: all of this stays to the end
         gc.enable()

@@ -14,8 +14,8 @@ from warp_trunk.case.case_writer import HEADER
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 
-from .motion_plan import MotionPlan
 from .session import PlanView
+from .sliders import MotionPlan
 
 MOST_NAME = 60
 """No plan has a longer name [characters]."""

@@ -14,8 +14,8 @@ from warp_trunk.measures.rows import MISSING, number, skin_rows, spine_rows
 from warp_trunk.measures.table import as_html
 from warp_trunk.report.style import BEFORE, PLANS
 
-from .motion_plan import MotionPlan
 from .session import PlanView
+from .sliders import MotionPlan
 
 NOTE = "A research simulation, not for clinical use."
 _BARS, _ROW = 210, 17

@@ -1,9 +1,7 @@
 """From a case folder to the page, until it is to end."""
 
 import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,9 +11,6 @@ from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
-
-from .motion_plan import with_handles
-from .sliders import MotionSliders, SpineSliders, first_wish
 
 PACKAGES = ("threadpoolctl", "viser")
 """The packages of the extra `live`."""
@@ -54,6 +49,7 @@ def plan_live(
         )
     from .loopback import check_free
     from .page import Page
+    from .sliders import MotionSliders, SpineSliders, first_wish, with_handles
 
     check_free(port)
     if not case.has_spine:
@@ -65,24 +61,14 @@ def plan_live(
     patient = patient_of(case, options, progress=progress)
     with progress.stage("compile", "preparing the relaxation"):
         _ = patient.relaxer
-    with _ending_signals() as asked, Page(patient, sliders, folder, port) as page:
-        progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
-        while not (asked.is_set() or page.stopped.wait(0.2)):
-            pass
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with Page(patient, sliders, folder, port) as page, suppress(KeyboardInterrupt):
+            progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
+            page.stopped.wait()  # at the end of the page what is being written is finished
+    finally:
+        signal.signal(signal.SIGTERM, before)
     for name in page.kept.views:
         if name not in page.kept.earlier:
             progress.message(f"Kept: {folder / name}")
     return page.failure
-
-
-@contextmanager
-def _ending_signals() -> Iterator[threading.Event]:
-    """An event that Ctrl-C or a request to end sets, while the block runs; what is being written is finished."""
-    asked, before = threading.Event(), {}
-    for number in (signal.SIGINT, signal.SIGTERM):
-        before[number] = signal.signal(number, lambda *_: asked.set())
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

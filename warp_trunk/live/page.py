@@ -13,13 +13,12 @@ from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.run.patient import Patient
 
-from .controls import Controls
 from .kept import KeptPlans
 from .loopback import LoopbackServer
 from .numbers import line_html, numbers_html, status_html
 from .scene import SIDES, Scene
 from .session import Latest, PlanView, Session, worker
-from .sliders import Sliders, SpineSliders, first_wish
+from .sliders import Controls, Sliders, SpineSliders, first_wish
 
 NOTHING = "nothing"
 """The first choice of the comparison."""

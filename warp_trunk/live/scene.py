@@ -8,8 +8,8 @@ from warp_trunk.case import Case
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .bones import BonePoses
-from .motion_plan import MotionPlan
 from .session import PlanView
+from .sliders import MotionPlan
 
 SKIN, BONE, FUSED, INK = (226, 190, 168), (236, 228, 206), (0, 114, 178), (70, 58, 52)
 """Colours; blue is what is planned, as in the report."""

@@ -21,9 +21,8 @@ from warp_trunk.run.patient import Patient
 from warp_trunk.run.warnings import curve_warnings
 
 from .image import Images
-from .motion_plan import MotionPlan
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
-from .sliders import Sliders, Wish
+from .sliders import MotionPlan, Sliders, Wish
 
 FIRST = {"cpu": 1.0, "cuda": 0.1}
 """Tolerance of a relaxation while sliders may still move, by the kind of device [mm]."""

@@ -1,22 +1,28 @@
-"""The sliders of a patient, where they stand first, and the surgery that they ask for."""
+"""The sliders of a patient, where they stand first, and the surgery that they ask for: a plan or motions."""
 
 import math
-from collections.abc import Mapping
+import threading
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import viser
+from scipy.spatial.transform import RigidTransform
 
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner
 from warp_trunk.bone_motion.plan.record import rank
-from warp_trunk.case import Case
-from warp_trunk.case.motions import Motion, Turn, rigid_motions
+from warp_trunk.case import Case, write_case
+from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
+from warp_trunk.case.motions import Motion, Turn, check_motions, check_passing, rigid_motions
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import asis_axis, spine_of
-
-from .motion_plan import MotionPlan, plan_motions
+from warp_trunk.run.patient import motions_of
 
 Wish = Mapping[str, Any]
 """Where the controls of a patient stand: the value of each by its name."""
@@ -26,6 +32,10 @@ REACH = 20
 """A slider of a motion reaches at least this far to either side [mm or degrees]."""
 COMPONENTS = ("Left mm", "Back mm", "Up mm", "Pitch °", "Roll °", "Yaw °")
 """Labels of the components of a motion: translation along and rotation vector about x, y and z in LPS."""
+PAUSE = 0.7
+"""Sliders that rest for so long [s] have been released: undo returns to where they were then."""
+MOST_UNDO = 100
+"""Number of wishes that can be undone."""
 _STILL = Motion(transform=((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)))
 
 
@@ -45,6 +55,63 @@ class Control:
     """The values of a list."""
     hint: str | None = None
     """What it means."""
+
+
+_INWARD = 0.1
+"""Handles lie this fraction of the way from the surface of a bone to its centre: no two bones share one."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPlan:
+    """Where motions take the bones of a case."""
+
+    motions: Mapping[str, Motion]
+    """The motions of the plan, by bone."""
+    bones: Mapping[str, RigidTransform]
+    """The motion of every bone."""
+    landmarks_after: Landmarks
+    """The handles of the bones after surgery (`with_handles`)."""
+
+    def planned_case(self, case: Case) -> Case:
+        """The case with these motions; an actual skin belongs to another surgery and is left out."""
+        return replace(case, motions=dict(self.motions), actual_skin=None)
+
+    def write(self, folder: Path, case: Case, name: str) -> None:
+        """Write the planned case, without handles."""
+        planned = self.planned_case(replace(case, landmarks_before=NO_LANDMARKS))
+        write_case(folder, replace(planned, name=f"{case.name}, motions {name}"))
+
+
+def plan_motions(case: Case, motions: Mapping[str, Motion]) -> MotionPlan:
+    """Where motions take every bone of a case with handles.
+
+    Raises:
+        InputError: the bones cannot move like this (`check_motions`, `check_passing`).
+    """
+    planned = replace(case, motions=dict(motions))
+    check_motions(planned, "motions")
+    bones = motions_of(planned)
+    check_passing(planned, bones, "motions")
+    return MotionPlan(motions, bones, planned.planned_landmarks)
+
+
+def with_handles(case: Case) -> Case:
+    """The case with handles in place of landmarks: up to six points of each bone that move with it.
+
+    The spline of the handles gives the image of a plan before the tissue is relaxed. A bone that is carried by
+    others, such as a costal cartilage, has no handles, so that the spline carries it as well.
+    """
+    motions = motions_of(case)
+    names: list[str] = []
+    points = []
+    for bone, surface in case.bones.items():
+        if bone not in case.given_motions and motions[bone].as_exp_coords().any():
+            continue
+        vertices = surface.vertices
+        own = vertices[np.unique([*vertices.argmin(axis=0), *vertices.argmax(axis=0)])]
+        points.append(own + _INWARD * (vertices.mean(axis=0) - own))
+        names += [f"{bone}_handle_{number}" for number in range(len(own))]
+    return replace(case, landmarks_before=Landmarks(tuple(names), np.vstack(points)))
 
 
 class SpineSliders:
@@ -200,3 +267,64 @@ Sliders = SpineSliders | MotionSliders
 def first_wish(sliders: Sliders) -> Wish:
     """Where the controls stand first."""
     return {name: control.first for name, control in sliders.controls.items()}
+
+
+class Controls:
+    """Sliders and lists with undo. All browsers share them."""
+
+    def __init__(self, gui: viser.GuiApi, sliders: Sliders, changed: Callable[[Wish], None]) -> None:
+        """Adds the controls to the page.
+
+        Args:
+            gui: the page.
+            sliders: what can be set.
+            changed: called with each wish, from any thread.
+        """
+        self._sliders, self._changed = sliders, changed
+        self._lock, self._setting = threading.RLock(), False
+        self._wish, self._past, self._last = first_wish(sliders), list[Wish](), 0.0
+        self._handles: dict[str, Any] = {}
+        for folder, group in groupby(sliders.controls.items(), key=lambda item: item[1].folder):
+            with gui.add_folder(folder):
+                for name, control in group:
+                    if control.choices:
+                        handle = gui.add_dropdown(control.label, control.choices, initial_value=control.first)
+                    else:
+                        handle = gui.add_slider(control.label, *control.span, control.first, hint=control.hint)
+                    handle.on_update(self._moved)
+                    self._handles[name] = handle
+        self._undo = gui.add_button("Undo", disabled=True)
+        self._undo.on_click(lambda _: self.undo())
+        self._enable()
+
+    def undo(self) -> None:
+        """Return to the previous resting position of the sliders."""
+        with self._lock:
+            if self._past:
+                self._wish, self._last, self._setting = self._past.pop(), 0.0, True
+                try:
+                    for name, value in self._wish.items():
+                        self._handles[name].value = value
+                finally:
+                    self._setting = False
+                self._enable()
+                self._changed(self._wish)
+
+    def _moved(self, _: object) -> None:
+        with self._lock:
+            wish = {name: handle.value for name, handle in self._handles.items()}
+            if self._setting or wish == self._wish:
+                return
+            now = time.monotonic()
+            if now - self._last > PAUSE:
+                self._past = [*self._past[1 - MOST_UNDO :], self._wish]
+            self._wish, self._last = wish, now
+            self._enable()
+            self._changed(wish)
+
+    def _enable(self) -> None:
+        """Disable the controls that have no effect."""
+        self._undo.disabled = not self._past
+        unused = self._sliders.without_effect(self._wish)
+        for name, handle in self._handles.items():
+            handle.disabled = name in unused

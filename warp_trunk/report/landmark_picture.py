@@ -1,22 +1,21 @@
-"""The landmarks found on a spine, drawn over its bones from behind and from the left side."""
-
-from __future__ import annotations
+"""The landmarks found on a spine, drawn over its bones from behind and from the left. Imports matplotlib."""
 
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
 
 from warp_trunk.case.landmarks import ASIS, VERTEBRAE
+from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.landmark_finder import FoundLandmarks
 
 from .style import FAINT, INK, RC, file_of, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 DOUBT = "#d55e00"
 """Colour of the vertebrae whose landmarks were not found."""
@@ -24,12 +23,7 @@ _BONE, _DOUBTED = np.array([0.95, 0.94, 0.92]), np.array([0.99, 0.80, 0.66])
 _SKIN = np.array([1.0, 0.93, 0.88])
 KIND_COLOURS = {"endplate": "#0072b2", "left_pedicle": "#009e73", "right_pedicle": "#aa3377", "asis": "#000000"}
 """Colours of Okabe and Ito and of Tol, apart for every kind of colour vision."""
-_WORDS = {
-    "endplate": "endplate centres",
-    "left_pedicle": "left pedicle",
-    "right_pedicle": "right pedicle",
-    "asis": "iliac spines",
-}
+_WORDS = {"endplate": "endplate centres", "asis": "iliac spines"}
 _MM = 1.0 / 32.0
 """Inches on the picture for each mm."""
 _ROOM = 22.0
@@ -75,22 +69,23 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: 
         found: what `find_landmarks` found on them.
         skin: drawn behind the bones [mm], where it is given.
     """
-    from matplotlib import rc_context  # heavy
-
     drawn = {name: bones[name] for name in (*ASIS.values(), *VERTEBRAE) if name in bones}
     every = np.vstack([bone.vertices for bone in drawn.values()])
     told = np.vstack([found.landmarks.points, *(drawn[name].vertices for name in drawn if name in VERTEBRAE)])
-    every = every[every[:, 2] >= told[:, 2].min()]  # what is lower of the hip bones says nothing
+    every = every[every[:, 2] >= told[:, 2].min()]  # what is lower of the hip bones shows nothing
     if skin is not None:
         every = np.vstack([every, skin.vertices])
     spans = [(view.flat(every).min(axis=0) - _ROOM, view.flat(every).max(axis=0) + _ROOM) for view in _VIEWS]
     tall = (spans[0][1] - spans[0][0])[1] * _MM
     wide = [float((high - low)[0]) * _MM for low, high in spans]
-    lines = _reasons(found.unsure, sum(wide))
+    width, start, lines = sum(wide), 0.0, []
+    for name, why in found.unsure.items():
+        text = f"{name}: not found: {why}"
+        lines += textwrap.wrap(text, int(15.0 * width), subsequent_indent="    ")
     below, above = _LINE * (len(lines) + 2.5), 2.0 * _LINE
+    height = below + tall + above
     with rc_context(RC):
-        figure = new_figure(sum(wide), below + tall + above)
-        height, width, start = below + tall + above, sum(wide), 0.0
+        figure = new_figure(width, height)
         for view, (low, high), own in zip(_VIEWS, spans, wide, strict=True):
             axes = figure.add_axes((start / width, below / height, own / width, tall / height))
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=view.title)
@@ -99,64 +94,47 @@ def landmark_picture(bones: Mapping[str, Surface], found: FoundLandmarks, skin: 
                 _draw_bone(axes, view, skin, _SKIN, FAINT, order=0)
             _draw_bones(axes, view, drawn, found)
             _draw_landmarks(axes, view, found)
-            _draw_sides(axes, view, low, high)
+            for text, at, align in zip(view.sides, (low[0] + 4.0, high[0] - 4.0), ("left", "right"), strict=True):
+                axes.text(at, high[1] - 7.0, text, color=FAINT, ha=align, va="center")
             start += own
-        axes = figure.axes[0]
-        _draw_scale(axes, spans[0][0])
+        axes, (x, y) = figure.axes[0], spans[0][0] + [2.0, 3.0]
+        axes.plot([x, x + _SCALE], [y, y], color=INK, lw=1.0)
+        axes.text(x, y + 2.0, f"{_SCALE:g} mm", va="bottom", fontsize=8.0)
         figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=4, fontsize=8.0)
         for row, line in enumerate(lines):
             figure.text(0.02, (below - _LINE * (row + 0.8)) / height, line, color=DOUBT, fontsize=8.0, va="center")
         return file_of(figure, "png")
 
 
-def _reasons(unsure: Mapping[str, str], width: float) -> list[str]:
-    """Lines that say what is not there and why, as long as the picture has inches for."""
-    texts = [f"{name}: not found: {why}" for name, why in unsure.items()]
-    return [line for text in texts for line in textwrap.wrap(text, int(15.0 * width), subsequent_indent="    ")]
-
-
 def _draw_bones(axes: Axes, view: _View, drawn: Mapping[str, Surface], found: FoundLandmarks) -> None:
     """Each bone shaded, with its outline, the farthest first but vertebrae over hip bones; their names beside."""
-
-    def nearer(item: tuple[str, Surface]) -> tuple[bool, float]:
-        return item[0] in VERTEBRAE, float(item[1].vertices.mean(axis=0) @ view.viewer)
-
     edge = max(view.flat(bone.vertices)[:, 0].max() for name, bone in drawn.items() if name in VERTEBRAE)
-    for name, bone in sorted(drawn.items(), key=nearer):
+    centres = {name: bone.vertices.mean(axis=0) for name, bone in drawn.items()}
+    for name in sorted(drawn, key=lambda name: (name in VERTEBRAE, float(centres[name] @ view.viewer))):
         doubted = name in found.unsure
-        _draw_bone(axes, view, bone, _DOUBTED if doubted else _BONE, DOUBT if doubted else FAINT)
+        _draw_bone(axes, view, drawn[name], _DOUBTED if doubted else _BONE, DOUBT if doubted else FAINT)
         if name in VERTEBRAE:
-            middle = view.flat(bone.vertices.mean(axis=0))
-            axes.plot(
-                [middle[0], edge + 2.0], [middle[1]] * 2, color=DOUBT if doubted else "#cccccc", lw=0.4, zorder=2
-            )
-            text, colour = (f"{name} ?", DOUBT) if doubted else (name, INK)
-            axes.text(edge + 3.0, middle[1], text, color=colour, fontsize=8.0, va="center")
+            text, colour, line = (f"{name} ?", DOUBT, DOUBT) if doubted else (name, INK, "#cccccc")
+            x, z = view.flat(centres[name])
+            axes.plot([x, edge + 2.0], [z, z], color=line, lw=0.4, zorder=2)
+            axes.text(edge + 3.0, z, text, color=colour, fontsize=8.0, va="center")
 
 
 def _draw_bone(
     axes: Axes, view: _View, bone: Surface, colour: np.ndarray, outline: str, *, order: int = 1
 ) -> None:
-    from matplotlib.collections import LineCollection, PolyCollection
-
     bone = _coarser(bone)
     corners = bone.vertices[bone.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    towards = normal @ view.viewer / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+    towards = unit(area_vectors(bone.vertices, bone.faces)) @ view.viewer
     seen = np.flatnonzero(towards > 0.0)
     seen = seen[np.argsort(corners[seen].mean(axis=1) @ view.viewer)]
     shade = (0.72 + 0.28 * towards[seen])[:, None] * colour
-    edges = np.sort(
-        np.stack([bone.faces[seen], np.roll(bone.faces[seen], -1, axis=1)], axis=2).reshape(-1, 2), axis=1
-    )
-    ends, times = np.unique(edges, axis=0, return_counts=True)
-    turned = view.flat(bone.vertices[ends[times == 1]])  # where what is seen ends
-    axes.add_collection(
-        LineCollection(list(turned), colors=outline, linewidths=1.6, capstyle="round", zorder=order)
-    )
+    edges = np.stack([bone.faces[seen], np.roll(bone.faces[seen], -1, axis=1)], axis=2).reshape(-1, 2)
+    ends, times = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    rim = list(view.flat(bone.vertices[ends[times == 1]]))  # where what is seen ends
+    axes.add_collection(LineCollection(rim, colors=outline, linewidths=1.6, capstyle="round", zorder=order))
     drawn: Any = view.flat(corners[seen])  # one array: a list of them takes three times as long
-    polygons = PolyCollection(drawn, facecolors=shade, edgecolors=shade, linewidths=0.2, zorder=order)
-    axes.add_collection(polygons)
+    axes.add_collection(PolyCollection(drawn, facecolors=shade, edgecolors=shade, linewidths=0.2, zorder=order))
 
 
 def _coarser(bone: Surface) -> Surface:
@@ -177,17 +155,6 @@ def _draw_landmarks(axes: Axes, view: _View, found: FoundLandmarks) -> None:
             own = [i for i, name in enumerate(marks.names) if kind in name and word in name]
             if not own:
                 continue
-            label = f"{_WORDS[kind]}, {word}" if word else _WORDS[kind]
+            label = ", ".join(filter(None, (_WORDS.get(kind, kind.replace("_", " ")), word)))
             x, y = view.flat(marks.points[own]).T
             axes.plot(x, y, marker, color=colour, ms=5.0, mew=0.5, mec="white", zorder=3, label=label)
-
-
-def _draw_sides(axes: Axes, view: _View, low: np.ndarray, high: np.ndarray) -> None:
-    for text, at, align in zip(view.sides, (low[0] + 4.0, high[0] - 4.0), ("left", "right"), strict=True):
-        axes.text(at, high[1] - 7.0, text, color=FAINT, ha=align, va="center")
-
-
-def _draw_scale(axes: Axes, corner: np.ndarray) -> None:
-    start, height = corner[0] + 2.0, corner[1] + 3.0
-    axes.plot([start, start + _SCALE], [height, height], color=INK, lw=1.0)
-    axes.text(start, height + 2.0, f"{_SCALE:g} mm", va="bottom", fontsize=8.0)

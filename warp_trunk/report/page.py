@@ -7,21 +7,27 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import ON_THE_WAY
+from warp_trunk.geometry.normals import corner_areas
+from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.comparison import DETECTABLE
-from warp_trunk.measures.part import Agreement, agreement_rows
+from warp_trunk.measures.part import Agreement, agreement_rows, swept_volumes
+from warp_trunk.measures.points import FollowedPoint, profile
+from warp_trunk.measures.rows import level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.measures.table import as_html
 
-from . import tables
 from .modelled import modelled, not_modelled, option_rows, value_text
 from .sentences import glance, sentences
 from .style import Pose
 
 if TYPE_CHECKING:
     from warp_trunk.results import Summary
+    from warp_trunk.results.bands import Bands
 
 
 _OPTIONAL = ("error", "shoulders", "sure", "hump", "trends")
@@ -54,16 +60,16 @@ def page(
         implausible=f"{STRETCH:g}",
         glance=glance(poses),
         sentences=sentences(poses, comparison, summary.bands),
-        measure_head=tables.head(poses, "measure"),
-        measure_rows=tables.measure_table(poses),
-        rotation_head=tables.head(poses, "level"),
-        rotation_rows=tables.rotation_table(poses),
+        measure_head=head(poses, "measure"),
+        measure_rows=measure_table(poses),
+        rotation_head=head(poses, "level"),
+        rotation_rows=rotation_table(poses),
         bands=summary.bands,
-        band_head=tables.BAND_HEAD,
-        band_rows=tables.band_table(poses, summary.bands) if summary.bands else [],
-        source_head=tables.SOURCE_HEAD,
-        source_rows=tables.source_table(summary.bands) if summary.bands else [],
-        error_rows=tables.error_table(comparison) if comparison else [],
+        band_head=BAND_HEAD,
+        band_rows=band_table(poses, summary.bands) if summary.bands else [],
+        source_head=SOURCE_HEAD,
+        source_rows=source_table(summary.bands) if summary.bands else [],
+        error_rows=error_table(comparison) if comparison else [],
         detectable=DETECTABLE,
         **_of_run(poses, summary, plan),
     )
@@ -81,7 +87,7 @@ def part_page(
     return rendered(
         "part.html",
         drawings,
-        change_rows=[*tables.change_table(poses), *tables.profile_table(summary.points)],
+        change_rows=[*change_table(poses), *profile_table(summary.points)],
         error_rows=[] if agreed is None else agreement_rows(agreed),
         **_of_run(poses, summary, plan),
     )
@@ -94,8 +100,8 @@ def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[s
         "case": summary.case,
         "plan": plan,
         "warnings": summary.warnings,
-        "point_rows": tables.point_table(summary.points),
-        "ratio_rows": tables.ratio_table(summary.points),
+        "point_rows": point_table(summary.points),
+        "ratio_rows": ratio_table(summary.points),
         "chest_rows": [[name, f"{was:.1f}", f"{will:.1f}"] for name, (was, will) in summary.chest.items()],
         "virtual": summary.virtual,
         "converged": status is RelaxStatus.CONVERGED,
@@ -142,3 +148,115 @@ def _reached(summary: Summary) -> str:
         f"the one before it may stop at {ON_THE_WAY * tolerance:g} mm (it stopped at {errors[0]:.2g}) "
         f"and the last one at {tolerance:g} mm (it reached {errors[1]:.2g})"
     )
+
+
+BAND_HEAD = (
+    "measure",
+    "predicted",
+    "± deviation",
+    "19 of 20 between",
+    "and",
+    "plan met exactly: ±",
+    "in proportion",
+)
+SOURCE_HEAD = ("what is uncertain", "by", "rotation, most [°]", "hump [mm]", "where that comes from")
+
+
+def head(poses: Sequence[Pose], name: str) -> list[str]:
+    """The head of a table whose first column is called `name`."""
+    titles = [pose.look.title for pose in poses]
+    return [name, *titles[:2], "change", *([*titles[2:], "error"] if len(poses) > 2 else [])]
+
+
+def measure_table(poses: Sequence[Pose]) -> list[list[str]]:
+    """The back, then every curve of the spine and the spine as a whole, as planned."""
+    measures = [pose.measures for pose in poses]
+    planned = [*measures[:2], *[None] * len(poses[2:])]  # an actual skin comes without its spine
+    groups = {"The back": skin_rows(measures)}
+    groups |= {f"{heading}, as planned": rows for heading, rows in spine_rows(planned).items()}
+    return [line for heading, rows in groups.items() for line in ([heading], *(r.compared_cells() for r in rows))]
+
+
+def rotation_table(poses: Sequence[Pose]) -> list[list[str]]:
+    """The rotation of the back [degrees], one row for each level."""
+    rows = level_rows([pose.measures for pose in poses])
+    return [[row.name, *row.compared_cells()[1:]] for row in rows]
+
+
+def band_table(poses: Sequence[Pose], bands: Bands) -> list[list[str]]:
+    """Every measure that has a band: of the skin, then of the planned spine."""
+    measures = [pose.measures for pose in poses[:2]]
+    known = {f"bsr {level}": band for level, band in bands.bsr_deg.items()} | bands.spine
+    known |= {"hump": bands.max_hump_mm, "shoulder difference": bands.shoulder_difference_mm}
+    exact = {"hump" if key.startswith("hump ") else key: band for key, band in bands.exact.items()}
+    rows = [*level_rows(measures), *skin_rows(measures)]
+    rows += [row for group in spine_rows(measures).values() for row in group]
+    table = []
+    for row in rows:
+        band = known.get(row.key)
+        if band is not None:
+            met = exact.get(row.key)
+            linear = "" if row.key in bands.spine else "yes" if band.linear else "no"
+            values = [row.text(band.value), number(band.sd), row.text(band.low), row.text(band.high)]
+            table.append([row.title, *values, number(None if met is None else met.sd), linear])
+    return table
+
+
+def source_table(bands: Bands) -> list[list[str]]:
+    """Every source of error, the largest first: what it alone does."""
+    rows = []
+    for source in bands.sources:
+        rotation = max((sd for name, sd in source.sd.items() if name.startswith("bsr ")), default=None)
+        hump = next((sd for name, sd in source.sd.items() if name.startswith("hump ")), None)
+        rows.append([source.name, source.spread, number(rotation), number(hump), source.reference])
+    return rows
+
+
+def error_table(comparison: SkinComparison) -> list[list[str]]:
+    """How far the predicted skin is from the actual one, each a number with its name."""
+    rows = []
+    for name, error in comparison.bsr_error.items():
+        if error is not None:
+            spread = "" if error.sd is None else f" ± {error.sd:.2f}"
+            rows.append([f"Rotation of the back, mean absolute error {name} [°]", f"{error.mean:.2f}{spread}"])
+    back = comparison.distance["back"]
+    if back is not None:
+        for name, value in (("mean", back.mean), ("95 % are nearer than", back.p95), ("largest", back.maximum)):
+            rows.append([f"Distance of the skin of the back, {name} [mm]", f"{value:.1f}"])
+    return rows
+
+
+def change_table(poses: Sequence[Pose]) -> list[list[str]]:
+    """How far the skin moves, and the volumes between the skins before and predicted."""
+    way = np.linalg.norm(poses[1].skin.vertices - poses[0].skin.vertices, axis=1)
+    place = "({:.0f}, {:.0f}, {:.0f})".format(*poses[0].skin.vertices[way.argmax()])
+    outward, inward = swept_volumes(poses[0].skin, poses[1].skin)
+    return [
+        ["Largest displacement of the skin [mm]", f"{way.max():.1f}"],
+        ["Where that is before surgery: x, y, z [mm]", place],
+        ["Skin that moves by more than 1 mm [cm²]", f"{corner_areas(poses[0].skin)[way > 1.0].sum() / 100.0:.0f}"],
+        ["Volume gained outside the skin before [cm³]", f"{outward:.1f}"],
+        ["Volume lost inside it [cm³]", f"{inward:.1f}"],
+        ["Pairs of triangles of the predicted skin that cross", f"{len(crossings(poses[1].skin))}"],
+    ]
+
+
+def point_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
+    """How far each point moves, in all and to the left, back and up."""
+    return [
+        [point.name, point.on, f"{np.linalg.norm(point.way):.1f}", *(f"{part:+z.1f}" for part in point.way)]
+        for point in points
+    ]
+
+
+def ratio_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
+    """How far soft tissue follows bone."""
+    return [[point.name, point.bone_point, f"{point.ratio:.2f}"] for point in points if point.ratio is not None]
+
+
+def profile_table(points: Sequence[FollowedPoint]) -> list[list[str]]:
+    """The profile of a face before and as predicted, where its points are among those that are followed."""
+    was, will = (
+        profile({point.name: np.array(getattr(point, when)) for point in points}) for when in ("before", "after")
+    )
+    return [[name, f"{was[name]:.1f} → {will[name]:.1f}"] for name in was]

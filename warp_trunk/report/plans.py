@@ -38,21 +38,20 @@ def check_plans(results: Sequence[Result]) -> None:
         raise InputError(f"{twice[0]}: is given twice; give every plan once")
     first = results[0]
     for folder, result in zip(folders, results, strict=True):
-        if not result.landmarks_before.names:
+        ours, theirs = first.landmarks_before, result.landmarks_before
+        if not theirs.names:
             raise InputError(
                 f"{folder}: has no landmarks of a spine to compare; write a report of each result alone"
             )
-        pairs = (
-            ("skin", first.skin_before.vertices, result.skin_before.vertices),
-            ("landmarks", first.landmarks_before.points, result.landmarks_before.points),
+        pairs = (first.skin_before.vertices, result.skin_before.vertices), (ours.points, theirs.points)
+        same = ours.names == theirs.names and all(
+            one.shape == other.shape and np.abs(one - other).max() <= SAME for one, other in pairs
         )
-        for name, ours, theirs in pairs:
-            apart = np.abs(ours - theirs).max() if ours.shape == theirs.shape else np.inf
-            if apart > SAME or first.landmarks_before.names != result.landmarks_before.names:
-                raise InputError(
-                    f"{folder}: its {name} before surgery must be those of {folders[0]}, but they differ; compare "
-                    "plans for one patient, from cases that share the trunk before surgery"
-                )
+        if not same:
+            raise InputError(
+                f"{folder}: skin and landmarks before surgery must be those of {folders[0]}, but they differ; "
+                "compare plans for one patient, from cases that share the trunk before surgery"
+            )
 
 
 def plan_poses(results: Sequence[Result]) -> list[Pose]:
