@@ -65,7 +65,8 @@ def plan_live(
     try:
         with Page(patient, sliders, folder, port) as page, suppress(KeyboardInterrupt):
             progress.message(f"Plan at {page.server.address} on this machine; Ctrl-C or its button ends it")
-            page.stopped.wait()  # at the end of the page what is being written is finished
+            while not page.stopped.wait(0.2):  # a signal that another thread got is handled between two waits
+                pass
     finally:
         signal.signal(signal.SIGTERM, before)
     for name in page.kept.views:
