@@ -68,7 +68,7 @@ def expected(
     points, tets = mesh.nodes + displacement, mesh.tets.tolist()
     rest_volume = volumes(mesh.nodes, mesh.tets)
     sign = np.sign(volumes(points, mesh.tets))
-    total = dict.fromkeys(("distance", "area", "volume"), 0.0)
+    total: dict[str, float] = dict.fromkeys(("distance", "area", "volume"), 0.0)
     for size, term in enumerate(total, start=2):
         times = Counter(feature for tet in tets for feature in combinations(sorted(tet), size))
         for t, tet in enumerate(tets):
