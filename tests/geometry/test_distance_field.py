@@ -38,17 +38,6 @@ def test_grid_is_signed_deep_inside_and_far_outside():
     assert (part == np.where(wanted, -band, band)).all()
 
 
-def test_hollow_of_a_bottle_is_outside():
-    # two spheres, the inner one turned inside out: what it holds is not solid, and no path leads out of it
-    outer, inner = sphere(40.0, subdivisions=4), sphere(28.0, subdivisions=4)
-    hollow = joined(outer, Surface(inner.vertices, inner.faces[:, ::-1]))
-    grid = grid_of(48.0, 4.0)
-    field = SurfaceDistance(hollow).on_grid(grid, whole(grid), np.ones(grid.shape, dtype=bool), 8.0)
-    middle = grid.shape[0] // 2
-    assert field[middle, middle, middle] == 8.0
-    assert field[middle, middle, middle + 8] < 0.0
-
-
 @pytest.mark.parametrize("missing", [0, 40])
 def test_a_grid_has_the_sign_that_each_node_has_by_itself(missing: int) -> None:
     """Also where surfaces overlap, and through the hole of an open one, where no path separates the sides."""

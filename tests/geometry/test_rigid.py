@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from warp_trunk.errors import InputError
-from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_adjoint, fit_rigid_all, misfit, on_line, part_of
+from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_adjoint, fit_rigid_all, misfit, part_of
 
 RNG = np.random.default_rng(5)
 UP = np.array([0.0, 0.0, 1.0])
@@ -60,15 +59,6 @@ def test_points_on_a_line_are_turned_by_the_least_angle() -> None:
     np.testing.assert_array_equal(fit_rigid(line, line).apply(POINTS), POINTS)
 
 
-def test_bad_points_are_refused() -> None:
-    with pytest.raises(InputError, match="one shape"):
-        fit_rigid(POINTS, POINTS[1:])
-    with pytest.raises(InputError, match="one shape"):
-        fit_rigid(POINTS[:0], POINTS[:0])
-    with pytest.raises(InputError, match="finite"):
-        fit_rigid(POINTS, POINTS * np.nan)
-
-
 def test_many_bodies_at_once_are_as_each_alone() -> None:
     """Bodies in space, one mirrored, one flat, and one on a line, whose turn about it is none."""
     rng = np.random.default_rng(6)
@@ -99,10 +89,3 @@ def test_the_derivative_of_a_fit_against_differences_of_it(count: int) -> None:
         by_before, by_after = fit_rigid_adjoint(before, after, turn, shift)
         found = np.einsum("kni,ni->k", by_before, way_before) + np.einsum("kni,ni->k", by_after, way_after)
         np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-6)
-
-
-def test_what_leaves_a_turn_open() -> None:
-    assert on_line(POINTS[:2], POINTS[:2])
-    assert on_line(POINTS[:1], POINTS[:1])
-    assert on_line(POINTS, np.outer(np.arange(12.0), UP))
-    assert not on_line(POINTS[:3], POINTS[:3])

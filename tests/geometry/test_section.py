@@ -20,23 +20,6 @@ def test_box_is_cut_in_its_rectangle_also_through_its_vertices(height):
     assert section(box((30.0, 40.0, 20.0), splits=2), -10.0) == []
 
 
-def test_plane_in_a_ledge_stays_closed():
-    # a step: two boxes on each other with a flat ledge at z = 0, every vertex of which is in the plane
-    profile = np.array([[-10, -10], [10, -10], [10, 0], [0, 0], [0, 10], [-10, 10]], dtype=float)
-    front = np.column_stack([profile[:, 0], np.full(6, -5.0), profile[:, 1]])
-    back = front + np.array([0.0, 10.0, 0.0])
-    caps = [(0, 1, 2), (0, 2, 3), (0, 3, 5), (3, 4, 5)]
-    faces = [*caps, *((c + 6, b + 6, a + 6) for a, b, c in caps)]
-    for i in range(6):
-        j = (i + 1) % 6
-        faces += [(j, i, i + 6), (j, i + 6, j + 6)]
-    step = Surface(np.concatenate([front, back]), np.array(faces, dtype=np.int32))
-    (loop,) = section(step, 0.0)
-    assert enclosed_area(loop) == pytest.approx(200.0)
-    (loop,) = section(step, 1e-9)
-    assert enclosed_area(loop) == pytest.approx(100.0)
-
-
 def test_two_bodies_and_the_hole_of_a_third():
     hollow = sphere(15.0)
     hole = Surface(hollow.vertices, hollow.faces[:, ::-1])

@@ -50,14 +50,3 @@ def test_smoothness_is_likeliest(random: np.random.Generator) -> None:
     found = likeliest_smoothness(values, VARIANCE, roughness)
     others = found * np.array([0.5, 0.9, 1.1, 2.0, 1e-3, 1e3])
     assert all(likelihood(found) > likelihood(float(other)) for other in others)
-
-
-def test_smoothness_foretold_of_clean_values_is_near_what_errors_give(random: np.random.Generator) -> None:
-    """The geometric mean over draws; each draw's scatters by a factor of about two."""
-    clean, roughness = 6.0 * np.sin(ALONG / 60.0), roughness_of(ALONG)
-    logs = [
-        np.log(likeliest_smoothness(clean + np.sqrt(VARIANCE) * random.normal(size=17), VARIANCE, roughness))
-        for _ in range(200)
-    ]
-    foretold = likeliest_smoothness(clean, VARIANCE, roughness, clean=True)
-    assert np.log(foretold) == pytest.approx(np.mean(logs), abs=0.4)

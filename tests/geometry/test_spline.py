@@ -37,13 +37,6 @@ def test_jacobian_matches_central_differences() -> None:
 NAMES = [f"mark{i}" for i in range(60)]
 
 
-def test_a_constant_drift_needs_one_landmark_and_shifts_by_it() -> None:
-    spline = fit_spline(SOURCES[:1], TARGETS[:1], drift="constant")
-    np.testing.assert_allclose(spline(POINTS), POINTS + TARGETS[0] - SOURCES[0], atol=1e-9)
-    with pytest.raises(InputError, match="drift"):
-        fit_spline(SOURCES, TARGETS, drift="cubic")  # pyright: ignore[reportArgumentType]
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_the_derivative_against_differences(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -83,12 +76,3 @@ def test_what_is_wrong_with_landmarks_is_named(change, rule) -> None:
     sources, targets = change(SOURCES, TARGETS)
     with pytest.raises(InputError, match=rule):
         fit_spline(sources, targets, names=NAMES[: len(sources)])
-
-
-def test_two_readings_of_one_landmark_are_allowed_with_a_nugget() -> None:
-    fit_spline(np.vstack([SOURCES[:17], SOURCES[4:5], SOURCES[18:]]), TARGETS, nugget=1.0)
-    with pytest.raises(InputError, match="one for each"):
-        fit_spline(SOURCES, TARGETS, names=NAMES[:3])
-    for nugget in (-1.0, float("nan")):
-        with pytest.raises(InputError, match="nugget"):
-            fit_spline(SOURCES, TARGETS, nugget=nugget)

@@ -1,9 +1,12 @@
+"""Surfaces: their faults, normals and areas, against shapes of which these are known."""
+
 import numpy as np
 import pytest
 
 from support.synthetic import box, sphere
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.normals import area_vectors, unit, vertex_areas, vertex_normals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import (
     check_solid,
@@ -31,14 +34,6 @@ def test_a_finger_through_the_other_side_is_found():
     assert heights.min(axis=1).max() < -10.0
     with pytest.raises(InputError, match=r"skin: the surface must not cross itself"):
         check_solid(Surface(vertices, ball.faces), "skin")
-
-
-def test_triangles_that_share_one_corner_may_cross():
-    vertices = np.array([[0.0, 0, 0], [4, -1, 0], [4, 1, 0], [3, 0, -1], [3, 0, 1]])
-    crossing = Surface(vertices, np.array([[0, 1, 2], [0, 3, 4]], dtype=np.int32))
-    assert len(crossings(crossing)) > 0
-    vertices[3:, 0] = -3.0
-    assert len(crossings(Surface(vertices, crossing.faces))) == 0
 
 
 @pytest.mark.parametrize(
@@ -70,3 +65,23 @@ def test_parts_that_touch_in_one_vertex_are_named():
     used, faces = np.unique(number[both.faces], return_inverse=True)
     pinched = Surface(both.vertices[used], faces.reshape(-1, 3).astype(np.int32))
     assert "touch in 1 single" in (manifold_fault(pinched) or "")
+
+
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
+
+
+def test_a_triangle_by_hand():
+    np.testing.assert_array_equal(area_vectors(TRIANGLE, np.array([[0, 1, 2]])), [[0.0, 0.0, 6.0]])
+    thirds = vertex_areas(Surface(TRIANGLE, np.array([[0, 1, 2]])))
+    np.testing.assert_allclose(thirds, [[0.0, 0.0, 2.0]] * 3)
+
+
+def test_a_vector_without_length_stays():
+    np.testing.assert_array_equal(unit(np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]])), [[0, 0, 0], [0, 1, 0]])
+
+
+def test_normals_of_a_sphere_point_away_from_its_middle():
+    ball = sphere(50.0)
+    outward = unit(ball.vertices)
+    assert np.linalg.norm(vertex_areas(ball), axis=1).sum() == pytest.approx(4.0 * np.pi * 2500.0, rel=0.02)
+    np.testing.assert_allclose(vertex_normals(ball), outward, atol=0.02)

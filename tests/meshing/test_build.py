@@ -1,17 +1,12 @@
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from support.synthetic import box, shell_trunk, sphere
 from warp_trunk.engine.trunk_mesh import check_trunk, tet_volumes
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.geometry.surface_checks import crossings, manifold_fault
-from warp_trunk.io.surface_files import read_surface
+from warp_trunk.geometry.surface_checks import manifold_fault
 from warp_trunk.meshing import MeshOptions, make_trunk
 from warp_trunk.meshing.build import morton_order
-from warp_trunk.meshing.tetrahedra import mean_ratio
 
 SKIN = sphere(100.0)
 BONES = {"upper": sphere(25.0, (0.0, 5.0, 22.0), 2), "lower": sphere(25.0, (0.0, 5.0, -22.0), 2)}
@@ -65,21 +60,6 @@ def test_bone_just_below_and_through_the_skin():
     options = MeshOptions(tets=12000, bone_margin=3.0, bone_voxel=5.0, cache=False)
     trunk = make_trunk(slab, bones, options).trunk
     assert trunk.nodes[trunk.prescribed, 2].max() < 50.0 - 3.0 + 1.0
-
-
-@pytest.mark.skipif(not os.environ.get("WARP_TRUNK_ANATOMY"), reason="WARP_TRUNK_ANATOMY is not set")
-def test_anatomy():
-    folder = Path(os.environ["WARP_TRUNK_ANATOMY"])
-    skin = read_surface(folder / "skin.ply")
-    bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
-    trunk = make_trunk(skin, bones, MeshOptions(cache=False)).trunk
-    assert abs(len(trunk.tets) - 225_000) <= 0.15 * 225_000
-    np.testing.assert_array_equal(trunk.nodes[trunk.skin_nodes], skin.vertices)
-    assert set(trunk.bone[trunk.prescribed]) == set(range(len(bones)))
-    bone = Surface(trunk.nodes[trunk.prescribed], _renumbered(trunk))
-    assert manifold_fault(bone) is None
-    assert len(crossings(bone)) == 0
-    assert mean_ratio(trunk.nodes[trunk.tets]).min() > 0.05
 
 
 def _renumbered(trunk):

@@ -1,6 +1,5 @@
 """Layers under the skin: the parts of each tetrahedron, thickness from files, labels from meshes."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,17 +8,12 @@ import pytest
 import trimesh
 from scipy.interpolate import BSpline
 
-from support.meshes import block, grid, trunk
+from support.meshes import grid, trunk
 from support.there import there
 from warp_trunk.case.layers import Layers
-from warp_trunk.engine.build import build_model
-from warp_trunk.engine.energies.by_name import EnergyName
-from warp_trunk.engine.state import State
-from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.meshing.layers import layered, part_negative, real_skin
 
@@ -90,21 +84,6 @@ def test_the_ends_of_a_scan_are_not_skin() -> None:
     np.testing.assert_array_equal(skin, ~flat)
 
 
-@pytest.mark.skipif("WARP_TRUNK_ANATOMY" not in os.environ, reason="WARP_TRUNK_ANATOMY names no anatomy")
-def test_neck_thighs_and_arms_of_real_anatomy_are_cuts() -> None:
-    """The planes of the cuts are those of the case's anatomy: z = 730 and 1405, |x| = 157 + 0.17 (z - 1122)."""
-    skin = read_surface(Path(os.environ["WARP_TRUNK_ANATOMY"]) / "skin.ply")
-    centres = skin.vertices[skin.faces].mean(axis=1)
-    x, z = np.abs(centres[:, 0]), centres[:, 2]
-    ends = (np.abs(z - 730.0) < 0.5) | (np.abs(z - 1405.0) < 0.5)
-    arms = (np.abs(x - 157.0 - 0.17 * (z - 1122.0)) < 0.5) & (z > 1125.0)
-    area = trimesh.Trimesh(skin.vertices, skin.faces, process=False).area_faces
-    found = np.where(real_skin(skin), 0.0, area)
-    assert found[ends].sum() > 0.9 * area[ends].sum()
-    assert found[arms].sum() > 0.8 * area[arms].sum()  # where remeshing left them flat
-    assert found[~ends & ~arms].sum() < 0.01 * area.sum()
-
-
 def test_a_box_has_no_skin() -> None:
     made = trimesh.creation.box([200.0, 150.0, 400.0])
     with pytest.raises(InputError, match=r"skin: all of it is flat over more than 50 cm\^2"):
@@ -142,25 +121,3 @@ def test_meshes_that_cannot_give_labels_are_refused(tmp_path: Path) -> None:
     write_trunk(path, replace(bare, nodes=bare.nodes / 10.0, tissue=labels - 1))
     with pytest.raises(InputError, match="must fill the trunk to within 20 mm"):
         layered(bare, Layers(mesh=path), "mesh")
-
-
-@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
-def test_a_mixture_costs_the_mean_of_its_tissues(energy: EnergyName) -> None:
-    """The energy is linear in the constants, so that of a mixture is known from its tissues'."""
-    bare = block((2, 2, 2))
-    tissues = [Tissue(youngs_modulus=10.0, theta=5.0), Tissue(youngs_modulus=40.0, density=900.0, epsilon=2.0)]
-    displacement = np.random.default_rng(1).normal(scale=0.3, size=bare.nodes.shape)
-
-    def cost(second: np.ndarray) -> np.ndarray:
-        mixed = replace(bare, tissue=np.stack([1.0 - second, second], axis=1))
-        model = build_model(mixed, tissues, energy=energy, precision="float64", device="cpu", skin_rigidity=0.0)
-        state = State(model)
-        state.set_displacement(displacement)
-        state.evaluate()
-        return np.array(list(state.energy().terms.values()))
-
-    count = len(bare.tets)
-    none, every = cost(np.zeros(count)), cost(np.ones(count))
-    np.testing.assert_allclose(cost(np.full(count, 0.3)), 0.7 * none + 0.3 * every, rtol=1e-12)
-    alternate = (np.arange(count) % 2).astype(float)
-    np.testing.assert_allclose(cost(alternate) + cost(1.0 - alternate), none + every, rtol=1e-12)

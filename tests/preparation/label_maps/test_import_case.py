@@ -97,15 +97,6 @@ def test_surfaces_by_names_of_others(made, tmp_path):
     assert len(again.found.vertebrae) == len(LEVELS)
 
 
-def test_a_table_of_names_from_a_file(tmp_path):
-    write_labels(tmp_path / "a.nii.gz", *labels())
-    rows = [f"{NUMBERS[f'vertebrae_{level}']},{level} vertebra" for level in LEVELS]
-    (tmp_path / "names.csv").write_text("number,name\n" + "\n".join(rows))
-    source = read_source(tmp_path / "a.nii.gz", str(tmp_path / "names.csv"))
-    assert source.names == set(LEVELS)
-    assert sorted(source.left_over) == [f"label {NUMBERS[hip]}" for hip in ("hip_left", "hip_right")]
-
-
 def test_the_first_sacral_vertebra_is_a_part_of_the_sacrum(tmp_path):
     values, affine = labels()
     values = values.copy()

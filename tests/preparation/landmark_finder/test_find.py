@@ -147,16 +147,6 @@ def test_real_anatomy() -> None:
         if "pedicle" not in name:  # those lie on the outline of the pedicle, or within the root of a process
             bone = bones[bone_of(name, bones) or ""]
             assert abs(SurfaceDistance(bone).at(point[None])[0]) < 0.05, name
-    superior, inferior = (
-        np.array([found.point(f"{bone}_{end}_endplate") for bone in VERTEBRAE]) for end in ("superior", "inferior")
-    )
-    assert (superior[:, 2] > inferior[:, 2] + 10.0).all()
-    assert (inferior[:-1, 2] > superior[1:, 2]).all()  # discs
-    for bone in VERTEBRAE:
-        left, right = (found.point(f"{bone}_{side}_pedicle_superior") for side in ("left", "right"))
-        assert 12.0 < left[0] - right[0] < 60.0
-        assert abs(left[2] - right[2]) < 3.0  # this spine is its own mirror image, but for the meshing
-        assert left[1] > superior[VERTEBRAE.index(bone), 1]
     left, right = found.point("asis_left"), found.point("asis_right")
     assert 200.0 < left[0] - right[0] < 320.0
     # above the hip joints, below the top of the crest

@@ -1,14 +1,20 @@
+"""The synthetic trunk: its shapes, bones and skin, straight and with a curve."""
+
 from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from warp_trunk.case import Case, check_case
+from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
-from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.preparation.deformity import SpineCurve
 from warp_trunk.preparation.phantom import phantom_case, straight_trunk
+from warp_trunk.preparation.phantom.bones import rod, skeleton, tube
+from warp_trunk.preparation.phantom.skin import EDGE, stack, trunk_skin
 
 
 @cache
@@ -58,3 +64,86 @@ def test_deformed_cases_pass_every_check(kind):
 def test_a_curve_that_is_too_strong_is_refused():
     with pytest.raises(InputError, match="ask for less"):
         phantom_case(curve=SpineCurve(cobb=120.0))
+
+
+BONES, LANDMARKS = skeleton()
+
+
+def test_every_bone_is_there_and_solid():
+    ribs = [f"rib_{side}_{number:02d}" for side in ("left", "right") for number in range(1, 13)]
+    assert set(BONES) == {*VERTEBRAE, *ribs, "sternum", "sacrum", "hip_left", "hip_right"}
+    for name, bone in BONES.items():
+        check_solid(bone, name)
+
+
+def mirror(name: str) -> str:
+    if "left" in name:
+        return name.replace("left", "right")
+    return name.replace("right", "left")
+
+
+def test_bones_and_landmarks_are_mirror_images():
+    for name, bone in BONES.items():
+        gap, _ = KDTree(BONES[mirror(name)].vertices).query(bone.vertices * [-1.0, 1.0, 1.0])
+        assert gap.max() < 1e-12
+    for name in LANDMARKS.names:
+        np.testing.assert_allclose(
+            LANDMARKS.point(name) * [-1.0, 1.0, 1.0], LANDMARKS.point(mirror(name)), atol=1e-12
+        )
+
+
+def test_a_tube_of_circles_is_a_cylinder_with_cones():
+    z = np.array([0.0, 3.0, 13.0, 16.0])
+    ones = np.ones((4, 1))
+    surface = tube(
+        z[:, None] * [0.0, 0.0, 1.0],
+        ones * [1.0, 0.0, 0.0],
+        ones * [0.0, 1.0, 0.0],
+        np.full(4, 5.0),
+        np.full(4, 5.0),
+        around=100,
+    )
+    check_solid(surface, "tube")
+    # a cylinder of height 10 and two cones of height 3, all of radius 5
+    assert enclosed_volume(surface) == pytest.approx(np.pi * 25.0 * (10.0 + 2.0), rel=1e-3)
+
+
+def test_a_straight_rod_is_a_capsule():
+    guide = np.array([[0.0, 0.0, 0.0], [0.0, 30.0, 0.0], [0.0, 60.0, 0.0]])
+    surface = rod(guide, np.full(3, 5.0), np.full(3, 5.0), np.array([0.0, 0.0, 1.0]), spacing=4.0, around=100)
+    check_solid(surface, "rod")
+    assert np.ptp(surface.vertices[:, 1]) == pytest.approx(60.0)
+    capsule = np.pi * 25.0 * 50.0 + 4.0 / 3.0 * np.pi * 125.0
+    assert enclosed_volume(surface) == pytest.approx(capsule, rel=0.02)  # a cap has three rings
+
+
+def test_a_stack_of_half_discs_is_a_frustum():
+    def half_loop(radius: float, z: float, count: int) -> np.ndarray:
+        angle = np.linspace(0.5 * np.pi, -0.5 * np.pi, count)
+        x = radius * np.cos(angle)
+        x[[0, -1]] = 0.0
+        return np.stack([x, radius * np.sin(angle), np.full(count, z)], axis=1)
+
+    ends = np.array([[[0.0, 0.0, 10.0]], [[0.0, 0.0, 0.0]]])
+    surface = stack([ends[0], half_loop(10.0, 10.0, 60), half_loop(20.0, 0.0, 85), ends[1]])
+    check_solid(surface, "stack")
+    frustum = np.pi * 10.0 / 3.0 * (10.0**2 + 10.0 * 20.0 + 20.0**2)
+    assert enclosed_volume(surface) == pytest.approx(frustum, rel=1e-3)
+
+
+def test_the_skin_is_one_solid_of_even_triangles():
+    skin = trunk_skin()
+    check_solid(skin, "skin")
+    assert components(skin).max() == 0
+    assert 3000 <= len(skin.vertices) <= 5000
+    edges = np.linalg.norm(np.diff(skin.vertices[skin.faces[:, [0, 1, 2, 0]]], axis=1), axis=2)
+    assert 0.9 * EDGE < np.median(edges) < 1.1 * EDGE
+    assert edges.max() < 2.5 * EDGE
+
+
+def test_the_skin_is_its_own_mirror_image():
+    skin = trunk_skin()
+    gap, twin = KDTree(skin.vertices).query(skin.vertices * [-1.0, 1.0, 1.0])
+    assert gap.max() == 0.0
+    triangles = {tuple(sorted(face)) for face in skin.faces.tolist()}
+    assert triangles == {tuple(sorted(face)) for face in np.asarray(twin)[skin.faces].tolist()}

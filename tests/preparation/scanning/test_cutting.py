@@ -68,11 +68,3 @@ def test_cuts_that_mean_nothing_are_refused(plane, says):
         return
     with pytest.raises(InputError, match=says):
         cut_flat(BALL, [plane], 6.0)
-
-
-@pytest.mark.parametrize(
-    "given", [((0.0, 0.0, np.nan), (0.0, 0.0, 1.0)), ((0.0,) * 3, (0.0,) * 3), ((0.0,) * 3, (0.0, 1.0))]
-)
-def test_a_plane_needs_a_point_and_a_normal(given):
-    with pytest.raises(InputError, match="a plane is a point"):
-        CutPlane(*given)

@@ -28,12 +28,6 @@ def test_nearest_finds_the_corners_weights():
     np.testing.assert_allclose(weights[0], [0.5, 0.2, 0.3], atol=1e-6)
 
 
-def test_surface_is_drawn_to_the_points():
-    points, areas, _ = measured(50.0)
-    fitted = fit_to_points(sphere(46.0, subdivisions=4), points, areas, 3.0, 15.0)
-    np.testing.assert_allclose(radii(fitted), 50.0, atol=0.1)
-
-
 def test_a_wave_of_2_pi_smoothing_keeps_half_its_height():
     """A thin plate over flat data: amplitude 1 / (1 + (2 pi smoothing / wavelength)^4)."""
     x, y = np.meshgrid(2.0 * np.arange(60), np.sqrt(3.0) * np.arange(60), indexing="ij")

@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 
 from support.meshes import rotation
-from support.synthetic import sphere
 from warp_trunk.errors import InputError
 from warp_trunk.io.transform_file import read_transform
-from warp_trunk.preparation.scanning.parts import moved
 
 
 def matrix():
@@ -28,12 +26,6 @@ def test_transform_comes_back_as_an_exact_rotation(tmp_path):
     read = read_transform(written(tmp_path, matrix()))
     np.testing.assert_allclose(read, matrix(), atol=1e-4)
     np.testing.assert_allclose(read[:3, :3] @ read[:3, :3].T, np.eye(3), atol=1e-14)
-
-
-def test_moved_surface_keeps_its_shape():
-    ball = sphere(50.0, (1.0, 2.0, 3.0))
-    centre = matrix()[:3, :3] @ [1.0, 2.0, 3.0] + matrix()[:3, 3]
-    np.testing.assert_allclose(np.linalg.norm(moved(ball, matrix()).vertices - centre, axis=1), 50.0)
 
 
 @pytest.mark.parametrize(

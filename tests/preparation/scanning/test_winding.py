@@ -42,13 +42,3 @@ def test_open_sphere_is_seen_under_its_solid_angle():
     expected = np.where(z < 30.0, 1.0, 0.0) - missing
     deep = z > -36.0
     np.testing.assert_allclose(field[20, 20, deep], expected[deep], atol=0.02)
-
-
-def test_two_sheets_of_half_weight_are_one():
-    points, areas = sheet_samples(sphere(50.0, CENTRE, 4), 4.0)
-    other, other_areas = sheet_samples(sphere(52.0, CENTRE, 4), 4.0)
-    both = winding_field(np.concatenate([points, other]), 0.5 * np.concatenate([areas, other_areas]), GRID)
-    along = both[20:, 20, 20]
-    assert (np.diff(along) < 0.01).all()
-    x = 4.0 * np.arange(21)
-    assert abs(np.interp(-0.5, -along, x) - 51.0) < 0.7
