@@ -48,12 +48,8 @@ ROWS = [
 def test_who_counts():
     found = summarize_cohort(ROWS)
     assert (found.cases, found.counted, found.patients, found.virtual) == (6, 2, 2, 1)
-    assert (found.failed, found.unfinished, found.without_actual, found.bending) == (
-        ("e",),
-        ("d",),
-        ("c",),
-        ("f",),
-    )
+    left_out = found.failed, found.unfinished, found.without_actual, found.bending
+    assert left_out == (("e",), ("d",), ("c",), ("f",))
     assert not found.complete
     assert summarize_cohort(ROWS[:3]).complete
 
@@ -69,24 +65,19 @@ def test_the_papers_table_of_a_case():
 def test_ranges():
     """T3-L5: a has 1, 3, 1 and b 1, 3: means 5/3 and 2. Nothing changes: 5, 3, 1 and 8, 1; spline: 4, 0, 3 and
     4, 2."""
-    found = summarize_cohort(ROWS).ranges["T3-L5"]
-    assert found.error is not None
-    assert found.error.mean == pytest.approx((5.0 / 3.0 + 2.0) / 2.0)
-    assert found.error.sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
-    assert found.nothing_changes is not None
-    assert found.nothing_changes.mean == pytest.approx((3.0 + 4.5) / 2.0)
-    assert found.spline is not None
-    assert found.spline.mean == pytest.approx((7.0 / 3.0 + 3.0) / 2.0)
-    assert found.better_than_nothing is not None
-    assert found.better_than_nothing.mean == pytest.approx((4.0 / 3.0 + 2.5) / 2.0)
-    assert found.better_than_spline is not None
-    assert found.better_than_spline.mean == pytest.approx((2.0 / 3.0 + 1.0) / 2.0)
-    assert found.within is not None
-    assert found.within.mean == pytest.approx((2.0 / 3.0 + 0.5) / 2.0)
-    assert found.cases_within is not None
-    assert found.cases_within.mean == 1.0
-    assert found.in_band is not None
-    assert found.in_band.mean == pytest.approx((0.5 + 1.0) / 2.0)
+    found = vars(summarize_cohort(ROWS).ranges["T3-L5"])
+    means = {
+        "error": (5.0 / 3.0 + 2.0) / 2.0,
+        "nothing_changes": (3.0 + 4.5) / 2.0,
+        "spline": (7.0 / 3.0 + 3.0) / 2.0,
+        "better_than_nothing": (4.0 / 3.0 + 2.5) / 2.0,
+        "better_than_spline": (2.0 / 3.0 + 1.0) / 2.0,
+        "within": (2.0 / 3.0 + 0.5) / 2.0,
+        "cases_within": 1.0,
+        "in_band": (0.5 + 1.0) / 2.0,
+    }
+    assert {name: estimate.mean for name, estimate in found.items()} == pytest.approx(means)
+    assert found["error"].sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
 
 
 def test_levels_hump_and_trends():
@@ -109,12 +100,8 @@ def test_files(tmp_path: Path):
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS
     assert len(rows) == 4 + 2 + 1 + 1 + 1 + 1
-    assert (rows[1]["folder"], rows[1]["level"], rows[1]["bsr_actual_deg"], rows[1]["in_band"]) == (
-        "a",
-        "T6",
-        "9.0",
-        "False",
-    )
+    second = [rows[1][name] for name in ("folder", "level", "bsr_actual_deg", "in_band")]
+    assert second == ["a", "T6", "9.0", "False"]
     assert [row["reason"] for row in rows if row["folder"] == "e"] == ["skin.ply: is <open>, 3 edges"]
     record = json.loads((tmp_path / "cohort.json").read_text())
     assert record["summary"]["ranges"]["T3-L5"]["error"]["mean"] == pytest.approx(11.0 / 6.0)
@@ -123,19 +110,14 @@ def test_files(tmp_path: Path):
     assert "1 are synthetic" in text
     assert "failed: e" in text
     page = (tmp_path / "cohort.html").read_text()
-    for table, columns in (("Errors of back surface rotation by level", 3), ("Every case", 4)):  # of 6 and of 8
-        assert f'aria-label="{table}" style="--columns: {columns}"' in page, (
-            "on a phone values stand under their heads"
-        )
-    for said in (
+    for text in (
         "Synthetic: no patient",
         "&lt;open&gt;",
         "1.83 ± 0.24",
         "d did not converge",
         "c has no actual skin",
-        "T4-T12",
     ):
-        assert said in page, said
+        assert text in page, text
     assert "<open>" not in page
     assert "http" not in page.replace("http-equiv", "")  # nothing from elsewhere
 

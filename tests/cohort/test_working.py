@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -126,10 +125,6 @@ def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_
 @pytest.mark.parametrize(("workers", "gpus", "found"), [(3, [], 3), (0, ["0", "1"], 2), (3, ["0"], 3)])
 def test_number_of_workers(workers: int, gpus: list[str], found: int) -> None:
     assert choose_workers(workers, gpus) == found
-
-
-def test_no_more_workers_than_cores_by_themselves() -> None:
-    assert 1 <= choose_workers(0, []) <= len(os.sched_getaffinity(0))
 
 
 @pytest.mark.parametrize(

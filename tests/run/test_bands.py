@@ -95,13 +95,6 @@ def test_the_same_error_before_and_after_matters_less_and_sources_add_up() -> No
         assert band.low + band.high == pytest.approx(2.0 * band.value)
 
 
-def test_a_factor_and_its_inverse_are_the_same_source() -> None:
-    found = bands_of(theta=3.0).bands
-    sizes = {source.name: max(source.sd.values()) for source in found.sources}
-    assert sizes["theta"] > 0.0
-    assert all(size == 0.0 for name, size in sizes.items() if name != "theta")
-
-
 def test_a_result_keeps_them(tmp_path: Path) -> None:
     prepared, last = simulated()
     found = bands_of(mesh_rotation=0.3, mesh_length=0.4)

@@ -43,12 +43,6 @@ def test_terminal_shows_bars_and_the_time_left():
     assert "CONVERGED" not in text
 
 
-def test_what_is_printed_beside_bars_goes_where_output_goes(capsys):
-    with Progress(Terminal()) as progress, progress.stage("load", "reading"):
-        print("a table for a file")
-    assert capsys.readouterr().out == "a table for a file\n"
-
-
 def test_times_of_a_stage_add_up_and_failing_stages_count():
     progress = Progress(io.StringIO())
     progress.add("record", 2.0)

@@ -61,18 +61,14 @@ def write_case(folder: str | Path, case: Case) -> None:
         "landmarks_bending_left.csv": case.bending_left,
         "landmarks_bending_right.csv": case.bending_right,
     }
-    for file, points in landmarks.items():
-        if points is None:
-            (folder / file).unlink(missing_ok=True)
-            continue
-        with atomic_write(folder / file) as unfinished:
-            write_landmarks(unfinished, points)
-    texts = {
-        MOTIONS: motions_text(case.motions),
-        POINTS: points_text(case.points),
-    }
-    for file, text in texts.items():
+    texts = {MOTIONS: motions_text(case.motions), POINTS: points_text(case.points)}
+    for file in (*landmarks, *texts):
         (folder / file).unlink(missing_ok=True)
+    for file, points in landmarks.items():
+        if points is not None:
+            with atomic_write(folder / file) as unfinished:
+                write_landmarks(unfinished, points)
+    for file, text in texts.items():
         if text:
             with atomic_write(folder / file) as unfinished:
                 unfinished.write_text(text, encoding="utf-8")
@@ -95,23 +91,16 @@ def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:
     surfaces = {folder / "skin.ply": case.skin}
     if case.actual_skin is not None:
         surfaces[folder / "actual_skin.ply"] = case.actual_skin
-    for name, surface in case.bones.items():
-        if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
+    for place, bones in (("bones", case.bones), ("bones_after", case.bones_after)):
+        for name, surface in bones.items():
+            if Path(name).name != name or name.startswith(".") or Path(f"{name}.ply").stem != name:
+                raise InputError(f"write_case: '{name}' must be a valid file name; rename the bone")
+            surfaces[folder / place / f"{name}.ply"] = surface
+    skins = [path for stem in ("skin", "actual_skin") for path in surface_files(folder, stem).values()]
+    bones = [path for place in ("bones", "bones_after") for path in surface_files(folder / place).values()]
+    for path in (*skins, *bones):
+        if path not in surfaces:
             raise InputError(
-                f"write_case: '{name}' is the name of a bone and must be a valid file name; rename the bone"
+                f"{path}: would be read as part of case {case.name!r}; remove it or write to another folder"
             )
-        surfaces[folder / "bones" / f"{name}.ply"] = surface
-    for name, surface in case.bones_after.items():
-        surfaces[folder / "bones_after" / f"{name}.ply"] = surface
-    for found in (
-        surface_files(folder, "skin"),
-        surface_files(folder, "actual_skin"),
-        surface_files(folder / "bones"),
-        surface_files(folder / "bones_after"),
-    ):
-        for path in found.values():
-            if path not in surfaces:
-                raise InputError(
-                    f"{path}: would be read as part of case {case.name!r}; remove it or write to another folder"
-                )
     return surfaces

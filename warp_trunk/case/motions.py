@@ -24,8 +24,6 @@ from .landmarks import bone_of
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
-    from warp_trunk.geometry.surface import Surface
-
     from .case import Case
 
 
@@ -222,76 +220,53 @@ def check_motions(case: Case, where: str) -> None:
 
 
 def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
-    _check_bone(case, bone, where)
-    if bone in case.bones_after:
+    turn, shares, skin = motion.rotation, motion.follows, case.skin.vertices
+    for name in (bone, *(shares or ())):
+        if name not in case.bones:
+            near = difflib.get_close_matches(name, case.bones, n=1) or sorted(case.bones)[:8]
+            hint = f"did you mean '{near[0]}'?" if len(near) == 1 else f"the bones are {', '.join(near)}"
+            raise InputError(f"{where}: there is no bone '{name}' among the {len(case.bones)} bones; {hint}")
+    marked = {bone_of(name, case.bones) for name in case.landmarks_before.names} if case.landmarks_after else {}
+    for known, what in ((case.bones_after, f"bones_after/{bone}"), (marked, "landmarks after surgery")):
+        if bone in known:
+            raise InputError(f"{where}: the bone is also given by {what}; remove one of them")
+    given = [key for key in ("rotation", "transform", "follows") if getattr(motion, key) is not None]
+    given += ["translation"] if any(motion.translation) else []
+    if not given or (len(given) > 1 and set(given) != {"rotation", "translation"}):
         raise InputError(
-            f"{where}: the bone is also given after surgery, as bones_after/{bone}; remove one of them"
-        )
-    if case.landmarks_after is not None and any(
-        bone_of(name, case.bones) == bone for name in case.landmarks_before.names
-    ):
-        raise InputError(f"{where}: the bone also has landmarks after surgery; remove one of them")
-    said = [key for key in ("rotation", "transform", "follows") if getattr(motion, key) is not None]
-    said += ["translation"] if any(motion.translation) else []
-    if not said or (len(said) > 1 and set(said) != {"rotation", "translation"}):
-        raise InputError(
-            f"{where}: gives {' and '.join(said) or 'no motion'}; give a rotation, a translation or both, or a "
+            f"{where}: gives {' and '.join(given) or 'no motion'}; give a rotation, a translation or both, or a "
             "transform, or the bones that it follows"
         )
-    turn = motion.rotation
     numbers = [*motion.translation, *((turn.degrees, *turn.axis, *turn.point) if turn else ())]
     if not all(map(math.isfinite, numbers)) or (turn is not None and not any(turn.axis)):
         raise InputError(
             f"{where}: numbers must be finite and an axis must not be zero, not {numbers}; correct them"
         )
     if turn is not None:
-        low, high = _box(case.skin)
-        off = float(np.max([low - turn.point, turn.point - high]))
+        off = float(np.max([skin.min(axis=0) - turn.point, turn.point - skin.max(axis=0)]))
         if off > _FAR:
-            raise InputError(
-                f"{where}: the point of the rotation is {off:.0f} mm outside the skin, {_FAR:g} mm is allowed; "
-                "give it in mm in the frame of the case"
-            )
-    _check_followed(case, motion, where)
-
-
-def _check_bone(case: Case, bone: str, where: str) -> None:
-    if bone not in case.bones:
-        near = difflib.get_close_matches(bone, case.bones, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else "; the bones are " + ", ".join(sorted(case.bones)[:8])
-        raise InputError(f"{where}: there is no bone '{bone}' among the {len(case.bones)} bones{hint}")
-
-
-def _check_followed(case: Case, motion: Motion, where: str) -> None:
-    shares = motion.follows
-    if shares is None:
-        return
-    for other in shares:
-        _check_bone(case, other, f"{where}: follows")
-    if not shares or not all(share > 0.0 for share in shares.values()) or sum(shares.values()) > 1.0 + 1e-6:
-        raise InputError(
-            f"{where}: the fractions must be above 0 and their sum at most 1, not {dict(shares)}; correct them"
-        )
+            far = f"the point of the rotation is {off:.0f} mm outside the skin, {_FAR:g} mm is allowed"
+            raise InputError(f"{where}: {far}; give it in mm in the frame of the case")
+    if shares is not None and not (min(shares.values(), default=0.0) > 0.0 and sum(shares.values()) <= 1.0 + 1e-6):
+        rule = f"the fractions must be above 0 and their sum at most 1, not {dict(shares)}"
+        raise InputError(f"{where}: {rule}; correct them")
 
 
 def _check_size(case: Case, bone: str, motion: RigidTransform, where: str) -> None:
-    vertices = case.bones[bone].vertices
+    vertices, skin = case.bones[bone].vertices, case.skin.vertices
     after = motion.apply(vertices)
     way = float(np.linalg.norm(after - vertices, axis=1).max())
     turned = float(np.degrees(motion.rotation.magnitude()))
     if not case.motions[bone].large and not (way <= LARGEST[0] and turned <= LARGEST[1]):
         raise InputError(
-            f"{where}: moves the bone by up to {way:.0f} mm and turns it by {turned:.0f} degrees, "
-            f"{LARGEST[0]:g} mm and {LARGEST[1]:g} degrees are allowed; add large = true if this is intended, or "
-            "correct the units or the frame"
+            f"{where}: moves the bone by up to {way:.0f} mm and turns it by {turned:.0f} degrees, {LARGEST[0]:g} "
+            f"mm and {LARGEST[1]:g} degrees are allowed; add large = true if that is meant, or correct the units"
         )
-    (low, high), middle = _box(case.skin), after.mean(axis=0)
-    if (middle < low).any() or (middle > high).any():
+    middle = after.mean(axis=0)
+    if (middle < skin.min(axis=0)).any() or (middle > skin.max(axis=0)).any():
         place = ", ".join(f"{x:.0f}" for x in middle)
-        raise InputError(
-            f"{where}: moves the centre of the bone outside the skin, to ({place}) mm; give the motion in "
-            "the frame of the case"
-        )
+        outside = f"moves the centre of the bone outside the skin, to ({place}) mm"
+        raise InputError(f"{where}: {outside}; give the motion in the frame of the case")
 
 
 def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) -> None:
@@ -341,7 +316,3 @@ def _passed(
             apart = distance.at(near).min() >= _TOUCHING
             return (float(deep[worst]), part, there[inside[worst]]) if apart else None
     return None
-
-
-def _box(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    return surface.vertices.min(axis=0), surface.vertices.max(axis=0)

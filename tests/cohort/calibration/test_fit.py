@@ -48,12 +48,6 @@ def test_without_a_prior_the_truth_comes_back():
     assert certainty(found.pieces, prior(weight=0.0)).from_data == pytest.approx([1.0, 1.0])
 
 
-def test_a_curved_problem_is_solved():
-    """Residual exp(x) - 2 at one place, without a prior: ln 2."""
-    found = find(lambda x: {"a": (np.exp(x) - 2.0, np.exp(x)[:, None])}, prior(weight=0.0, mean=(0.0,), sd=(1.0,)))
-    assert found.counted[0] == pytest.approx(np.log(2.0), abs=1e-4)
-
-
 def test_where_nothing_is_known_a_shorter_step_is_taken():
     """Residual sinh(x) - 1 from 0.1, whose first step leads beyond 0.95: what is worse there is not lost."""
 
