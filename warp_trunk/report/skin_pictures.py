@@ -9,9 +9,7 @@ from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.figure import Figure
 
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.shoulders import INNER, OUTER, upper_outline
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
-from warp_trunk.measures.spine import asis_axis, spine_of
 
 from .panels import coloured, panels, shaded
 from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
@@ -88,13 +86,11 @@ def shoulders_picture(poses: Sequence[Pose]) -> Figure | None:
     tops = [seen_from(pose.landmarks.of_bone("T1").points, pose.landmarks, FRONT).mean(axis=0) for pose in poses]
     figure, plots = plain_picture(poses, FRONT, min(z for _, _, z in tops) - BUST)
     for axes, pose, (x, _, z) in zip(plots, poses, tops, strict=True):
-        found, colour, marks = pose.measures.shoulders, pose.look.colour, pose.landmarks
-        outline = upper_outline(pose.skin, spine_of(marks), asis_axis(marks))
-        if found is None or outline is None:
+        found, colour = pose.measures.shoulders, pose.look.colour
+        if found is None:
             continue
-        reach = abs(seen_from(pose.skin.vertices[[outline.edge]], marks, FRONT)[0, 0] - x)
-        for height, sign in ((found.right, reach), (found.left, -reach)):  # the right side is on the left
-            outer, inner = x + sign * OUTER, x + sign * INNER
+        for height, sign in ((found.right, 1.0), (found.left, -1.0)):  # the right side is on the left
+            outer, inner = x + sign * found.outer, x + sign * found.inner
             axes.plot([outer, inner], [z + height] * 2, color=colour, linewidth=2.2)
             axes.plot([inner, x], [z + height] * 2, color=colour, linewidth=0.8, linestyle=":")
         words, side = "level", "right" if found.difference > 0.0 else "left"
