@@ -78,8 +78,8 @@ class AddedBlocks:
         completed = np.union1d(others, np.flatnonzero(image >= 0))
         completed = completed[completed < size]
         start = np.searchsorted(others[order], np.append(completed, size))
-        lists = (completed, start, order + size + 1, image[completed])
-        lists = [model.array(values, wp.int32) for values in lists]
+        others = order + size + 1
+        lists = [model.array(each, wp.int32) for each in (completed, start, others, image[completed])]
         self._complete = model.parallel.record(block_completer(model.scalar), len(completed), lists, [self.blocks])
         clear, whole = slab_kernels(self.blocks.dtype).clear, self.blocks.reshape((1, -1))
         self._clear = model.parallel.record(clear, len(self.blocks), [1], [whole])

@@ -105,8 +105,8 @@ class BlockMatrix:
         self.model = model = state.model
         pattern, image, parallel = model.pattern, np.zeros(0), model.parallel
         if not parallel.is_cuda:
-            one = model.free_nodes < parallel.least_split
-            self._bounds = pattern.row_bounds(1 if one else parallel.ranges)
+            ranges = parallel.ranges if model.free_nodes >= parallel.least_split else 1
+            self._bounds = pattern.row_bounds(ranges)
             pattern, image = pattern.upper_half(self._bounds)
         self.row_start = model.array(pattern.row_start, wp.int32)
         self.columns = model.array(pattern.columns, wp.int32)
@@ -229,9 +229,10 @@ class ConjugateGradient:
         )
         size = math.prod(r_dot_z.products.shape)
         flat = [view(dots.products, wp.float64, size) for dots in (r_dot_z, p_dot_q)]
+        # little for one thread
         self._reset = parallel.record(
             kernels.reset, size, [], [*flat, iteration, outcome, running], least=size + 1
-        )  # little for one thread
+        )
         self._run = parallel.capture(
             in_sequence(
                 self._begin, lambda: wp.capture_while(running, self._advance_window), self._outcome.send
