@@ -57,13 +57,14 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
     kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
     touched = edges[KDTree(cuts).query(contacts.edges.reshape(-1, 2) + tangent.spine)[1]]
     used = np.unique(skin.faces[kept])
+    along = (tangent.left - tangent.right) / np.linalg.norm(tangent.left - tangent.right)
 
     def angle(part: Surface, marks: Landmarks) -> float:
         centroid, across = marks.points[rows].mean(axis=0), asis_axis(marks)
         ends = part.vertices[np.searchsorted(used, touched)]
         points = _at_height(ends, centroid[2]) - centroid[:2]
         chain = points[:2] if bridge else np.insert(points, 2, points[1:3].mean(axis=0), axis=0)
-        found = contacts_of(chain, across)
+        found = contacts_of(chain, across, along)
         return np.nan if found is None else -np.degrees(turn(across, found.points[0] - found.points[1]))
 
     return _by_differences(angle, skin, landmarks, kept, touched.ravel(), rows)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from support.phantoms import whole_phantom
 from warp_trunk.case.landmarks import Landmarks
@@ -19,6 +20,7 @@ from warp_trunk.measures.derivatives import (
 )
 
 CASE = whole_phantom()
+LEVELS = ("T2", "T5", "T8", "T12", "L2", "L4")
 STEP = 1e-6
 
 
@@ -56,9 +58,18 @@ def agree(pairs: list[tuple[float, float]]) -> None:
     assert np.abs(wanted).max() > 0.0
 
 
-@pytest.mark.parametrize("level", ["T2", "T5", "T8", "T12", "L2", "L4"])
-def test_rotation(level: str) -> None:
-    skin, landmarks = rough(), CASE.landmarks_before
+def turned_pelvis(degrees: float) -> Landmarks:
+    """The landmarks with the line of the iliac spines turned about its middle, seen from above."""
+    points, names = CASE.landmarks_before.points.copy(), CASE.landmarks_before.names
+    rows = [names.index("asis_left"), names.index("asis_right")]
+    middle = points[rows].mean(axis=0)
+    points[rows] = Rotation.from_euler("z", degrees, degrees=True).apply(points[rows] - middle) + middle
+    return Landmarks(names, points)
+
+
+@pytest.mark.parametrize(("level", "pelvis"), [*((level, 0) for level in LEVELS), ("T8", 20), ("T10", 20)])
+def test_rotation(level: str, pelvis: float) -> None:
+    skin, landmarks = rough(), turned_pelvis(pelvis)
     tangent = back_surface_rotation(skin, landmarks)[level]
     assert tangent is not None
     found = rotation_derivative(skin, landmarks, level, tangent)
