@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.bone_motion.vertebra_motion import VertebraMotion, axial_turn, split
+from warp_trunk.bone_motion.vertebra_motion import VertebraParts, axial_turn, split
 from warp_trunk.geometry.rigid import fit_rigid
 
 CENTRE = np.array([12.0, -30.0, 1200.0])
@@ -14,7 +14,7 @@ def about(rotation: Rotation, way: tuple[float, float, float] = (0.0, 0.0, 0.0))
     return RigidTransform.from_components(CENTRE + way - rotation.apply(CENTRE), rotation)
 
 
-def parts(motion: RigidTransform, axis: np.ndarray, coupled: float | None = None) -> VertebraMotion:
+def parts(motion: RigidTransform, axis: np.ndarray, coupled: float | None = None) -> VertebraParts:
     return split(motion, np.array([CENTRE, axis]), coupled)
 
 

@@ -9,7 +9,7 @@ from warp_trunk.measures.followed_curves import followed_curves, main_curves
 from warp_trunk.measures.rows import level_rows, measure_rows, number, sided
 from warp_trunk.measures.table import as_html, as_markdown, as_text
 from warp_trunk.report.sentences import glance, sentences
-from warp_trunk.report.style import BEFORE, PREDICTED, Pose
+from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
 
 THORACIC = {"T1": -10.0, "T5": 30.0, "T12": -30.0, "L4": 0.0}
 DOUBLE = {"T1": 28.0, "T4": 30.0, "T11": -30.0, "L4": 28.0}
@@ -22,7 +22,7 @@ def scaled(angles, share):
 def pose(look, spine, turn=0.0):
     """A trunk with a flat back, turned clockwise seen from above, and its spine."""
     skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
-    return Pose(look, skin, spine, measure(skin, spine))
+    return TrunkState(look, skin, spine, measure(skin, spine))
 
 
 def poses(before, planned, turned=(12.0, 4.0), **options):

@@ -13,7 +13,7 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.report.plans import differences
-from warp_trunk.report.style import BEFORE, PLANS, Pose
+from warp_trunk.report.style import BEFORE, PLANS, TrunkState
 from warp_trunk.report.writing import write_comparison
 from warp_trunk.results import read_result
 
@@ -24,7 +24,7 @@ def pose(look, share, turn):
     """A trunk turned by an angle, and a spine with a share of a curve of 60 degrees."""
     spine = known_spine(to_left={level: share * tilt for level, tilt in CURVE.items()})
     skin = tube(flat_back() @ rotation(-turn).T, bottom=-80.0, top=440.0)
-    return Pose(look, skin, spine, measure(skin, spine))
+    return TrunkState(look, skin, spine, measure(skin, spine))
 
 
 @pytest.fixture(scope="module")

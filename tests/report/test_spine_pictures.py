@@ -10,7 +10,7 @@ from warp_trunk.measures import measure
 from warp_trunk.report.hump_picture import scale_limit
 from warp_trunk.report.relief import BEHIND, RIGHT
 from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
-from warp_trunk.report.style import BEFORE, PREDICTED, Pose
+from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
 
 
 def test_box_leans_and_turns_as_its_vertebra():
@@ -51,7 +51,7 @@ def test_picture_names_every_vertebra_and_every_angle_of_each_spine():
     spines = [known_spine(to_left={k: share * a for k, a in tilts.items()}, back={"T5": -15.0, "T12": 15.0})
               for share in (1.0, 0.5)]  # fmt: skip
     poses = [
-        Pose(look, skin, spine, measure(skin, spine))
+        TrunkState(look, skin, spine, measure(skin, spine))
         for look, spine in zip((BEFORE, PREDICTED), spines, strict=True)
     ]
 

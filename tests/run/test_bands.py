@@ -25,7 +25,7 @@ from warp_trunk.run.bands import find_bands, spine_bands
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import Prepared, find_path, prepare
 from warp_trunk.run.sensitivities import sensitivities
-from warp_trunk.run.sources import Source
+from warp_trunk.run.sources import ErrorSource
 
 CASE, TRUNK = boned_case()
 CERTAIN = Uncertainty(**{one.name: float(one.name in FACTORS) for one in fields(Uncertainty)})
@@ -143,7 +143,7 @@ def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:
     """A tenth of the whole correction less leaves a Cobb angle that is nearly a tenth of the correction larger."""
     certain = replace(WHOLE, uncertainty=Uncertainty(landmark_error=0.0, landmark_error_sd=0.0))
     move = 0.1 * (AFTER.points - WHOLE.landmarks_before.points)
-    bands = spine_bands(certain, [Source("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)])
+    bands = spine_bands(certain, [ErrorSource("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)])
     for curve, after in zip(
         cobb_angles(WHOLE.landmarks_before), curves_after(cobb_angles(WHOLE.landmarks_before), AFTER), strict=True
     ):

@@ -15,7 +15,7 @@ from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
-from warp_trunk.run.best_plan import Aim, BestPlan, Search, Trial, best_plan, best_plan_text, gain_sd
+from warp_trunk.run.best_plan import Aim, BestPlan, PlanTrial, Search, best_plan, best_plan_text, gain_sd
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import Patient, patient_of
 from warp_trunk.run.sources import effect_of, sources_of
@@ -44,14 +44,14 @@ def found(aim: Aim = "bsr") -> BestPlan:
 @pytest.mark.parametrize("aim", ["bsr", "hump"])
 def test_slopes_against_differences_of_whole_simulations(aim: Aim) -> None:
     search, exact = Search(CASE, PLAN, aim, BOUNDS), patient(1e-6)
-    trial = Trial(search, exact, (0.5, 0.3))
+    trial = PlanTrial(search, exact, (0.5, 0.3))
     level, step = trial.level, 1e-3
     for place, slope in enumerate(trial.slopes()[level]):
         ends = []
         for sign in (1.0, -1.0):
             shares = [0.5, 0.3]
             shares[place] += sign * step
-            ends.append(Trial(search, exact, (shares[0], shares[1])).values[level])
+            ends.append(PlanTrial(search, exact, (shares[0], shares[1])).values[level])
         assert slope == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=0.02)
 
 
@@ -63,7 +63,7 @@ def test_it_is_better_than_every_plan_of_a_grid_in_few_relaxations() -> None:
     assert best.best.value < best.given.value
     assert best.gain == pytest.approx(best.given.value - best.best.value)
     grid = itertools.product((0.4, 0.6, 0.8), (0.1, 0.6))
-    others = [Trial(best.search, patient(), shares).value for shares in grid]
+    others = [PlanTrial(best.search, patient(), shares).value for shares in grid]
     assert best.best.value <= min(others) * 1.005
 
 
@@ -90,7 +90,7 @@ def test_what_two_plans_share_does_not_blur_the_gain() -> None:
     best, trial = found(), found().given
     search = best.search
     met = replace(CASE, uncertainty=replace(CASE.uncertainty, cobb=0.0, rotation=0.0))
-    met_trial = Trial(replace(search, case=met), patient(), trial.shares)
+    met_trial = PlanTrial(replace(search, case=met), patient(), trial.shares)
     met_sd = gain_sd(replace(search, case=met), patient(), met_trial, met_trial)
     assert met_sd == pytest.approx(CASE.uncertainty.mesh_rotation, rel=1e-9)
     sources = sources_of(trial.case, trial.prepared, patient().options)

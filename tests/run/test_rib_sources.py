@@ -16,7 +16,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
 from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.run.patient import motions_of
-from warp_trunk.run.sources import Source, rib_share_sources
+from warp_trunk.run.sources import ErrorSource, rib_share_sources
 
 DEROTATED = SpineCurve(cobb=20.0, apical_rotation=1.0)
 """Screws turn it further than goes with the curve."""
@@ -39,7 +39,7 @@ def few_nodes(bones: Mapping[str, Surface]) -> TrunkMesh:
 
 
 @cache
-def sources() -> dict[str, Source]:
+def sources() -> dict[str, ErrorSource]:
     return {source.name: source for source in rib_share_sources(*curved())}
 
 

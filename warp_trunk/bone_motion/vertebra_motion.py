@@ -32,7 +32,7 @@ class Vertebra(NamedTuple):
 
 
 @dataclass(frozen=True)
-class VertebraMotion:
+class VertebraParts:
     """How a vertebra moves, the pelvis at rest; its attitude is first a turn about its own axis, then flexion
     about the left-right axis, then a tilt in the coronal plane."""
 
@@ -74,7 +74,7 @@ class VertebraMotion:
         return self.motion.apply(self.middle + back.apply(point - self.middle))
 
 
-def split(motion: RigidTransform, axis: np.ndarray, coupled: float | None = None) -> VertebraMotion:
+def split(motion: RigidTransform, axis: np.ndarray, coupled: float | None = None) -> VertebraParts:
     """The parts of a vertebra's motion.
 
     With z the axis in the vertebra's own frame, its attitude is A = Ry(tilt) Rx(flexion) Rz(turn). Tilt and
@@ -90,7 +90,7 @@ def split(motion: RigidTransform, axis: np.ndarray, coupled: float | None = None
     centre, upward = axis
     before, after = _leaning(upward), _leaning(motion.rotation.apply(upward))
     turn = (_attitude(*after).inv() * motion.rotation * _attitude(*before)).as_rotvec()[2]
-    return VertebraMotion(
+    return VertebraParts(
         motion=motion,
         shift=float(motion.apply(centre)[0] - centre[0]),
         turn=float(turn),

@@ -23,7 +23,7 @@ COMMANDS = {
     "fit-atlas": "films.FitAtlas",
     "import": "import_case.Import",
     "landmarks": "surfaces.FindLandmarks",
-    "plan": "plan.Plan",
+    "plan": "plan.PlanCommand",
     "make-case": "surfaces.MakeCase",
     "cut": "surfaces.Cut",
     "simulate": "simulate.Simulate",

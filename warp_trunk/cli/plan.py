@@ -8,8 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from warp_trunk.bone_motion.plan import Plan as SurgicalPlan
-from warp_trunk.bone_motion.plan import plan_surgery, read_plan
+from warp_trunk.bone_motion.plan import Plan, plan_surgery, read_plan
 from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of_text, write_planned_case
 from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
 from warp_trunk.case import read_case
@@ -26,7 +25,7 @@ from .simulate import COMMON, crossings_written, report_ending
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class PlanCommand:
     """Plan a surgery: place every vertebra for an intended correction."""
 
     common: ClassVar[frozenset[str]] = COMMON
@@ -135,7 +134,7 @@ class Plan:
             return NOT_CONVERGED
         return OK
 
-    def _intention(self, before: Any) -> SurgicalPlan:
+    def _intention(self, before: Any) -> Plan:
         """The plan of the file with the options of the command in place of what it says."""
         given: dict[str, Any] = {
             name: value
@@ -154,4 +153,4 @@ class Plan:
             raise InputError(
                 f"plan: give --plan plan.toml, or --uiv, --liv and --curve; the curves are {curves or 'none'}"
             )
-        return SurgicalPlan(**given)
+        return Plan(**given)

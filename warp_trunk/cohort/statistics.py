@@ -68,7 +68,7 @@ LIMIT = 1.96
 
 
 @dataclass(frozen=True)
-class Agreement:
+class LimitsOfAgreement:
     """How far predicted numbers lie from actual ones."""
 
     bias: float
@@ -85,7 +85,7 @@ class Agreement:
     """Of how many patients."""
 
 
-def limits_of_agreement(differences: Sequence[float], patients: Sequence[str]) -> Agreement | None:
+def limits_of_agreement(differences: Sequence[float], patients: Sequence[str]) -> LimitsOfAgreement | None:
     """Limits of agreement by Bland and Altman, for several pairs of a patient whose true value varies.
 
     The variance of a difference is that within patients (mean square of a one-way analysis) and that of patients,
@@ -114,7 +114,7 @@ def limits_of_agreement(differences: Sequence[float], patients: Sequence[str]) -
             variance = within + max(0.0, (between - within) / typical)
         sd = math.sqrt(variance)
     low, high = (None if sd is None else bias + side * LIMIT * sd for side in (-1.0, 1.0))
-    return Agreement(bias, sd, low, high, pairs, people)
+    return LimitsOfAgreement(bias, sd, low, high, pairs, people)
 
 
 def share_true(flags: Iterable[bool | None]) -> float | None:

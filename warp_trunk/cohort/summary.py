@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.measures.comparison import DETECTABLE, RANGES
 
 from .rows import CONVERGED, FAILED, CaseRow, Guess, case_error, level_errors
-from .statistics import Agreement, Estimate, Trend, limits_of_agreement, over_patients, share_true, trend
+from .statistics import Estimate, LimitsOfAgreement, Trend, limits_of_agreement, over_patients, share_true, trend
 
 WHOLE = "T3-L5"
 """The range over which a case has one error."""
@@ -65,7 +65,7 @@ class HumpSummary:
 
     error: Estimate
     """Mean absolute error."""
-    agreement: Agreement
+    agreement: LimitsOfAgreement
     """Predicted less actual."""
     line: Trend | None
     """The predicted hump over the actual one."""
@@ -95,7 +95,7 @@ class CohortSummary:
     """By the ranges that the papers use."""
     levels: dict[str, LevelSummary]
     """By level, top to bottom."""
-    agreement: Agreement | None
+    agreement: LimitsOfAgreement | None
     """Of back surface rotation from T3 to L5 [degrees]."""
     hump: HumpSummary | None
     """The largest hump."""

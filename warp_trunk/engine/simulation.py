@@ -26,14 +26,14 @@ LEAST_SHARE = 0.4
 """The least share of the newest change of the motion in the mean by which tissue is extrapolated."""
 
 
-class BonePath(Protocol):
+class PrescribedPath(Protocol):
     """Where the nodes are moved to: those on bone are held there, the others start from there."""
 
     def at(self, load_factor: float) -> np.ndarray:
         """Displacement from before surgery at a load factor of 0 to 1 [mm], in mesh order, shape (nodes, 3)."""
         ...
 
-    def of(self, nodes: np.ndarray) -> BonePath:
+    def of(self, nodes: np.ndarray) -> PrescribedPath:
         """The path of some nodes alone, shape (k,), in their order."""
         ...
 
@@ -99,7 +99,7 @@ class Increment:
 
 def simulate(
     model: Model,
-    bone_path: BonePath,
+    bone_path: PrescribedPath,
     options: SimulationOptions | None = None,
     watch: Callable[[RelaxStep, State], None] | None = None,
     *,
@@ -144,7 +144,7 @@ def simulate(
         yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
 
 
-def check_path(model: Model, bone_path: BonePath) -> None:
+def check_path(model: Model, bone_path: PrescribedPath) -> None:
     """InputError where a path is not one of the model's nodes."""
     shape = bone_path.at(1.0).shape
     if shape != (len(model.order), 3):
@@ -162,7 +162,7 @@ class Predictor:
     relaxed it, so that the motion is smooth, by how that change itself has changed. The latter is a mean over
     increments: what solves leave open of soft motions would grow if each change were continued as it was."""
 
-    def __init__(self, state: State, bone_path: BonePath) -> None:
+    def __init__(self, state: State, bone_path: PrescribedPath) -> None:
         """Records the extrapolation for a state that stands before surgery, and a path of the bones."""
         model = state.model
         self.state, self._path = state, bone_path

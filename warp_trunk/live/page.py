@@ -16,7 +16,7 @@ from warp_trunk.run.patient import Patient
 from .kept import KeptPlans
 from .loopback import LoopbackServer
 from .numbers import line_html, numbers_html, status_html
-from .scene import SIDES, Scene
+from .scene import SIDES, PageScene
 from .session import Latest, PlanView, Session, worker
 from .sliders import Controls, Sliders, SpineSliders, first_wish
 
@@ -58,7 +58,7 @@ class Page:
         self.session = Session(patient, sliders, self._show, self._fail)
         """What is planned and shown."""
         self._sliders = sliders
-        self.scene = Scene(self.server, case)
+        self.scene = PageScene(self.server, case)
         """The objects that are drawn."""
         gui = self.server.gui
         gui.main_panel.dock_left()

@@ -23,7 +23,7 @@ _FIELD = 38.0
 """Field of view [degrees]."""
 
 
-class Scene:
+class PageScene:
     """The patient in the browser. Vertices and poses change, nothing else is sent again."""
 
     def __init__(self, server: viser.ViserServer, case: Case) -> None:

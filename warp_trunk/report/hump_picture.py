@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter
 from .panels import panels, shaded
 from .relief import BEHIND, Relief, Window
 from .skin_pictures import lines
-from .style import INK, Pose
+from .style import INK, TrunkState
 
 COLOUR_STEP = 5.0
 """Difference between two colours of the hump [mm]."""
@@ -21,7 +21,7 @@ LEAST_LIMIT = 20.0
 """Least end of the scale [mm]."""
 
 
-def hump_picture(poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window) -> Figure:
+def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window) -> Figure:
     """Every pose coloured by how far each place stands behind the other side of the back, with its spine."""
     differences = [painted_difference(back, seen) for back in reliefs]
     largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in differences]

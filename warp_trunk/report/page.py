@@ -23,7 +23,7 @@ from warp_trunk.measures.table import as_html
 
 from .modelled import modelled, not_modelled, option_rows, value_text
 from .sentences import glance, sentences
-from .style import Pose
+from .style import TrunkState
 
 if TYPE_CHECKING:
     from warp_trunk.results import Summary
@@ -35,7 +35,7 @@ _OPTIONAL = ("error", "shoulders", "sure", "hump", "trends")
 
 
 def page(
-    poses: Sequence[Pose],
+    poses: Sequence[TrunkState],
     comparison: SkinComparison | None,
     summary: Summary,
     drawings: Mapping[str, bytes],
@@ -76,7 +76,7 @@ def page(
 
 
 def part_page(
-    poses: Sequence[Pose],
+    poses: Sequence[TrunkState],
     summary: Summary,
     drawings: Mapping[str, bytes],
     agreed: Agreement | None,
@@ -93,7 +93,7 @@ def part_page(
     )
 
 
-def _of_run(poses: Sequence[Pose], summary: Summary, plan: str | None) -> dict[str, Any]:
+def _of_run(poses: Sequence[TrunkState], summary: Summary, plan: str | None) -> dict[str, Any]:
     """The data of the run on every page."""
     status = summary.ending
     return {
@@ -162,13 +162,13 @@ BAND_HEAD = (
 SOURCE_HEAD = ("what is uncertain", "by", "rotation, most [°]", "hump [mm]", "where that comes from")
 
 
-def head(poses: Sequence[Pose], name: str) -> list[str]:
+def head(poses: Sequence[TrunkState], name: str) -> list[str]:
     """The head of a table whose first column is called `name`."""
     titles = [pose.look.title for pose in poses]
     return [name, *titles[:2], "change", *([*titles[2:], "error"] if len(poses) > 2 else [])]
 
 
-def measure_table(poses: Sequence[Pose]) -> list[list[str]]:
+def measure_table(poses: Sequence[TrunkState]) -> list[list[str]]:
     """The back, then every curve of the spine and the spine as a whole, as planned."""
     measures = [pose.measures for pose in poses]
     planned = [*measures[:2], *[None] * len(poses[2:])]  # an actual skin comes without its spine
@@ -177,13 +177,13 @@ def measure_table(poses: Sequence[Pose]) -> list[list[str]]:
     return [line for heading, rows in groups.items() for line in ([heading], *(r.compared_cells() for r in rows))]
 
 
-def rotation_table(poses: Sequence[Pose]) -> list[list[str]]:
+def rotation_table(poses: Sequence[TrunkState]) -> list[list[str]]:
     """The rotation of the back [degrees], one row for each level."""
     rows = level_rows([pose.measures for pose in poses])
     return [[row.name, *row.compared_cells()[1:]] for row in rows]
 
 
-def band_table(poses: Sequence[Pose], bands: Bands) -> list[list[str]]:
+def band_table(poses: Sequence[TrunkState], bands: Bands) -> list[list[str]]:
     """Every measure that has a band: of the skin, then of the planned spine."""
     measures = [pose.measures for pose in poses[:2]]
     known = {f"bsr {level}": band for level, band in bands.bsr_deg.items()} | bands.spine
@@ -226,7 +226,7 @@ def error_table(comparison: SkinComparison) -> list[list[str]]:
     return rows
 
 
-def change_table(poses: Sequence[Pose]) -> list[list[str]]:
+def change_table(poses: Sequence[TrunkState]) -> list[list[str]]:
     """How far the skin moves, and the volumes between the skins before and predicted."""
     way = np.linalg.norm(poses[1].skin.vertices - poses[0].skin.vertices, axis=1)
     place = "({:.0f}, {:.0f}, {:.0f})".format(*poses[0].skin.vertices[way.argmax()])

@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from .relief import Relief, Viewpoint, Window
-from .style import FAINT, INK, Pose, new_figure
+from .style import FAINT, INK, TrunkState, new_figure
 
 WIDTH, GAP, TITLE, SIDES = 2.3, 0.14, 0.34, 0.3
 """Of a trunk with the space around it, of that space, of the line above and of the line below it [inches]."""
@@ -73,7 +73,7 @@ def shaded(seen: Relief, colour: np.ndarray | None = None, part: np.ndarray | No
 
 
 def coloured(
-    pose: Pose,
+    pose: TrunkState,
     seen: Window,
     view: Viewpoint,
     skin: Relief,

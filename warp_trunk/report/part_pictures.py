@@ -17,7 +17,7 @@ from warp_trunk.measures.part import agreement
 
 from .relief import BEHIND, FRONT, LEFT, RIGHT, Viewpoint
 from .skin_pictures import values_picture
-from .style import FAINT, PREDICTED, RC, Pose, file_of, new_figure
+from .style import FAINT, PREDICTED, RC, TrunkState, file_of, new_figure
 
 _VIEWS = {BEHIND: (0.0, 1.0), RIGHT: (-1.0, 0.0), FRONT: (0.0, -1.0), LEFT: (1.0, 0.0)}
 """Where the viewer stands, x and y of LPS."""
@@ -49,14 +49,14 @@ def write_distances(path: Path, predicted: Surface, actual: Surface) -> Path:
     """Write a picture of the distances of a predicted skin from the actual one, seen from where most is seen."""
     _, distance = agreement(predicted, actual)
     view = changed_views(predicted, np.nan_to_num(np.abs(distance)))[0]
-    pose = Pose(PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS))
+    pose = TrunkState(PREDICTED, predicted, frame_of(predicted), measure(predicted, NO_LANDMARKS))
     with rc_context(RC), atomic_write(path) as unfinished:
         picture = values_picture(pose, distance, view, "distance [mm], orange outside", signed=True)
         unfinished.write_bytes(file_of(picture, "png"))
     return path
 
 
-def change_sections(poses: Sequence[Pose], bones: Sequence[Surface]) -> Figure:
+def change_sections(poses: Sequence[TrunkState], bones: Sequence[Surface]) -> Figure:
     """Skin and bone of every pose cut by the three planes through the largest change of the skin.
 
     Args:

@@ -14,7 +14,7 @@ from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.rows import LENGTH, SPINE_ANGLE, MeasureRow, measure_rows
 
 from .page import rendered
-from .style import BEFORE, PLANS, Pose
+from .style import BEFORE, PLANS, TrunkState
 
 if TYPE_CHECKING:
     from warp_trunk.results import Result
@@ -54,18 +54,18 @@ def check_plans(results: Sequence[Result]) -> None:
             )
 
 
-def plan_poses(results: Sequence[Result]) -> list[Pose]:
+def plan_poses(results: Sequence[Result]) -> list[TrunkState]:
     """The trunk before surgery, then that of every plan, measured."""
     first = results[0]
     before, landmarks = first.skin_before, first.landmarks_before
-    poses = [Pose(BEFORE, before, landmarks, measure(before, landmarks))]
+    poses = [TrunkState(BEFORE, before, landmarks, measure(before, landmarks))]
     for look, result in zip(PLANS, results, strict=False):
         skin, reached = result.skin, result.landmarks_after
-        poses.append(Pose(look, skin, reached, measure(skin, reached, before)))
+        poses.append(TrunkState(look, skin, reached, measure(skin, reached, before)))
     return poses
 
 
-def plans_page(poses: Sequence[Pose], results: Sequence[Result], drawings: Mapping[str, bytes]) -> str:
+def plans_page(poses: Sequence[TrunkState], results: Sequence[Result], drawings: Mapping[str, bytes]) -> str:
     """The text of the page; all that comes from files is escaped."""
     before, *plans = poses
     ends = [result.summary.ending for result in results]
@@ -99,7 +99,7 @@ def plans_page(poses: Sequence[Pose], results: Sequence[Result], drawings: Mappi
     )
 
 
-def differences(before: Pose, plans: Sequence[Pose]) -> list[str]:
+def differences(before: TrunkState, plans: Sequence[TrunkState]) -> list[str]:
     """A sentence for each difference between plans, and a last one on what is equal."""
     groups = measure_rows([before.measures, *(plan.measures for plan in plans)])
     rows = [row for group in groups.values() for row in group if row.short]
@@ -118,7 +118,7 @@ def differences(before: Pose, plans: Sequence[Pose]) -> list[str]:
     return lines
 
 
-def _listed(row: MeasureRow, plans: Sequence[Pose]) -> str:
+def _listed(row: MeasureRow, plans: Sequence[TrunkState]) -> str:
     """The value of a measure in each plan, with its unit."""
     unit = "°" if row.unit == "°" else f" {row.unit}"
     cells = []

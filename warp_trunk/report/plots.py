@@ -13,14 +13,14 @@ from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.measures.rows import sided
 
 from .relief import in_pelvis
-from .style import FAINT, INK, PREDICTED, Pose, new_figure
+from .style import FAINT, INK, PREDICTED, TrunkState, new_figure
 
 if TYPE_CHECKING:
     from warp_trunk.results import Summary
     from warp_trunk.results.bands import Band
 
 
-def rotation_plot(poses: Sequence[Pose], bands: Mapping[str, Band] | None = None) -> Figure:
+def rotation_plot(poses: Sequence[TrunkState], bands: Mapping[str, Band] | None = None) -> Figure:
     """The angle of every pose at every level, top to bottom; a level that was not measured leaves a gap.
 
     Where it is known how sure the prediction is, whiskers reach as far as it lies in 19 of 20 cases.
@@ -94,7 +94,7 @@ BEYOND = 60.0
 """How far a dual tangent is drawn beyond its points of contact [mm]."""
 
 
-def section_plots(poses: Sequence[Pose]) -> Figure:
+def section_plots(poses: Sequence[TrunkState]) -> Figure:
     """All poses over each other at every level, seen from above with the back below, in the pelvis' axes."""
     levels = list(poses[0].measures.tangents)
     rows = -(-len(levels) // COLUMNS)

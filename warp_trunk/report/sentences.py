@@ -9,14 +9,14 @@ from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.followed_curves import FollowedCurve, followed_curves, main_curves
 
-from .style import Pose
+from .style import TrunkState
 
 if TYPE_CHECKING:
     from warp_trunk.results.bands import Bands
 
 
 def sentences(
-    poses: Sequence[Pose], comparison: SkinComparison | None, bands: Bands | None = None
+    poses: Sequence[TrunkState], comparison: SkinComparison | None, bands: Bands | None = None
 ) -> dict[str, str]:
     """Sentences on the plan, the changes, the rest and the certainty, by these headings.
 
@@ -37,7 +37,7 @@ def sentences(
     }
 
 
-def glance(poses: Sequence[Pose]) -> list[tuple[str, str]]:
+def glance(poses: Sequence[TrunkState]) -> list[tuple[str, str]]:
     """The few numbers that a patient asks for first, each with its name: before and after."""
     before, predicted = poses[0].measures, poses[1].measures
     tiles = [

@@ -13,7 +13,7 @@ from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 
 from .panels import coloured, panels, shaded
 from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
-from .style import INK, Pose
+from .style import INK, TrunkState
 
 LINE_STEP = 10.0
 """Distance in depth between two lines [mm]."""
@@ -28,7 +28,7 @@ STRETCH_STEP = 0.05
 
 
 def looks(
-    poses: Sequence[Pose], view: Viewpoint = BEHIND, pixel: float = COARSE, lowest: float = -np.inf
+    poses: Sequence[TrunkState], view: Viewpoint = BEHIND, pixel: float = COARSE, lowest: float = -np.inf
 ) -> tuple[Window, list[Relief]]:
     """The relief of every pose from one side above a height [mm], in one window."""
     seen = window([(pose.skin, pose.landmarks) for pose in poses], pixel, view)
@@ -37,7 +37,7 @@ def looks(
 
 
 def back_picture(
-    poses: Sequence[Pose], reliefs: Sequence[Relief], seen: Window, doubtful: np.ndarray | None = None
+    poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window, doubtful: np.ndarray | None = None
 ) -> Figure:
     """Every pose from behind, with lines through places that stand equally far back.
 
@@ -72,14 +72,16 @@ def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[
     axes.contour(seen.x[::2], seen.z[::2], values[::2, ::2], levels, colors=INK, linewidths=0.5, linestyles=style)
 
 
-def plain_picture(poses: Sequence[Pose], view: Viewpoint, lowest: float = -np.inf) -> tuple[Figure, list[Axes]]:
+def plain_picture(
+    poses: Sequence[TrunkState], view: Viewpoint, lowest: float = -np.inf
+) -> tuple[Figure, list[Axes]]:
     """Every pose from one side, above a height [mm], and the panels."""
     seen, reliefs = looks(poses, view, lowest=lowest)
     headings = [pose.look.heading for pose in poses]
     return panels(headings, seen.extent, view, [shaded(one) for one in reliefs])
 
 
-def shoulders_picture(poses: Sequence[Pose]) -> Figure | None:
+def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:
     """The upper trunk of every pose from the front, with the heights of its shoulders; None without T1."""
     if any("T1" not in pose.landmarks.vertebrae() for pose in poses):
         return None
@@ -100,7 +102,7 @@ def shoulders_picture(poses: Sequence[Pose]) -> Figure | None:
     return figure
 
 
-def stretch_picture(pose: Pose, change: SkinChange, view: Viewpoint) -> Figure:
+def stretch_picture(pose: TrunkState, change: SkinChange, view: Viewpoint) -> Figure:
     """The predicted skin from one side, coloured where it is stretched by more than `LOOK`.
 
     What is stretched by more than `STRETCH` or sharply folded is hatched.
@@ -131,7 +133,7 @@ def at_vertices(skin: Surface, values: np.ndarray) -> np.ndarray:
     return np.bincount(corner, np.repeat(values, 3), minlength=count) / triangles
 
 
-def sure_picture(pose: Pose, skin_sd: np.ndarray | None) -> Figure | None:
+def sure_picture(pose: TrunkState, skin_sd: np.ndarray | None) -> Figure | None:
     """The predicted back, darker where its places are less sure, in steps of 1 mm.
 
     Args:
@@ -147,7 +149,9 @@ def sure_picture(pose: Pose, skin_sd: np.ndarray | None) -> Figure | None:
     return coloured(pose, seen, BEHIND, back, values, part, colours="YlOrBr", norm=norm, label=label)[0]
 
 
-def values_picture(pose: Pose, values: np.ndarray, view: Viewpoint, label: str, *, signed: bool = False) -> Figure:
+def values_picture(
+    pose: TrunkState, values: np.ndarray, view: Viewpoint, label: str, *, signed: bool = False
+) -> Figure:
     """A skin from one side, coloured by a number of each vertex, shape (vertices,), NaN for none."""
     most = max(float(np.nanquantile(np.abs(values), 0.999)), 1e-3)
     colours, norm = "PuOr_r" if signed else "YlOrRd", Normalize(-most if signed else 0.0, most)

@@ -14,7 +14,7 @@ from warp_trunk.measures.trunk_shift import sacral_line
 
 from .panels import Extent, panels
 from .relief import BEHIND, RIGHT, Viewpoint, seen_from
-from .style import FAINT, INK, Pose
+from .style import FAINT, INK, TrunkState
 
 MARGIN = 22.0
 """Space around the spine [mm]."""
@@ -25,7 +25,7 @@ Boxes = Mapping[str, tuple[np.ndarray, np.ndarray]]
 """By level corners (8, 3) and pedicles (2, 3) of a vertebra [mm]."""
 
 
-def spine_picture(poses: Sequence[Pose], view: Viewpoint) -> Figure:
+def spine_picture(poses: Sequence[TrunkState], view: Viewpoint) -> Figure:
     """The spine of every pose, all at one scale: the first is before surgery, the others are planned.
 
     From behind (`BEHIND`) every curve has its Cobb angle between the end vertebrae before surgery, as on a film;
@@ -79,7 +79,7 @@ def _vertebrae(axes: Axes, spine: Boxes, colour: str) -> None:
         axes.text(x, z, level, ha="center", va="center", fontsize=5.5, color=INK)
 
 
-def _plumb_lines(axes: Axes, pose: Pose, view: Viewpoint, extent: Extent) -> None:
+def _plumb_lines(axes: Axes, pose: TrunkState, view: Viewpoint, extent: Extent) -> None:
     """The vertical through the sacrum, solid, and that of the top of the spine, dotted."""
     shift = pose.measures.trunk_shift
     line = sacral_line(pose.landmarks)
@@ -112,7 +112,7 @@ def _cobb(axes: Axes, spine: Boxes, curve: CobbAngle, angle: float | None) -> No
     )  # fmt: skip
 
 
-def _sagittal(axes: Axes, spine: Boxes, pose: Pose) -> None:
+def _sagittal(axes: Axes, spine: Boxes, pose: TrunkState) -> None:
     """Kyphosis behind the thoracic spine and lordosis behind the lumbar one."""
     for angle, name, ends in (
         (pose.measures.kyphosis["T5-T12"], "kyphosis", ("T5", "T12")),

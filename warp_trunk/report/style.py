@@ -68,7 +68,7 @@ PLANS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class TrunkState:
     """One state of the trunk, as the report compares them."""
 
     look: Look

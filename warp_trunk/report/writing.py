@@ -29,7 +29,7 @@ from .plans import check_plans, plan_poses, plans_page
 from .plots import convergence_plot, rotation_plot, section_plots
 from .relief import BEHIND, FRONT, RIGHT
 from .spine_pictures import spine_picture
-from .style import ACTUAL, BEFORE, PREDICTED, RC, Pose, file_of
+from .style import ACTUAL, BEFORE, PREDICTED, RC, TrunkState, file_of
 
 if TYPE_CHECKING:
     from warp_trunk.results import Result
@@ -145,7 +145,7 @@ def notebook_html(result: Result) -> str:
     return f'{words}<img src="data:image/png;base64,{picture}" alt="The back before and after" width="800">'
 
 
-def poses_of(result: Result) -> list[Pose]:
+def poses_of(result: Result) -> list[TrunkState]:
     """The skins of a result, measured: before surgery, predicted, and the actual one where it is known.
 
     Raises:
@@ -154,15 +154,15 @@ def poses_of(result: Result) -> list[Pose]:
     before, predicted, actual = result.skin_before, result.skin, result.actual_skin
     planned, reached = result.landmarks_before, result.landmarks_after
     poses = [
-        Pose(BEFORE, before, planned, measure(before, planned)),
-        Pose(PREDICTED, predicted, reached, measure(predicted, reached, before)),
+        TrunkState(BEFORE, before, planned, measure(before, planned)),
+        TrunkState(PREDICTED, predicted, reached, measure(predicted, reached, before)),
     ]
     if actual is not None:
-        poses.append(Pose(ACTUAL, actual, reached, measure(actual, reached)))
+        poses.append(TrunkState(ACTUAL, actual, reached, measure(actual, reached)))
     return poses
 
 
-def _backs(poses: Sequence[Pose], doubtful: np.ndarray | None = None) -> dict[str, Figure | None]:
+def _backs(poses: Sequence[TrunkState], doubtful: np.ndarray | None = None) -> dict[str, Figure | None]:
     seen, reliefs = skins.looks(poses, pixel=skins.FINE)
     back = skins.back_picture(poses, reliefs, seen, doubtful)
     return {"back": back, "hump": hump_picture(poses, reliefs, seen)}

@@ -31,7 +31,7 @@ from .draws import draw_errors, proportion, skin_deviation
 from .options import RunOptions
 from .patient import Prepared
 from .sensitivities import from_adjoints, numbers_of, on_nodes, pulls_of
-from .sources import Source, sources_of
+from .sources import ErrorSource, sources_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -159,7 +159,7 @@ OBLIQUE = np.array([0.7, 0.5, 0.3])
 """A generic direction, on which every measure depends."""
 
 
-def spine_bands(case: Case, sources: Sequence[Source]) -> dict[str, Band]:
+def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> dict[str, Band]:
     """Bands of the measures of the planned spine, by their names in the record of measures.
 
     A Cobb angle is that between the end vertebrae that the curve has before surgery, and rotation that of its apex

@@ -41,7 +41,7 @@ STEP = 1e-3
 """Change of a share to either side for what it does to landmarks, a closed formula to 1e-5 of it."""
 
 
-class Trial:
+class PlanTrial:
     """A plan that was simulated."""
 
     shares: tuple[float, ...]
@@ -144,11 +144,11 @@ class BestPlan:
     """The search."""
     plan: Plan
     """The best plan."""
-    given: Trial
+    given: PlanTrial
     """The plan as given, simulated."""
-    best: Trial
+    best: PlanTrial
     """The best one, simulated; the same where none within the bounds is better."""
-    trials: tuple[Trial, ...]
+    trials: tuple[PlanTrial, ...]
     """All that were simulated, in order."""
     gain: float
     """By how much the aim is smaller [mm or degrees]."""
@@ -202,16 +202,16 @@ def best_plan(
     if patient is None:
         patient = patient_of(case, options, progress=progress)
         search = replace(search, case=patient.case)
-    trials: list[Trial] = []
+    trials: list[PlanTrial] = []
 
-    def trial_at(shares: Sequence[float]) -> Trial:
+    def trial_at(shares: Sequence[float]) -> PlanTrial:
         for trial in trials:
             if np.allclose(trial.shares, shares, rtol=0.0, atol=1e-9):
                 return trial
         if len(trials) >= most:
             raise _SpentError
         with progress.stage("search", f"simulating plan {len(trials) + 1}"):
-            trial = Trial(search, patient, tuple(map(float, shares)))
+            trial = PlanTrial(search, patient, tuple(map(float, shares)))
         trials.append(trial)
         listed = ", ".join(f"{share:.2f}" for share in trial.shares)
         result = f"{trial.value:.2f} {_AIMS[aim][1]} at {trial.level}"
@@ -233,7 +233,7 @@ class _SpentError(Exception):
     """As many relaxations were made as may be."""
 
 
-def _minimise(bounds: Sequence[Bound], first: Trial, trial_of: Callable[[Sequence[float]], Trial]) -> None:
+def _minimise(bounds: Sequence[Bound], first: PlanTrial, trial_of: Callable[[Sequence[float]], PlanTrial]) -> None:
     """Try plans until the largest number no longer falls."""
     from scipy.optimize import minimize
 
@@ -241,7 +241,7 @@ def _minimise(bounds: Sequence[Bound], first: Trial, trial_of: Callable[[Sequenc
     width = np.array([bound.high for bound in bounds]) - low
     levels, size = list(first.values), max(first.value, 1e-6)
 
-    def trial_at(z: np.ndarray) -> Trial:
+    def trial_at(z: np.ndarray) -> PlanTrial:
         return trial_of(np.clip(low + width * z[:-1], low, low + width).tolist())
 
     def slack(z: np.ndarray) -> np.ndarray:
@@ -269,7 +269,7 @@ def _minimise(bounds: Sequence[Bound], first: Trial, trial_of: Callable[[Sequenc
     )
 
 
-def gain_sd(search: Search, patient: Patient, given: Trial, best: Trial) -> float:
+def gain_sd(search: Search, patient: Patient, given: PlanTrial, best: PlanTrial) -> float:
     """Standard deviation of how much smaller the aim is of one plan than of the other.
 
     Errors of the patient (landmarks, tissue, ribs) are the same for both plans, so only their effect on the

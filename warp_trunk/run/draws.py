@@ -23,7 +23,7 @@ from warp_trunk.measures.spine import asis_axis, spine_of
 
 from .options import RunOptions
 from .patient import Prepared, motions_of
-from .sources import Source
+from .sources import ErrorSource
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -61,7 +61,7 @@ def draw_errors(
     case: Case,
     prepared: Prepared,
     options: RunOptions,
-    sources: Sequence[Source],
+    sources: Sequence[ErrorSource],
     *,
     pulls: Mapping[str, np.ndarray],
     seen: tuple[np.ndarray, np.ndarray],

@@ -33,7 +33,7 @@ LEAST_CORRECTION = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class ErrorSource:
     """The changes by one standard deviation of a source."""
 
     name: str
@@ -52,7 +52,7 @@ class Source:
     """Change of constants by their name in `Sensitivity.constants`, in their units."""
 
 
-def effect_of(source: Source, one: Sensitivity) -> float:
+def effect_of(source: ErrorSource, one: Sensitivity) -> float:
     """The change of a number by one standard deviation of a source."""
     change = sum(one.constants[name] * value for name, value in source.constants.items())
     if source.landmarks_after is not None:
@@ -62,12 +62,12 @@ def effect_of(source: Source, one: Sensitivity) -> float:
     return change
 
 
-def sources_of(case: Case, prepared: Prepared, options: RunOptions) -> tuple[Source, ...]:
+def sources_of(case: Case, prepared: Prepared, options: RunOptions) -> tuple[ErrorSource, ...]:
     """All sources but the landmarks, whose errors have no direction, and the mesh, which nothing carries."""
     return (*_surgery(case), *_ribs(case, prepared, options), *_tissue(case, prepared, options))
 
 
-def _surgery(case: Case) -> Iterator[Source]:
+def _surgery(case: Case) -> Iterator[ErrorSource]:
     """How exactly surgery meets the plan: the amount of the whole correction, and the turn of each apex."""
     before, after, given = case.landmarks_before, case.planned_landmarks, case.uncertainty
     curves = cobb_angles(before)
@@ -79,13 +79,15 @@ def _surgery(case: Case) -> Iterator[Source]:
     if given.cobb:
         spread = f"{given.cobb:g} degrees of Cobb of {main.upper} to {main.lower}"
         moved = (given.cobb / corrected[main]) * (after.points - before.points)
-        yield Source("amount of correction", spread, REFERENCES["cobb"], of_surgery=True, landmarks_after=moved)
+        yield ErrorSource(
+            "amount of correction", spread, REFERENCES["cobb"], of_surgery=True, landmarks_after=moved
+        )
     for curve in corrected:
         if given.rotation and corrected[curve] >= LEAST_CORRECTION:
             spread = f"{given.rotation:g} degrees, less towards the ends of its curve"
             moved = _turned(after, curve, math.radians(given.rotation))
             name, reference = f"rotation of {curve.apex}", REFERENCES["rotation"]
-            yield Source(name, spread, reference, of_surgery=True, landmarks_after=moved)
+            yield ErrorSource(name, spread, reference, of_surgery=True, landmarks_after=moved)
 
 
 def _turned(landmarks: Landmarks, curve: CobbAngle, angle: float) -> np.ndarray:
@@ -106,7 +108,7 @@ def _turned(landmarks: Landmarks, curve: CobbAngle, angle: float) -> np.ndarray:
     return moved
 
 
-def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
+def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[ErrorSource]:
     """How ribs follow: part of the way to the other way of moving bones, and their shares where they have some."""
     part, trunk = case.uncertainty.ribs, prepared.trunk
     if not part:
@@ -118,22 +120,22 @@ def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Sourc
         other, ways = rigid_displacement(trunk, motions_of(case)), ways[::-1]
     way = np.where(trunk.prescribed[:, None], other - prepared.bone_path.at(1.0), 0.0)
     spread = f"{part:g} of the way from {ways[0]} to {ways[1]}"
-    yield Source("how ribs follow", spread, REFERENCES["ribs"], bones=part * way)
+    yield ErrorSource("how ribs follow", spread, REFERENCES["ribs"], bones=part * way)
     if options.bones == "follow":
         yield from rib_share_sources(case, trunk)
 
 
-def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[Source]:
+def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[ErrorSource]:
     """For each share that moves a bone of this case, half of what it does over its range."""
     for name, ends in RANGES.items():
         shares = [replace(case.rib_shares, **{name: end}) for end in ends]
         low, high = (rigid_displacement(trunk, motions_of(replace(case, rib_shares=one))) for one in shares)
         if (high != low).any():
             spread = f"half of {ends[0]:g} to {ends[1]:g}"
-            yield Source(f"ribs' share of {name}", spread, "docs/ribs.md", bones=0.5 * (high - low))
+            yield ErrorSource(f"ribs' share of {name}", spread, "docs/ribs.md", bones=0.5 * (high - low))
 
 
-def _tissue(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Source]:
+def _tissue(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[ErrorSource]:
     """Each uncertain constant of the model; but for moduli, one varies in all layers at once. Of layers by depth,
     also how thick skin and fat are, everywhere alike."""
     given = case.uncertainty
@@ -147,8 +149,10 @@ def _tissue(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Sou
     for kind, changes in by_kind.items():
         constant = kind.rpartition(".")[2]
         words = f"{'a factor of ' if constant in FACTORS else ''}{getattr(given, constant):g}"
-        yield Source(kind.replace("_", " "), words, REFERENCES[constant], constants=changes)
+        yield ErrorSource(kind.replace("_", " "), words, REFERENCES[constant], constants=changes)
     for name in ("skin_thickness", "fat_thickness") if layers_from(case, options) == "depth" else ():
         if spread := getattr(given, name):
             changes = {name.replace("_", "."): spread}
-            yield Source(name.replace("_", " "), f"{spread:g} mm everywhere", REFERENCES[name], constants=changes)
+            yield ErrorSource(
+                name.replace("_", " "), f"{spread:g} mm everywhere", REFERENCES[name], constants=changes
+            )

@@ -20,7 +20,7 @@ from warp_trunk.measures.shoulders import upper_outline
 from warp_trunk.measures.spine import asis_axis, spine_of
 
 from ..landmark_finder import find_landmarks
-from .spine_curve import VERTEBRAE, MeasuredSpine, Pose, SpineCurve, vertebra_poses
+from .spine_curve import VERTEBRAE, MeasuredSpine, SpineCurve, VertebraPose, vertebra_poses
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -106,7 +106,7 @@ def correct(straight: Landmarks, curve: Curve, fraction: float) -> Landmarks:
     return _move(straight, vertebra_poses(straight, curve.corrected(fraction)))
 
 
-def _move(landmarks: Landmarks, poses: Mapping[str, Pose]) -> Landmarks:
+def _move(landmarks: Landmarks, poses: Mapping[str, VertebraPose]) -> Landmarks:
     owners = (poses.get(name.split("_")[0]) for name in landmarks.names)
     points = [
         point if pose is None else pose(point[None])[0]
@@ -188,7 +188,7 @@ _BESIDE = 0.3
 
 
 def guiding_skin(
-    skin: Surface, landmarks: Landmarks, poses: Mapping[str, Pose], shoulders: float
+    skin: Surface, landmarks: Landmarks, poses: Mapping[str, VertebraPose], shoulders: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points on the skin before and after the curve has grown, each (n, 3) [mm].
 
@@ -246,7 +246,7 @@ _APART = 8.0
 
 
 def guiding_points(
-    bones: Mapping[str, Surface], poses: Mapping[str, Pose], landmarks: np.ndarray
+    bones: Mapping[str, Surface], poses: Mapping[str, VertebraPose], landmarks: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points on ribs, sternum and pelvis before and after the spine's motion, each (n, 3) [mm].
 

@@ -175,7 +175,7 @@ def left_after(fraction: float) -> float:
 
 
 @dataclass(frozen=True)
-class Pose:
+class VertebraPose:
     """Rigid motion of a vertebra from the straight spine: x -> rotation (x - before) + after."""
 
     tilt: float
@@ -222,7 +222,7 @@ class Pose:
         return (points - self.before) @ self.matrix.T + self.after
 
 
-def vertebra_poses(straight: Landmarks, curve: SpineCurve | MeasuredSpine) -> dict[str, Pose]:
+def vertebra_poses(straight: Landmarks, curve: SpineCurve | MeasuredSpine) -> dict[str, VertebraPose]:
     """The motion of each vertebra T1 to L5 that gives a straight spine the curve.
 
     Body centres keep their distances along the spine, so that a curved spine is shorter. Each body turns with the
@@ -275,7 +275,9 @@ def vertebra_poses(straight: Landmarks, curve: SpineCurve | MeasuredSpine) -> di
     for name, (top_end, bottom), centre in zip(VERTEBRAE, ends, centres, strict=True):
         axis = (top_end - bottom) * [0.0, 1.0, 1.0]
         tilt, pitch, turn, *moved = (float(np.interp(centre[2], z, f)) for f in (tilts, pitches, turns, *way.T))
-        poses[name] = Pose(tilt, pitch, turn, axis / np.linalg.norm(axis), centre, centre + np.array(moved))
+        poses[name] = VertebraPose(
+            tilt, pitch, turn, axis / np.linalg.norm(axis), centre, centre + np.array(moved)
+        )
     return poses
 
 
