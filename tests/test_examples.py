@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 
 import warp_trunk as wt
 from support.blocks import spine_and_hips
@@ -30,7 +31,12 @@ LONG = {"best_plan", "make_case"}
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in wt.__all__]
 )
-def test_example_of_every_public_name(name: str, result: wt.Result, tmp_path: Path) -> None:
+def test_example_of_every_public_name(
+    name: str, result: wt.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        wp.config, "log_level", wp.LOG_WARNING
+    )  # a kernel that is loaded is no output of the example
     known: dict[str, Any] = {
         "wt": wt,
         "np": np,
