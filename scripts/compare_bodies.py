@@ -281,8 +281,9 @@ def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, flo
             axis = np.subtract(*spine.endplates[spine.levels.index(level)])
             angles = {}
             for side, sign in (("left", 1.0), ("right", -1.0)):
-                rib = case.bones[name := f"rib_{side}_{int(level[1:]):02d}"].vertices
-                line = np.array([ends(rib, case.bones[level].vertices)[0], rib[(sign * rib[:, 0]).argmax()]])
+                rib = case.bones[name := f"rib_{side}_{int(level[1:]):02d}"]
+                widest = rib.vertices[(sign * rib.vertices[:, 0]).argmax()]
+                line = np.array([ends(rib, case.bones[level])[0], widest])
                 x, _, z = np.subtract(*(motions[name].apply(line) if after else line)[::-1])
                 angles[side] = math.degrees(math.atan2(sign * x, -z)) + sign * math.degrees(
                     math.atan2(axis[0], axis[2])

@@ -34,7 +34,7 @@ def headless_viewer(recording: Path, size: str = "1600x900") -> Iterator:
         start_new_session=True,
     )
     try:
-        assert viewer.listening(process, port)
+        assert viewer.listens(process, port)
         client = ViewerClient(f"rerun+http://127.0.0.1:{port}/proxy")
         until(lambda: client.get_state().recordings and not client.get_state().loading)
         yield client

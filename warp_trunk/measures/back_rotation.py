@@ -122,12 +122,12 @@ def find_contacts(outline: np.ndarray, across: np.ndarray) -> Contacts | None:
     return None if hull is None else contacts_of(hull, across)
 
 
-def contacts_of(hull: np.ndarray, across: np.ndarray, direction: np.ndarray | None = None) -> Contacts | None:
+def contacts_of(hull: np.ndarray, across: np.ndarray, start: np.ndarray | None = None) -> Contacts | None:
     """The contacts of a hull's corners (n, 2) along the back, from left to right, from the spine [mm].
 
-    `direction` is a unit vector near the tangent, where the search starts; `across` when left out.
+    `start` is a unit vector near the tangent; the search starts at `across` when it is left out.
     """
-    direction = across if direction is None else direction
+    direction = across if start is None else start
     touching = None
     for _ in range(100):  # the perpendicular depends on the tangent: a fixed point, reached in a few steps
         touching = _touching(hull, direction)

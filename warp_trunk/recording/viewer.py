@@ -50,7 +50,7 @@ def start_viewer(*options: str) -> str:
     port = free_port()
     with tempfile.TemporaryFile() as output:
         process = _started("--port", str(port), "--expect-data-soon", *options, output=output)
-        if not _listens(process, port):
+        if not listens(process, port):
             stop(process)
             output.seek(0)
             words = output.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
@@ -96,7 +96,7 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def _listens(process: subprocess.Popen[bytes], port: int) -> bool:
+def listens(process: subprocess.Popen[bytes], port: int) -> bool:
     """Whether the process listens on the port, waiting until it does or ends."""
     end = time.monotonic() + WAIT
     while process.poll() is None and time.monotonic() < end:
@@ -178,7 +178,7 @@ def _page() -> dict[str, bytes]:
     port, unused = free_port(), free_port()
     process = _started("--serve-web", "--web-viewer-port", str(port), "--port", str(unused))
     try:
-        if not _listens(process, port):
+        if not listens(process, port):
             raise InputError("--web: the web viewer cannot be served; open the result without --web")
         root = f"http://{LOOPBACK}:{port}"
         return {path: urllib.request.urlopen(f"{root}{path}", timeout=30.0).read() for path in PAGE}
