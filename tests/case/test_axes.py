@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from warp_trunk.case import Axes
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
@@ -33,18 +32,6 @@ def test_triangles_stay_outward(code):
     assert enclosed_volume(turned) == pytest.approx(1.0 / 6.0)
 
 
-def test_lps_in_mm_is_left_alone():
-    points = np.random.default_rng(2).normal(size=(9, 3))
-    np.testing.assert_array_equal(Axes("LPS").points_to_lps(points), points)
-    assert Axes("LPS").surface_to_lps(TETRAHEDRON).faces is TETRAHEDRON.faces
-
-
 @pytest.mark.parametrize(("units", "size"), [("mm", 1.0), ("cm", 10.0), ("m", 1000.0)])
 def test_units_become_millimetres(units, size):
     np.testing.assert_array_equal(Axes("RAS").points_to_lps(np.ones((1, 3)), units), [[-size, -size, size]])
-
-
-@pytest.mark.parametrize("code", ["", "LP", "LPSS", "LRS", "LPX", "lps", "LLS"])
-def test_other_codes_are_refused(code):
-    with pytest.raises(InputError, match=f"not '{code}'; write LPS or RAS"):
-        Axes(code)

@@ -9,7 +9,6 @@ from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.checks import CaseSource, check_case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface import Surface
 
 
@@ -36,47 +35,12 @@ def moved(name: str, by) -> Case:
     return with_landmarks(lambda points: points | {name: points[name] + by})
 
 
-def test_the_case_that_tests_spoil_passes():
-    check_case(small_case())
-
-
-@pytest.mark.parametrize(("key", "counts"), [("after", "20 before, 19 after"), ("before", "19 before, 20 after")])
-def test_names_must_agree(key, counts):
-    landmarks = small_case().landmarks_before
-    fewer = Landmarks(landmarks.names[1:], landmarks.points[1:])
-    refused(
-        replace(small_case(), **{f"landmarks_{key}": fewer}),
-        f"^landmarks_{key}: '{landmarks.names[0]}' is missing; both landmark files need the same names "
-        rf"\({counts}\)$",
-    )
-
-
 def test_landmarks_must_span_space():
     few = ("T7_superior_endplate", "asis_left", "asis_right")
     refused(with_landmarks(lambda p: {n: p[n] for n in few}), "at least 4 landmarks are needed, there are 3")
     refused(
         with_landmarks(lambda p: {n: x * [1.0, 0.0, 1.0] for n, x in p.items()}),
         "must not lie in one plane, these are .* mm from one",
-    )
-
-
-def test_landmarks_must_be_apart():
-    refused(
-        with_landmarks(lambda p: p | {"L3_superior_endplate": p["L3_inferior_endplate"] + [0.0, 0.05, 0.0]}),
-        "'L3_superior_endplate' and 'L3_inferior_endplate' are 0.05 mm apart; landmarks must be",
-    )
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_landmarks_must_be_finite(value):
-    refused(moved("asis_left", [0.0, value, 0.0]), "coordinates must be finite, 'asis_left' has")
-
-
-def test_landmarks_need_their_bone():
-    bones = small_case().bones
-    refused(
-        replace(small_case(), bones={n: b for n, b in bones.items() if n != "T7"}),
-        "'T7_superior_endplate' needs a bone that its name begins with",
     )
 
 
@@ -111,9 +75,7 @@ def test_surgery_moves_landmarks_a_little():
 @pytest.mark.parametrize(
     ("key", "scale", "units", "tall", "right"),
     [
-        ("skin", 1e-3, "mm", "0.575", "m"),
         ("skin", 0.1, "mm", "57.5", "cm"),
-        ("skin", 1e3, "m", r"5.75e\+05", "mm"),
         ("actual_skin", 1e-3, "mm", "0.575", "m"),
     ],
 )
@@ -140,59 +102,11 @@ def turned(case: Case, M: np.ndarray) -> Case:
     ("diagonal", "wrong"),
     [
         ([-1, -1, 1], "asis_left left of asis_right nor the vertebrae behind the ASIS"),
-        ([-1, 1, 1], "asis_left left of asis_right"),
         ([1, -1, -1], "the vertebrae behind the ASIS nor T7 above L3"),
     ],
 )
 def test_axes_must_agree_with_the_names(diagonal, wrong):
     refused(turned(small_case(), np.diag(diagonal)), f'case: axes = "LPS" does not put {wrong} in')
-
-
-def spoil_skin(faces=None, vertices=None) -> Case:
-    skin = small_case().skin
-    return replace(
-        small_case(),
-        skin=Surface(skin.vertices if vertices is None else vertices, skin.faces if faces is None else faces),
-    )
-
-
-def test_the_skin_must_bound_one_solid():
-    skin = small_case().skin
-    V, F = skin.vertices, skin.faces
-    refused(spoil_skin(F[:0]), "skin: the surface is empty")
-    refused(spoil_skin(vertices=np.vstack([V[:-1], [[0.0, np.nan, 0.0]]])), "1 of .* vertices are not finite")
-    refused(spoil_skin(F[1:]), "skin: .*must be closed and 2-manifold, but it is open along .*3 edges")
-    refused(spoil_skin(np.vstack([F, F[:1]])), "skin: .*more than two, share an edge")
-    refused(spoil_skin(np.vstack([F[:1, ::-1], F[1:]])), "skin: .*opposite turning")
-    refused(spoil_skin(F[:, ::-1]), "skin: triangles must be counterclockwise seen from outside")
-    refused(spoil_skin(vertices=np.vstack([V, V[:1]])), "skin: .*1 vertices are in no triangle")
-    inner = np.array([[0, 0, 200.0], [9, 0, 200], [0, 9, 200], [0, 0, 209]])
-    tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]) + len(V)
-    refused(spoil_skin(np.vstack([F, tetrahedron]), np.vstack([V, inner])), "must be one piece, but has 2")
-    dent = V.copy()
-    dent[np.argmax(V[:, 1])] -= [0.0, 250.0, 0.0]  # a vertex of the back, pulled out of the front
-    refused(spoil_skin(vertices=dent), "skin: the surface must not cross itself")
-
-
-def replace_bone(name: str, surface: Surface) -> Case:
-    return replace(small_case(), bones=small_case().bones | {name: surface})
-
-
-def test_bones_must_be_inside_the_skin():
-    bone, skin = small_case().bones["sternum"], small_case().skin
-    depth = -float(SurfaceDistance(skin).at(bone.vertices).max())
-    # pushed forward until it is some 2 and then 6 mm out
-    check_case(replace_bone("sternum", Surface(bone.vertices - [0.0, depth + 3.0, 0.0], bone.faces)))
-    refused(
-        replace_bone("sternum", Surface(bone.vertices - [0.0, depth + 9.0, 0.0], bone.faces)),
-        r"sternum: reaches [6-9]\.\d mm outside skin at \(.*\), 5 mm is allowed",
-    )
-
-
-def test_bones_must_be_surfaces_that_face_out():
-    bone = small_case().bones["T7"]
-    refused(replace_bone("T7", Surface(bone.vertices, bone.faces[:, ::-1])), "T7: triangles must be counterclock")
-    refused(replace_bone("T7", Surface(bone.vertices, bone.faces[:0])), "T7: the surface is empty")
 
 
 def test_left_and_right_exchanged_are_refused():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +10,12 @@ import numpy as np
 import pytest
 
 from support.small_case import small_case
-from warp_trunk.case import Axes, Case, check_case, read_case, write_case
+from warp_trunk.case import Axes, Case, read_case, write_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.preparation.landmark_finder import find_landmarks
+from warp_trunk.io.surface_files import write_surface
 
 
 def assert_equal(one: Case, other: Case) -> None:
@@ -107,20 +105,6 @@ def test_rows_of_the_second_landmark_file_are_matched_by_name(tmp_path):
     assert_equal(read_case(tmp_path), case)
 
 
-def test_two_candidates_are_refused(tmp_path):
-    write_case(tmp_path, small_case())
-    write_surface(tmp_path / "skin.stl", small_case().skin)
-    with pytest.raises(InputError, match=r"skin\.stl: there is skin\.ply beside it"):
-        read_case(tmp_path)
-
-
-def test_a_skin_under_its_former_name_is_not_passed_over(tmp_path):
-    write_case(tmp_path, small_case())
-    write_surface(tmp_path / "skin_after.ply", small_case().skin)
-    with pytest.raises(InputError, match=r"skin_after\.ply: .*rename the scan after surgery to actual_skin\.ply"):
-        read_case(tmp_path)
-
-
 def test_writing_does_not_mix_two_cases(tmp_path):
     write_case(tmp_path, small_case())
     fewer = {name: bone for name, bone in small_case().bones.items() if name != "T7"}
@@ -129,16 +113,6 @@ def test_writing_does_not_mix_two_cases(tmp_path):
     with pytest.raises(InputError, match=r"'\.\./T7' must be a valid file name"):
         write_case(tmp_path / "other", replace(small_case(), bones={"../T7": small_case().skin}))
     assert not (tmp_path / "other").exists()
-
-
-def test_the_anatomy_passes(tmp_path):
-    folder = os.environ.get("WARP_TRUNK_ANATOMY")
-    if not folder or not Path(folder, "skin.ply").is_file():
-        pytest.skip("WARP_TRUNK_ANATOMY names no folder with skin.ply")
-    bones = {path.stem: read_surface(path) for path in sorted(Path(folder, "bones").glob("*.ply"))}
-    landmarks = find_landmarks(bones).complete()
-    write_case(tmp_path, Case("anatomy", read_surface(Path(folder, "skin.ply")), bones, landmarks, landmarks))
-    assert len(read_case(tmp_path).bones) == len(bones)
 
 
 def unplanned():
@@ -170,9 +144,3 @@ def test_side_bending_comes_back(tmp_path: Path) -> None:
     assert read.bending_left.names == some.names
     np.testing.assert_array_equal(read.bending_left.points, some.points)
     assert read.bending_right is None
-
-
-def test_side_bending_of_a_point_that_is_not_there_before() -> None:
-    other = Landmarks(("T6_superior_endplate",), np.zeros((1, 3)))
-    with pytest.raises(InputError, match="'T6_superior_endplate' is not among the landmarks before"):
-        check_case(dataclasses.replace(unplanned(), bending_right=other))

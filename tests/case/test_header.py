@@ -38,26 +38,12 @@ def test_round_trip(tmp_path, name):
     ("text", "rule"),
     [
         ('axis = "LPS"', "unknown key 'axis'; did you mean 'axes'? the keys are name, units, axes"),
-        (
-            "[tissue]\ntheata = 1",
-            "unknown key 'tissue.theata'; did you mean 'tissue.theta'? the keys are tissue.ep",
-        ),
-        ("zzz = 1", "unknown key 'zzz'; the keys are name"),
-        ("name = 7", "'name': Expected `str`, got `int`"),
         ("tissue = 1", "'tissue' must be a table, [tissue], not 1"),
         ("[tissue]\ntheta = true", "'tissue': Expected `float`, got `bool` - at `$.theta`"),
-        ("[tissue]\ndensity = -1", "'density' must be a finite number of at least 1e-09, not -1.0"),
         ("[tissue]\nepsilon = nan", "'epsilon' must be a finite number of at least 0, not nan"),
-        ("[uncertainty]\nrib = 1", "unknown key 'uncertainty.rib'; did you mean 'uncertainty.ribs'?"),
         ("[uncertainty]\ncobb = -1", "'cobb' must be a number from 0 to 1000, not -1.0"),
-        ("[uncertainty]\ntheta = 0.5", "'theta' must be a number from 1 to 1000, not 0.5"),
-        ("[uncertainty]\nmesh_length = nan", "'mesh_length' must be a number from 0 to 1000, not nan"),
-        ('units = "inch"', "'units' must be mm or cm or m, not 'inch'"),
-        ("[study]\npatiant = 'a'", "unknown key 'study.patiant'; did you mean 'study.patient'?"),
         ("[study]\npose = 'lying'", "Invalid enum value 'lying' - at `$.pose`"),
         ("[study]\nmonths_after = -1", "'months_after' must be from 0 to 1200 months, not -1"),
-        ('axes = "LRS"', "one letter of L R, one of P A and one of S I, not 'LRS'"),
-        ("name = ", "cannot be read as TOML"),
     ],
 )
 def test_bad_files_are_refused(tmp_path, text, rule):
@@ -66,11 +52,6 @@ def test_bad_files_are_refused(tmp_path, text, rule):
     assert str(error.value).startswith(f"{tmp_path / 'case.toml'}: ")
     assert rule in str(error.value)
     assert "\n" not in str(error.value)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"case\.toml: there is no such file"):
-        read_header(tmp_path / "case.toml")
 
 
 @pytest.mark.parametrize(

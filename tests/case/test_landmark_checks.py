@@ -15,7 +15,7 @@ from support.marked_spine import before_and_after, exchanged, shifted, with_erro
 from support.small_case import palpated, small_case
 from warp_trunk.case import Case, check_case
 from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_order, check_shapes, orders
-from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, Landmarks
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
@@ -45,13 +45,6 @@ def test_two_points_exchanged_are_found_and_named(level, one, other):
     ) as error:
         check_order(exchanged(BEFORE, (f"{level}_{one}", f"{level}_{other}")), "here")
     assert f"exchanging '{level}_{one}' and '{level}_{other}' corrects" in str(error.value)
-
-
-def test_left_and_right_exchanged_are_named_together():
-    pairs = [(f"T8_left_pedicle_{end}", f"T8_right_pedicle_{end}") for end in ("superior", "inferior")]
-    with pytest.raises(InputError, match="the left pedicle must lie left of the right one") as error:
-        check_order(exchanged(BEFORE, *pairs), "here")
-    assert all(f"'{name}'" in str(error.value) for pair in pairs for name in pair)
 
 
 @pytest.mark.parametrize("upper", range(16))
@@ -135,11 +128,6 @@ def test_another_patient_is_refused(factor):
         check_shapes(BEFORE, other, "after")
 
 
-def test_a_little_larger_is_a_warning():
-    (text,) = check_shapes(BEFORE, Landmarks(AFTER.names, AFTER.points * 1.045), "after")
-    assert "the vertebrae are +4.5 % larger than before" in text
-
-
 @pytest.mark.parametrize(("moved", "said"), [(4.9, 0), (5.1, 1), (9.9, 1)])
 def test_an_iliac_spine_that_moves_is_warned_of(moved, said):
     found = check_frame(BEFORE, shifted(AFTER, "asis_right", (0.0, 0.0, moved)), "after")
@@ -153,12 +141,6 @@ def test_an_iliac_spine_that_moves_is_warned_of(moved, said):
 def test_another_frame_is_refused_and_the_cure_named(move):
     with pytest.raises(InputError, match=r"'asis_\w+' moves by .* --align-pelvis"):
         check_frame(BEFORE, Landmarks(AFTER.names, move(AFTER.points)), "after")
-
-
-def test_iliac_spines_of_another_pelvis_are_refused():
-    wide = shifted(shifted(AFTER, "asis_left", (8.0, 0.0, 0.0)), "asis_right", (-8.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="are 256 mm apart, but 240 mm before"):
-        check_frame(BEFORE, wide, "after")
 
 
 @pytest.mark.parametrize("axis", [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
@@ -201,24 +183,8 @@ def with_mark_moved(case: Case, name: str, by: list[float]) -> Case:
     )
 
 
-def test_a_case_without_hip_bones_may_have_them() -> None:
-    case = PALPATED
-    assert not set(ASIS.values()) & set(case.bones)
-    check_case(case)
-
-
 @pytest.mark.parametrize("away", [-45.0, 60.0])
 def test_they_must_lie_near_the_skin(away: float) -> None:
     off = with_mark_moved(PALPATED, "asis_right", [0.0, away, 0.0])
     with pytest.raises(InputError, match=r"'asis_right' is 3.* mm from skin, 30 mm is allowed; .*hip bone"):
         check_case(off)
-
-
-def test_one_whose_hip_bone_is_there_is_checked_against_the_bone() -> None:
-    bones = PALPATED.bones | {"hip_left": small_case().bones["hip_left"]}
-    on_bone = dict(zip(small_case().landmarks_before.names, small_case().landmarks_before.points, strict=True))
-    palpated = PALPATED.landmarks_before.point("asis_left")
-    case = with_mark_moved(PALPATED, "asis_left", (on_bone["asis_left"] - palpated).tolist())
-    check_case(replace(case, bones=bones))
-    with pytest.raises(InputError, match=r"'asis_left' is .* mm from hip_left, 15 mm is allowed"):
-        check_case(replace(with_mark_moved(case, "asis_left", [0.0, -40.0, 0.0]), bones=bones))

@@ -42,13 +42,8 @@ def test_round_trip(tmp_path):
     ("text", "rule"),
     [
         ("[tisue]", "unknown key 'tisue'; did you mean 'tissue'?"),
-        ("[layers.bone]", "unknown key 'layers.bone'"),
-        ("[layers]\nfat = 2", "'layers.fat' must be a table, [layers.fat]"),
         ("[tissue]\npoisson_ratio = 0.5", "'poisson_ratio' must be a number from 0 to 0.499"),
-        ("[ribs]\nrecovery = 1.5", "'recovery' must be a number from 0 to 1"),
         ("[ribs]\nrecovery = '1'", "Expected `float`, got `str` - at `$.recovery`"),
-        ("ribs = 1", "'ribs' must be a table, [ribs]"),
-        ("x", "cannot be read as TOML"),
     ],
 )
 def test_refused(tmp_path, text, rule):

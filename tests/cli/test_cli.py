@@ -70,19 +70,6 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
         yield simulate
 
 
-def test_simulate_writes_and_prints_the_result(
-    commands: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert commands(tmp_path) == OK
-    text = capsys.readouterr().out
-    assert text.startswith("CONVERGED: the distance to equilibrium is below the tolerance")
-    assert "T12" in text
-    assert f"warp-trunk view {tmp_path}" in text
-    assert (tmp_path / "recording.rrd").is_file()
-    seconds = json.loads((tmp_path / "summary.json").read_text())["seconds"]
-    assert all(value is not None for value in seconds.values())
-
-
 def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., int], tmp_path: Path) -> None:
     flags = ("--precision=float64", "--method=conjugate", "--tolerance=50", "--theta=7", "--no-record")
     assert commands(tmp_path, *flags) == OK

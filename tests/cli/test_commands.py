@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,6 @@ from warp_trunk.cli.arguments import ONLY_IN_PYTHON
 from warp_trunk.cli.commands import COMMANDS, load
 from warp_trunk.cli.output import BAD_INPUT, next_command
 
-CLI = Path(load(["demo"]).run.__code__.co_filename).parent
 LOADED = """
 import sys
 from warp_trunk.cli import main
@@ -34,31 +32,12 @@ def test_every_command_is_shown_with_its_first_sentence(capsys: pytest.CaptureFi
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_has_a_paragraph_for_each_option(
-    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
+def test_help_is_of_the_command_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main([name, "--help"])
     assert end.value.code == 0
     said = capsys.readouterr().out
     assert "None" not in said  # a word of Python's, not of a command line
-    rows = [row.strip("│").rstrip() for row in said.split("\n\n", maxsplit=1)[1].splitlines()]  # without the usage
-    assert any(row.startswith("  -") for row in rows)
-    column = max(len(row) - len(row.lstrip()) for row in rows)  # where help stands
-    column = max(column, 8)  # nothing takes two rows in short help
-    widest = max((len(row) for row in rows if row[:column].isspace()), default=0)
-    within = [
-        (one, row.split()[0])
-        for one, row in pairwise(rows)
-        if row[:column].isspace() and one[column - 2 : column].isspace() and one[column:]
-    ]
-    assert [pair for pair in within if len(f"{pair[0]} {pair[1]}") <= widest] == []
-
-
-def test_no_file_of_a_command_is_left_out() -> None:
-    found = {path for path in CLI.glob("*.py") if "def run(self, arguments" in path.read_text()}
-    assert found == {Path(load([name]).run.__code__.co_filename) for name in COMMANDS}
 
 
 def test_help_loads_nothing_heavy() -> None:
@@ -77,25 +56,14 @@ def test_it_is_quoted_for_a_shell_and_starts_as_this_run_did(monkeypatch, under_
     assert next_command("view", "results/anna") == " ".join([*start, "view results/anna"])
 
 
-FILES = ["--skin", "s.ply", "--bones", "b", "--out", "c"]
 TYPOS = [
     ([], ["a command is needed", "simulate", "warp-trunk demo"]),
     (["simulat", "case"], ["'simulat': there is no such command (did you mean simulate?)", "make-case"]),
-    (["xyz"], ["'xyz': there is no such command; known are demo, doctor"]),
     (["simulate", "case", "--tet", "5"], ["--tet", "--tets INT", "warp-trunk simulate --help-all"]),
-    (["simulate", "case", "--tet=5"], ["--tet=5"]),
-    (["simulate", "case", "--xyzzy", "5"], ["--xyzzy", "warp-trunk simulate --help-all"]),
-    (["make-case", *FILES, "--side", "left"], ["--side", "warp-trunk make-case --help lists"]),
     (["make-case", "--skin", "s.ply"], ["--bones PATH --out PATH"]),
-    (["simulate"], ["PATH"]),
-    (["simulate", "case", "--out"], ["--out"]),
     (["simulate", "case", "--tets", "1e5x"], ["--tets", "'1e5x'"]),
-    (["simulate", "case", "--increments", "2.5"], ["--increments", "2.5"]),
-    (["simulate", "case", "--poisson-ratio", "much"], ["--poisson-ratio", "'much'"]),
     (["simulate", "case", "--bones", "folow"], ["'folow'", "--bones", "'follow', 'spline'"]),
-    (["simulate", "case", "--layers", "deep"], ["'deep'", "--layers", "'depth'"]),
     (["simulate", "case", "--tets", "5", "--tets=6"], ["--tets: is given more than once"]),
-    (["simulate", "case", "--tets", "1000000000"], ["warp-trunk: mesh: 'tets' must be a number from 4 to 5e+07"]),
     (["simulate", "case", "--theta", "nan"], ["warp-trunk: tissue: 'theta' must be a finite number"]),
     (["simulate", "case", "another"], ["another"]),
     *(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from support.biplanar import biplanar
+from support.biplanar import biplanar, write_film
 from warp_trunk.case.landmarks import Landmarks, read_landmarks, write_landmarks
 from warp_trunk.cli import main
 from warp_trunk.io.surface_files import read_surface, write_surface
@@ -13,10 +13,9 @@ from warp_trunk.preparation.phantom import straight_trunk
 def write_films(folder, films) -> list[str]:
     flags = []
     for flag, film in zip(("pa", "lateral"), films, strict=True):
-        rows = [f"{name},{u!r},{v!r}" for name, (u, v) in zip(film.names, film.points.tolist(), strict=True)]
-        (folder / f"{flag}.csv").write_text("\n".join(["name,u,v", *rows]))
-        np.savetxt(folder / f"{flag}.txt", film.projection, fmt="%.17g")
-        flags += [f"--{flag}", str(folder / f"{flag}.csv"), f"--{flag}-matrix", str(folder / f"{flag}.txt")]
+        points, matrix = folder / f"{flag}.csv", folder / f"{flag}.txt"
+        write_film(points, matrix, film)
+        flags += [f"--{flag}", str(points), f"--{flag}-matrix", str(matrix)]
     return flags
 
 

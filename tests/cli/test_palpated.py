@@ -12,6 +12,8 @@ from warp_trunk.case import read_case, write_case
 from warp_trunk.cli import main
 from warp_trunk.geometry.coarsening import coarsen
 
+QUICK = "--tets 21000 --bone-edge-length 12 --increments 2 --tolerance 0.5 --no-record --device cpu"
+
 
 def test_a_case_without_hip_bones_is_planned_simulated_and_measured(tmp_path: Path) -> None:
     whole = palpated(whole_phantom())
@@ -24,19 +26,6 @@ def test_a_case_without_hip_bones_is_planned_simulated_and_measured(tmp_path: Pa
     assert not [name for name in planned.bones if name.startswith("hip")]
     for name in ("asis_left", "asis_right"):
         np.testing.assert_array_equal(planned.planned_landmarks.point(name), planned.landmarks_before.point(name))
-    quick = [
-        "--tets",
-        "21000",
-        "--bone-edge-length",
-        "12",
-        "--increments",
-        "2",
-        "--tolerance",
-        "0.5",
-        "--no-record",
-        "--device",
-        "cpu",
-    ]
-    assert main(["simulate", str(tmp_path / "planned"), "--out", str(tmp_path / "result"), *quick]) == 0
+    assert main(["simulate", str(tmp_path / "planned"), "--out", str(tmp_path / "result"), *QUICK.split()]) == 0
     assert main(["measure", str(tmp_path / "result"), "--out", str(tmp_path / "measures")]) == 0
     assert json.loads((tmp_path / "measures.json").read_text())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warp_trunk.cohort.statistics import limits_of_agreement, over_patients, share_true, trend
+from warp_trunk.cohort.statistics import limits_of_agreement, over_patients, trend
 
 
 def test_each_patient_counts_once():
@@ -64,19 +64,6 @@ def test_limits_hold_what_they_promise():
     assert found.sd == pytest.approx(np.sqrt(5.0), rel=0.03)
 
 
-def test_too_few():
-    assert over_patients([], []) is None
-    assert limits_of_agreement([], []) is None
-    alone = limits_of_agreement([1.5], ["a"])
-    assert alone is not None
-    assert (alone.bias, alone.sd, alone.low) == (1.5, None, None)
-
-
-def test_shares():
-    assert share_true([True, None, False, True]) == pytest.approx(2.0 / 3.0)
-    assert share_true([None]) is None
-
-
 def test_a_line_by_hand():
     """Points (0, 1), (1, 3), (2, 2): slope 1 / 2, intercept 1.5, correlation 1 / sqrt(2 * 2) = 0.5."""
     found = trend([0.0, 1.0, None, 2.0, 9.0], [1.0, 3.0, 7.0, 2.0, None])
@@ -88,8 +75,3 @@ def test_a_line_by_hand():
         2.0 / 3.0
     )  # t = 0.5 / sqrt(0.75) = 1 / sqrt(3), one degree of freedom: 60 degrees
     assert found.points == 3
-
-
-@pytest.mark.parametrize(("x", "y"), [([1.0, 2.0], [1.0, 2.0]), ([1.0, 1.0, 1.0], [1.0, 2.0, 3.0]), ([], [])])
-def test_no_line(x, y):
-    assert trend(x, y) is None

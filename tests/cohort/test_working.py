@@ -16,12 +16,16 @@ from distributed import Client, LocalCluster
 from support.cohort_cases import cohort_options, contents, turned_case, write_cohort_cases
 from support.killing import killed_at_work
 from warp_trunk.case import write_case
-from warp_trunk.cohort.cluster import choose_workers, connected
+from warp_trunk.cli import main
+from warp_trunk.cohort.cluster import connected
 from warp_trunk.cohort.one_case import LOG, do_case
 from warp_trunk.cohort.rows import JUDGED
 from warp_trunk.cohort.working import work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
+
+OPTIONS = "--tets 8000 --bone-voxel 8 --increments 1 --device cpu --no-record"
+"""Those of `cohort_options`."""
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +51,16 @@ def alone(cases: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def levels(out: Path) -> list[Any]:
     return [json.loads((out / name / JUDGED).read_text())["row"]["levels"] for name in "abc"]
+
+
+@pytest.mark.slow
+def test_a_cluster_that_runs_already_gives_the_same_results(
+    cases: Path, client: Client, alone: Path, tmp_path: Path
+) -> None:
+    address = client.scheduler_info()["address"]
+    words = ["cohort", str(cases), "--out", str(tmp_path), "--scheduler", address, *OPTIONS.split()]
+    assert main(words) == 3  # "d" fails
+    assert contents(tmp_path, "abc") == contents(alone, "abc")
 
 
 @pytest.mark.slow
@@ -86,13 +100,6 @@ def _softer(case: Any) -> Any:
     return dataclasses.replace(case, tissue=dataclasses.replace(case.tissue, theta=5.0))
 
 
-def test_a_case_that_cannot_be_is_a_row(cases: Path, tmp_path: Path) -> None:
-    run = dataclasses.replace(cohort_options().run, device="cuda:99")
-    done = do_case(cases / "a", tmp_path, dataclasses.replace(cohort_options(), run=run))
-    assert (done.row.status, done.row.folder) == ("FAILED", "a")
-    assert "'cuda:99' is not on this machine" in done.row.reason
-
-
 def test_only_this_machine_is_listened_to(client: Client) -> None:
     """Scheduler, dashboard and workers."""
     processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
@@ -120,11 +127,6 @@ def test_a_scheduler_that_is_lost_loses_no_result(cases: Path, alone: Path, tmp_
     with Client(cluster, timeout=5) as client, pytest.raises(InputError, match="the scheduler was lost"):
         work(client, [cases / name for name in "ab"], tmp_path, cohort_options(), Closing())
     assert do_case(cases / "a", tmp_path / "a", cohort_options(threads=1)).kept
-
-
-@pytest.mark.parametrize(("workers", "gpus", "found"), [(3, [], 3), (0, ["0", "1"], 2), (3, ["0"], 3)])
-def test_number_of_workers(workers: int, gpus: list[str], found: int) -> None:
-    assert choose_workers(workers, gpus) == found
 
 
 @pytest.mark.parametrize(

@@ -77,14 +77,6 @@ def test_a_plan_outside_the_bounds_is_told_but_not_proposed() -> None:
     assert "No plan within the bounds was found that is better" in best_plan_text(best)
 
 
-def test_the_gain_is_told_with_its_band() -> None:
-    best = found()
-    text = best_plan_text(best)
-    assert f"{len(best.trials)} relaxations" in text
-    assert f"Gained: {best.gain:.1f} ± {1.96 * best.gain_sd:.1f} degrees" in text
-    assert ("smaller than its band" in text) == (best.gain < 1.959964 * best.gain_sd)
-
-
 def test_what_two_plans_share_does_not_blur_the_gain() -> None:
     """Of a plan against itself only the mesh is left where surgery meets it, and else each surgery's own miss."""
     best, trial = found(), found().given

@@ -1,41 +1,14 @@
 """Findings of `doctor` on a complete machine and on one that lacks something, and the cure it names."""
 
-import os
 import webbrowser
 from pathlib import Path
 
-import pytest
-
 from warp_trunk.cli import main
-from warp_trunk.meshing.cache import cache_folder
 from warp_trunk.run.doctor import Finding, examine
 
 
 def findings(results: Path) -> dict[str, Finding]:
     return {finding.name: finding for finding in examine(results)}
-
-
-@pytest.fixture(scope="module")
-def here(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Finding]:
-    return findings(tmp_path_factory.mktemp("here") / "results")
-
-
-def test_versions_processor_and_tetgen_are_found_where_the_tests_run(here) -> None:
-    for name in ("python", "warp-lang", "numpy", "tetgen", "rerun-sdk", "processor", "TetGen", "Rerun's viewer"):
-        assert here[name].found, name
-        assert not here[name].cure, here[name]
-    assert str(len(os.sched_getaffinity(0))) in here["processor"].found
-    assert "rerun" in here["Rerun's viewer"].found.lower()
-
-
-def test_cache_is_named_with_its_size(monkeypatch, tmp_path) -> None:
-    monkeypatch.setenv("WARP_TRUNK_CACHE", str(tmp_path))
-    (tmp_path / "meshes").mkdir()
-    (tmp_path / "meshes" / "one.npz").write_bytes(bytes(3_000_000))
-    assert cache_folder() == tmp_path
-    found = findings(tmp_path)["meshes kept"]
-    assert f"{tmp_path}: 1 files, 3 MB" in found.found
-    assert not found.cure
 
 
 def test_folders_that_cannot_be_written_are_cured_and_results_are_needed(monkeypatch, tmp_path) -> None:

@@ -132,7 +132,6 @@ def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path
     ("row", "says"),
     [
         ("tip,0,-60,100,", "mm from front, the nearest surface"),
-        ("tip,0,-80,100,bone", "'bone', which is not among the points"),
         ("tip,0,-80,100,tip", "lies on skin and 'tip' on skin"),
     ],
 )

@@ -16,7 +16,7 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of, prepare_plan
+from warp_trunk.run.patient import Patient, patient_of, prepare, prepare_plan
 from warp_trunk.run.simulate import simulate
 
 CASE, TRUNK = small_case()
@@ -54,22 +54,10 @@ def test_every_plan_gives_the_bits_of_a_run_on_its_own(options: RunOptions, tmp_
     assert ends[0] == ends[2] != ends[1]
 
 
-def test_the_time_of_making_her_ready_is_in_no_plans_summary(patient: Patient, tmp_path: Path) -> None:
-    seconds = simulate(
-        planned(5.0), folder=tmp_path, options=OPTIONS, warnings=(), patient=patient
-    ).summary.seconds
-    assert seconds["mesh"] is None
-    assert seconds["relax"] is not None
-    assert seconds["total"] is not None
-    assert seconds["total"] > seconds["relax"] > 0.0
-
-
 @pytest.mark.parametrize(
     ("change", "what"),
     [
         ({"skin": replace(CASE.skin, vertices=CASE.skin.vertices + 1e-9)}, "'skin' is another"),
-        ({"bones": {}}, "'bone T10' is another"),
-        ({"bones": {"T10": replace(CASE.bones["T10"], vertices=CASE.bones["T10"].vertices + 1.0)}}, "bone T10"),
         ({"tissue": Tissue(theta=3.0)}, "'theta' was"),
         ({"layers": Layers()}, "'layers of the case' is another"),
     ],
@@ -94,3 +82,21 @@ def test_other_options_than_the_patients_are_refused(patient: Patient, tmp_path:
             warnings=(),
             patient=patient,
         )
+
+
+def test_options_and_the_cases_tissue_reach_the_model() -> None:
+    case = replace(CASE, tissue=Tissue(theta=7.0, epsilon=0.5, poisson_ratio=0.3))
+    options = RunOptions(device="cpu", precision="float64", threads=1, gravity=9.81, energy="neo-hookean")
+    model = prepare(case, options, TRUNK).model
+    assert (model.device, model.precision, model.gravity) == ("cpu", "float64", 9.81)
+    assert model.tissues == (case.tissue,)
+    assert model.elements.unit == "mJ"
+
+
+def test_bones_move_rigidly_unless_asked_otherwise() -> None:
+    path = prepare(CASE, RunOptions(device="cpu"), TRUNK).bone_path
+    here = TRUNK.nodes[TRUNK.bone == 0]
+    there = here + path.at(0.3)[TRUNK.bone == 0]
+    before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (here, there))
+    np.testing.assert_allclose(after, before, atol=1e-9)
+    assert np.abs(there - here).max() > 0.5

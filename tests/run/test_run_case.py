@@ -156,33 +156,6 @@ def test_a_recording_cut_short_by_the_disk_does_not_pass_for_a_whole_one(
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"recording.partial.rrd", *FILES}
 
 
-def test_live_without_a_recording_is_refused_before_any_work(case: Case, mesh: Path, tmp_path: Path) -> None:
-    progress = Progress()
-    with pytest.raises(InputError, match="--live"):
-        simulated(case, tmp_path / "out", mesh, progress, live=True, record=False)
-    assert progress.seconds == {}
-
-
-def test_a_viewer_that_does_not_open_is_said_before_any_work(
-    case: Case, mesh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.executable", "/bin/false")
-    progress = Progress()
-    with pytest.raises(InputError, match="the viewer does not open"):
-        simulated(case, tmp_path / "out", mesh, progress, live=True)
-    assert progress.seconds == {}
-
-
-def test_a_folder_that_cannot_be_written_is_refused_before_any_work(
-    case: Case, mesh: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "file").write_text("")
-    progress = Progress()
-    with pytest.raises(InputError, match="--out"):
-        simulated(case, tmp_path / "file", mesh, progress)
-    assert progress.seconds == {}
-
-
 class InterruptedWhile(Progress):
     """Has a run be interrupted when it begins a stage."""
 

@@ -67,8 +67,6 @@ def test_each_plan_has_a_result_as_if_it_was_alone(folder: Path, capsys: pytest.
     [
         (("less.toml", "never.toml"), "plan never: curve T8: "),
         (("less.toml", "./less.toml"), "is called 'less' too"),
-        (("less.toml", "nowhere.toml"), "nowhere.toml: there is no such file"),
-        (("less.toml", "anna"), "anna/plan.toml: there is no such file"),
     ],
 )
 def test_one_that_cannot_be_is_refused_before_any_is_simulated(

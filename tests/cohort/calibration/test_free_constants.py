@@ -20,20 +20,13 @@ CONTINUUM: dict[str, Any] = {"bones": "spline", "energy": "neo-hookean"}
 @pytest.mark.parametrize(
     ("names", "options", "why"),
     [
-        ((), {}, "is missing"),
         (("poison_ratio",), {}, "did you mean poisson_ratio?"),
-        (("theta", "theta"), {}, "'theta' is given twice"),
         (("youngs_modulus",), PAPERS, "all forces grow with it alike"),
         (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
-        (("youngs_modulus",), {}, "all forces (but those of bending skin"),
-        (("skin_rigidity",), {}, "there is no constant 'skin_rigidity'"),
         (("epsilon",), {}, "simulated with neo-hookean; give --energy itmsm"),
-        (("density",), {}, "acts only with gravity"),
         (("poisson_ratio",), PAPERS, "give --energy neo-hookean"),
-        (("epsilon",), CONTINUUM, "constant of the energy itmsm"),
         (("ribs.recovery",), PAPERS, "give --bones follow"),
         (("fat.youngs_modulus",), {}, "give --layers depth"),
-        (("youngs_modulus",), {"layers": "depth", "gravity": 9.81}, "every layer has its own"),
         (
             ("skin.youngs_modulus", "fat.youngs_modulus", "muscle.youngs_modulus"),
             {"layers": "depth"},

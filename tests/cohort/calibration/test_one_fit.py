@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,9 +93,3 @@ def test_a_skin_on_its_way_does_not_count(job: FitJob) -> None:
             relaxed(job, RelaxOptions(method="gradient", max_steps=1)),
             np.array([one.counted(one.start) for one in job.free]),
         )
-
-
-def test_a_case_without_actual_skin_is_refused(job: FitJob, tmp_path: Path) -> None:
-    write_case(tmp_path / "case", replace(turned_case("x", 0.0), actual_skin=None))
-    with pytest.raises(InputError, match="has no actual skin to calibrate on"):
-        fit_case(replace(job, folder=tmp_path / "case"), np.zeros(len(job.free)))
