@@ -34,9 +34,7 @@ LONG = {"best_plan", "make_case"}
 def test_example_of_every_public_name(
     name: str, result: wt.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        wp.config, "log_level", wp.LOG_WARNING
-    )  # a kernel that is loaded is no output of the example
+    monkeypatch.setattr(wp.config, "log_level", wp.LOG_WARNING)  # what loading prints is no output
     known: dict[str, Any] = {
         "wt": wt,
         "np": np,
