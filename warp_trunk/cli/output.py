@@ -1,4 +1,4 @@
-"""What commands share: exit statuses, lines to print, bones and planes to read."""
+"""Shared by commands: exit statuses, lines to print, bones and planes to read."""
 
 from __future__ import annotations
 

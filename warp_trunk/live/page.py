@@ -56,7 +56,7 @@ class Page:
         self.server = LoopbackServer(port, case.name)
         """The server; it is on `server.address`."""
         self.session = Session(patient, sliders, self._show, self._fail)
-        """What is planned and shown."""
+        """The plan and the picture of the page."""
         self._sliders = sliders
         self.scene = PageScene(self.server, case)
         """The objects that are drawn."""

@@ -54,7 +54,7 @@ class Control:
     choices: tuple[str, ...] = ()
     """The values of a list."""
     hint: str | None = None
-    """What it means."""
+    """Its meaning, for the page."""
 
 
 _INWARD = 0.1

@@ -167,7 +167,7 @@ def _rows(
 
 
 def value_at(found: Any, path: str) -> Any:
-    """What stands at a path such as `kyphosis.T5-T12` of fields and names; None where a part is missing."""
+    """The value at a path such as `kyphosis.T5-T12` of fields and names; None where a part is missing."""
     for part in path.split("."):
         if found is None:
             return None

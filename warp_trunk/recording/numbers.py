@@ -18,7 +18,7 @@ from .colours import BEFORE, NOW, TARGET, TEXT
 Angles = Mapping[str, float | None]
 
 TERMS = {"distance": "edges", "area": "faces"}
-"""What the plot calls a term of an energy that has another name there."""
+"""Names of the terms of an energy in the plot, where they differ."""
 WHISKER = (3.0, (255, 255, 255)), (1.4, (20, 20, 20))
 """Width in points of the screen and colour of a whisker and of what is drawn over it: one of both stands out from
 a dark ground, the other from a light one, and both from a bar."""

@@ -166,7 +166,7 @@ class _Simulation:
     progress: Progress
     patient: Patient | None
     warnings: Sequence[str] | None
-    """What the check of the case found; None before it is checked."""
+    """The findings of the check of the case; None before it is checked."""
     plan: str | None = None
 
     def result(self, folder: Path | None) -> Result:
