@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.bone_motion.articulation import bone_motions, unknown_bones
+from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_shares import RibShares
@@ -114,10 +114,3 @@ def test_what_vertebrae_do_beside_leaning_reaches_the_ribs_by_shares() -> None:
     bent = bone_motions(bones, before, Landmarks(before.names, points), shares=shares, pose="bending")
     for bone in ("rib_left_08", "rib_right_08"):
         np.testing.assert_allclose(bent[bone].as_matrix(), (lean * upright[bone]).as_matrix(), atol=1e-8)
-
-
-def test_bones_of_unknown_names_are_warned_of() -> None:
-    known = ("T1", "L5", "C7", "rib_left_01", "costal_cartilage_right_07", "sternum", "scapula_left", "hip_right")
-    assert unknown_bones(known) == []
-    (text,) = unknown_bones((*known, "rib_left_8", "costa"))
-    assert "costa, rib_left_8 are" in text

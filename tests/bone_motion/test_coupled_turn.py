@@ -62,17 +62,3 @@ def test_curves_of_one_spine_have_their_own_parts() -> None:
     assert {"T8", "L2"} <= {one.apex for one in cobb_angles(before)}
     assert abs(found["T8"]) > np.radians(2.0)
     assert abs(found["L2"]) < np.radians(1.5)
-
-
-def without(name: str, *curves: SpineCurve) -> list[Landmarks]:
-    """Spines without the landmarks of that name."""
-    spines = [spine(curve) for curve in curves]
-    rows = [row for row, other in enumerate(spines[0].names) if not other.startswith(name)]
-    return [Landmarks(tuple(one.names[row] for row in rows), one.points[rows]) for one in spines]
-
-
-def test_without_a_curve_or_iliac_spines_it_cannot_be_told() -> None:
-    curve = SpineCurve(cobb=50.0)
-    assert coupled(SpineCurve(cobb=6.0), SpineCurve(cobb=3.0)) == {}
-    before, after = without("asis", curve, curve.corrected(0.5))
-    assert coupled_turns(before, after) == {}

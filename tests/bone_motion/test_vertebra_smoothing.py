@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support.marked_spine import before_and_after, with_errors
-from warp_trunk.bone_motion.vertebra_smoothing import smooth_vertebrae, smoothing_warnings, vertebra_smoothing
+from warp_trunk.bone_motion.vertebra_smoothing import smooth_vertebrae, vertebra_smoothing
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.rigid import fit_rigid
 
@@ -48,14 +48,6 @@ def test_errors_are_told_and_nearly_halved() -> None:
     stated = np.sqrt(2.0 * (2.1**2 + 1.5**2) / 3.0)  # before and after, each axis
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(stated, rel=0.05)
     assert np.sqrt(np.mean(np.square(found))) < 0.65 * np.sqrt(np.mean(np.square(raw)))
-
-
-def test_errors_are_warned_of() -> None:
-    assert smoothing_warnings(BEFORE, AFTER) == []
-    random = np.random.default_rng(3)
-    (text,) = smoothing_warnings(with_errors(BEFORE, random), with_errors(AFTER, random))
-    assert "move rigidly only to within 2." in text
-    assert "turns them by up to" in text
 
 
 def test_each_vertebra_keeps_its_shape_and_others_their_place() -> None:

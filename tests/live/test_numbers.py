@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
 from playwright.sync_api import sync_playwright
 
 from support.chromium import CHROMIUM, QUIET, needs_chromium
 from support.small_patient import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
-from warp_trunk.live.numbers import NOTE, line_html, numbers_html, status_html
+from warp_trunk.live.numbers import line_html, numbers_html, status_html
 from warp_trunk.live.session import PlanView
 from warp_trunk.measures import measure
 from warp_trunk.measures.rows import number
@@ -19,26 +18,6 @@ CASE = curved_case()
 PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
 BEFORE = measure(CASE.skin, CASE.landmarks_before)
 VIEW = PlanView(1, {}, plan_surgery(CASE, PLAN), CASE.skin.vertices, error=2.34, warnings=("a < b",))
-
-
-@pytest.mark.parametrize(
-    ("view", "words"),
-    [
-        (None, "Making the patient ready"),
-        (VIEW, "Spline's image</b>, not relaxed yet: off by about 2.3 mm"),
-        (replace(VIEW, error=None), "off by an unknown way, often 5 to 20 mm"),
-        (replace(VIEW, relaxed=True, error=0.31), "Relaxed skin</b>, about 0.31 mm from its equilibrium"),
-        (replace(VIEW, relaxed=True, settled=True, error=0.0061), "within 0.0061 mm of its equilibrium"),
-    ],
-)
-def test_it_says_what_is_shown_and_how_sure_it_is(view: PlanView | None, words: str) -> None:
-    assert words in status_html(view, "")
-    assert NOTE in status_html(view, "")
-
-
-def test_it_says_why_a_wish_is_not_possible() -> None:
-    said = status_html(VIEW, "curve T7: <b> cannot be met; the nearest is 13")
-    assert "Not possible.</b> Curve T7: &lt;b&gt; cannot be met; the nearest is 13. Shown is the last" in said
 
 
 def test_the_table_has_what_the_plan_and_the_skin_have() -> None:

@@ -182,33 +182,6 @@ def test_keep_compare_and_undo(visit: Visit, page: Page) -> None:
     until(lambda: correction(page) == share and settled(page), visit)
 
 
-def test_looks(visit: Visit, page: Page) -> None:
-    for label, handle, attribute, wanted in (
-        ("Before surgery", page.scene.before, "visible", True),
-        ("Skin transparent", page.scene.skin, "opacity", None),
-        ("Lines of depth", page.scene.relief, "visible", False),
-    ):
-        first = getattr(handle, attribute)
-        assert first != wanted
-        for value in (wanted, first):
-            visit.tab.get_by_label(label).dispatch_event("click")
-            until(lambda h=handle, a=attribute, v=value: getattr(h, a) == v, visit)
-    behind = visit.seen()
-    visit.press("Right side")
-    visit.tab.wait_for_timeout(1000)
-    assert visit.seen() != behind
-
-
-def test_an_impossible_plan_is_said_in_words(visit: Visit, page: Page) -> None:
-    assert page.session.view is not None
-    shown = page.session.view.number
-    visit.choose("Upper vertebra", "L3")
-    visit.wait_for("Not possible. 'uiv' must lie above 'liv'")
-    assert page.session.view.number == shown  # the last that is
-    visit.press("Undo")
-    expect(visit.tab.locator("body")).not_to_contain_text("Not possible", timeout=WAIT)
-
-
 def test_two_browsers_show_one_plan_and_one_may_be_killed(
     playwright: Playwright, visit: Visit, page: Page
 ) -> None:

@@ -103,13 +103,6 @@ def test_a_known_plan_is_met_the_next_is_straight_on_and_beside_it_is_the_neares
     np.testing.assert_allclose(forecast.at(ZERO + 8.0 * WAY + 0.1 * side), field(8.0), atol=1e-9)
 
 
-def test_a_plan_that_is_as_good_as_known_takes_its_place() -> None:
-    """Two that differ by less than they are sure of would differ by their errors alone."""
-    forecast = known(4.0)
-    forecast.learn(ZERO + 4.01 * WAY, field(4.0) + 0.3)
-    assert np.abs(forecast.at(ZERO + 5.0 * WAY) - field(5.0)).max() < 0.6
-
-
 def test_of_many_those_are_kept_that_stand_apart() -> None:
     """A slow drag does not push out what is known of plans far from it."""
     forecast = known(30.0, *np.arange(2.0, 20.0, 0.5))

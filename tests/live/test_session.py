@@ -125,18 +125,6 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient
     assert all(view.error is not None and view.error <= 1.0 for view in relaxed)
 
 
-def test_numbers_follow_a_drag_that_does_not_rest(patient: Patient) -> None:
-    """A relaxed skin is measured also where the sliders have moved on since."""
-    with Heard(patient) as session:
-        end, share = time.monotonic() + WAIT, 0
-        while session.measures is None and time.monotonic() < end:
-            session.ask(session.corrected(share := share % 60 + 1))
-            time.sleep(0.005)
-    assert session.measures is not None
-    assert session.measures.skin_change_max is not None
-    assert session.faults == []
-
-
 def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: Patient) -> None:
     with Heard(patient) as session:
         session.settled(session.corrected(30))
@@ -192,13 +180,3 @@ def test_the_latest_is_taken_and_the_end_wakes_who_waits() -> None:
     assert taken == [0, None]
     place.put(1)
     assert place.take() is None  # what was not taken before the end is not done
-
-
-def test_a_pause_ends_where_it_is_closed() -> None:
-    """The first value is there at once; who waits for the next one, however long that may be, hears of the end."""
-    place: Latest[int] = Latest(pause=1e6)
-    place.put(1)
-    assert place.take() == 1
-    place.put(2)
-    threading.Timer(0.05, place.close).start()
-    assert place.take() is None

@@ -32,10 +32,3 @@ def test_vertebra_turned_by_an_angle_has_it(degrees):
 def test_leaning_aside_is_no_rotation():
     leaning = spine_of(with_points(spine({}), pedicles("T8", 0.0, tilt=35.0)))
     assert axial_rotation(leaning, LEFT)["T8"] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_vertebra_without_all_pedicles_is_missing():
-    points = pedicles("T8", 10.0)
-    del points["T8_left_pedicle_superior"]
-    landmarks = with_points(spine({"T9": 180.0}), points)
-    assert axial_rotation(spine_of(landmarks), LEFT) == {"T8": None, "T9": None}

@@ -7,7 +7,6 @@ from support.known_spine import BODY, DISC, known_spine
 from support.there import there
 from support.trunk_shapes import with_points
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import measure
 from warp_trunk.measures.sagittal import spine_height
 from warp_trunk.measures.shoulders import INNER, OUTER, shoulder_heights
 from warp_trunk.measures.spine import spine_of
@@ -72,16 +71,3 @@ def test_shoulder_that_is_raised_by_a_length_stands_higher_by_it(higher):
     assert found.difference == pytest.approx(higher, abs=1e-9)
     middle = 420.0 - 0.4 * (0.5 * (INNER + OUTER) * 150.0 - 55.0) - 390.0  # T1's centroid is at 390
     assert found.left == pytest.approx(middle, abs=1e-9)
-
-
-def test_missing_shoulders_and_spines_say_why():
-    landmarks = known_spine(levels=("T4", "T8", "L5"))
-    measures = measure(roof(0.4), landmarks)
-    assert measures.shoulders is None
-    assert measures.missing["shoulders"] == "no landmarks of T1"
-    assert measures.missing["spine_height"].startswith("no landmarks on the upper endplate of T1")
-    assert measures.missing["kyphosis T5-T12"] == "no landmarks on both endplates of T5 or T12"
-    low = roof(0.4)
-    cut = measure(Surface(low.vertices - [0.0, 0.0, 60.0], low.faces), known_spine())
-    assert cut.shoulders is None
-    assert cut.missing["shoulders"] == "no skin on both sides of T1"

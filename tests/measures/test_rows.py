@@ -5,14 +5,12 @@ import pytest
 from support.known_spine import known_spine
 from support.trunk_shapes import flat_back, rotation, tube
 from warp_trunk.measures import measure
-from warp_trunk.measures.followed_curves import followed_curves, main_curves
 from warp_trunk.measures.rows import level_rows, measure_rows, number, sided
 from warp_trunk.measures.table import as_html, as_markdown, as_text
-from warp_trunk.report.sentences import glance, sentences
+from warp_trunk.report.sentences import sentences
 from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
 
 THORACIC = {"T1": -10.0, "T5": 30.0, "T12": -30.0, "L4": 0.0}
-DOUBLE = {"T1": 28.0, "T4": 30.0, "T11": -30.0, "L4": 28.0}
 
 
 def scaled(angles, share):
@@ -66,19 +64,6 @@ def test_every_curve_is_followed_between_the_same_vertebrae():
         assert row.values == pytest.approx(angles, abs=1e-6)
     over = compared(poses(THORACIC, scaled(THORACIC, -0.1)))  # overcorrected: below zero
     assert [cells[1] for title, cells in over.items() if title.startswith("Cobb")] == ["−4.0", "−6.0", "−3.0"]
-
-
-def test_a_double_major_is_described_by_both_its_curves():
-    both = poses(DOUBLE, scaled(DOUBLE, 0.5))
-    said = sentences(both, None)
-    assert (
-        "main curves of the spine from 60 to 30 degrees (T4 to T11, to the right) and from 58 to 29 degrees "
-        "(T11 to L4, to the left)"
-    ) in said["What is planned"]
-    assert "in the lower back 4 instead of 12" in said["What changes"]
-    assert [value for _, value in glance(both)[:2]] == ["60° → 30°", "58° → 29°"]
-    curves = main_curves(followed_curves(both[0].measures, both[1].measures))
-    assert [curve.before.upper for curve in curves] == ["T4", "T11"]
 
 
 @pytest.mark.parametrize(

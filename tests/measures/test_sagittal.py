@@ -5,7 +5,6 @@ import pytest
 
 from support.known_spine import known_spine
 from support.trunk_shapes import with_points
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures.sagittal import kyphosis, lordosis
 from warp_trunk.measures.spine import spine_of
 
@@ -43,12 +42,3 @@ def test_lordosis_reaches_the_sacrum_where_it_has_landmarks(bone):
     found = angles(with_points(known_spine(back=ROUND), points))
     assert found["L1-S1"] == pytest.approx(55.0, abs=1e-9)
     assert found["L1-L5"] == pytest.approx(37.0, abs=1e-9)
-
-
-def test_without_an_endplate_the_angle_is_missing():
-    landmarks = known_spine(back=ROUND)
-    keep = [i for i, name in enumerate(landmarks.names) if name != "T5_superior_endplate"]
-    found = angles(Landmarks(tuple(landmarks.names[i] for i in keep), landmarks.points[keep]))
-    assert found["T5-T12"] is None
-    assert found["L1-S1"] is None
-    assert found["T1-T12"] == pytest.approx(38.0, abs=1e-9)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.skin_quality import SkinQuality, skin_change, skin_quality
 
@@ -80,9 +79,3 @@ def test_stretch_is_that_of_the_sheet_in_any_direction(factor, stretched, shown)
     assert skin_change(before, predicted).stretch == pytest.approx(factor, rel=1e-7)
     assert (found.stretched_area, found.shown_area) == pytest.approx((stretched, shown))
     assert len(found.faults) == (stretched > 50.0)
-
-
-def test_skins_that_do_not_belong_together_are_refused():
-    before = sheet()
-    with pytest.raises(InputError, match="vertices and triangles of the skin before"):
-        skin_quality(before, Surface(before.vertices[:-1], before.faces[:-2]))

@@ -13,7 +13,6 @@ from rerun.chunk import RrdReader
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.bone_motion.bone_path import spline_path
-from warp_trunk.engine.relaxation import Energy
 from warp_trunk.geometry.surface import Surface
 
 
@@ -57,14 +56,6 @@ def test_every_increment_has_its_skin(recorded):
     np.testing.assert_array_equal(faces, case.skin.faces)
 
 
-def test_bones_move_with_their_nodes(recorded):
-    path, _, trunk, increments = recorded
-    bones = column(path, "/now/bones", "vertex_positions")
-    (faces,) = column(path, "/now/bones", "triangle_indices").values()
-    moved = trunk.nodes + increments[-1].displacement
-    np.testing.assert_allclose(bones[3][faces], moved[trunk.bone_faces], atol=1e-4)
-
-
 def test_numbers_by_increment(recorded):
     path = recorded[0]
     energies = column(path, "/energy", "scalars")
@@ -77,22 +68,6 @@ def test_numbers_by_increment(recorded):
     rotations = {k: v[place] for k, v in column(path, "/bsr", "scalars").items()}
     expected = {k: 14.0 * 360.0 / 420.0 * k / 3 for k in range(4)}
     assert rotations == pytest.approx(expected, abs=0.05)
-
-
-def test_a_plan_that_moves_nothing_is_recorded(tmp_path):
-    case, trunk = small_case()
-    (first, *_) = made_up_increments(trunk)
-    still = replace(first.relaxation, energy=Energy(dict.fromkeys(first.relaxation.energy.terms, 0.0)))
-    record(tmp_path / "still.rrd", case, trunk, [replace(first, relaxation=still)])
-    energies = column(tmp_path / "still.rrd", "/energy", "scalars")
-    assert {k: v.tolist() for k, v in energies.items()} == {1: [0]}
-
-
-def test_landmarks_go_with_the_load_factor(recorded):
-    path, case, _, _ = recorded
-    points = column(path, "/now/landmarks", "positions")
-    np.testing.assert_allclose(points[0], case.landmarks_before.points, atol=1e-4)
-    np.testing.assert_allclose(points[3], case.landmarks_after.points, atol=1e-4)
 
 
 def test_logged_arrays_are_copies(tmp_path, monkeypatch):
@@ -165,12 +140,3 @@ def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
     )
     assert "actual" in column(tmp_path / "a.rrd", "/section/target/angle", "labels")[None].item()
     assert column(path, "/section/target/angle", "labels") == {}
-
-
-def test_sides_are_named_in_space(recorded):
-    path, case, *_ = recorded
-    (labels,) = column(path, "/sides", "labels").values()
-    (positions,) = column(path, "/sides", "positions").values()
-    places = dict(zip(np.ravel(labels).tolist(), np.reshape(positions, (-1, 3)), strict=True))
-    assert places["left"][0] > case.skin.vertices[:, 0].max()
-    assert places["right"][0] < case.skin.vertices[:, 0].min()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,21 +12,11 @@ from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli.measure import Measure
 from warp_trunk.report.page import BAND_HEAD, band_table, source_table
-from warp_trunk.report.sentences import band_sentence
 from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
-from warp_trunk.results.bands import Band
 
 FOUND = small_bands(len(small_case()[0].skin.vertices))
 BANDS = FOUND.bands
-
-
-def test_the_page_tells_it(tmp_path: Path) -> None:
-    page = read_result(write_small_result(tmp_path, found=FOUND)).report().read_text()
-    assert "How sure each number is" in page
-    assert "section &lt;5.2&gt; of [2]" in page
-    assert (tmp_path / "report" / "sure.png").stat().st_size > 5000
-    assert "In 19 of 20 such operations the rotation at" in page
 
 
 def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
@@ -38,22 +27,6 @@ def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
     assert [row[1] for row in table if row[0].startswith("Hump")] == ["11 right"]
     assert source_table(BANDS) == [["landmarks", "2.1 +- 1.5 mm", "1.4", "0.7", "section <5.2> of [2]"]]
     assert all(len(row) == len(BAND_HEAD) for row in table)
-
-
-@pytest.mark.parametrize(
-    ("value", "said"),
-    [
-        (8.0, "rotation at T8 would be between 5 and 11 degrees"),
-        (-8.0, "rotation at T8 would be between 5 and 11 degrees"),
-        (1.0, "between 2 degrees with the left side further back and 4 with the right side"),
-    ],
-)
-def test_the_sentence(value: float, said: str) -> None:
-    bands = replace(BANDS, bsr_deg={"T8": Band.of(value, 1.5)})
-    assert said in band_sentence(bands, "T8")
-    assert "rough" not in band_sentence(bands, "T8")
-    assert "rough" in band_sentence(BANDS, "T4")
-    assert band_sentence(bands, "L1") == ""
 
 
 def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,6 @@ from support.known_spine import known_spine
 from support.report_results import write_small_result
 from support.trunk_shapes import flat_back, rotation, tube
 from warp_trunk.cli import main
-from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.report.plans import differences
@@ -61,17 +60,6 @@ def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
         "back", "hump", "rotation", "spine_behind", "spine_side",
     ]  # fmt: skip
     assert "Too alike to choose by" in text
-
-
-def test_plan_that_did_not_converge_is_named(tmp_path):
-    folders = [
-        write_small_result(tmp_path / "good"),
-        write_small_result(tmp_path / "bad", status=RelaxStatus.STALLED, warnings=("The spine folds at T8.",)),
-    ]
-    text = write_comparison([read_result(folder) for folder in folders], tmp_path / "page").read_text()
-    assert "Plan B: the calculation did not reach its end (STALLED)" in text
-    assert "Plan A: the calculation" not in text
-    assert "Plan B: The spine folds at T8." in text
 
 
 def test_another_patient_a_plan_given_twice_and_too_many_are_refused(tmp_path):

@@ -3,21 +3,18 @@
 import numpy as np
 import pytest
 
-from support.small_trunk import box_mesh, small_landmarks
-from support.trunk_shapes import ellipse, tube
+from support.small_trunk import small_landmarks
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.report.hump_picture import FADE, painted_difference, side_difference
 from warp_trunk.report.relief import (
     BEHIND,
     FRONT,
-    MARGIN,
     RIGHT,
     Window,
     in_pelvis,
     relief,
     seen_from,
-    window,
 )
 
 
@@ -53,18 +50,6 @@ def test_pelvis_frame_undoes_any_turn_and_shift_of_the_patient(landmarks):
     there = in_pelvis(turned_about_z(points, 25.0, (30.0, -70.0, 0.0)), moved)
     np.testing.assert_allclose(there, here, atol=1e-9)
     np.testing.assert_allclose(in_pelvis(landmarks.points[:2], landmarks)[:, :2], [[120.0, 0.0], [-120.0, 0.0]])
-
-
-def test_window_holds_every_skin_and_is_symmetric(landmarks):
-    _, _, faces = box_mesh()
-    narrow = Surface(np.array([[-40.0, 0, 100], [90.0, 0, 300], [0, 50, 410]]), faces[:1] * 0 + [[0, 1, 2]])
-    wide = Surface(narrow.vertices * [2.0, 1.0, 1.0], narrow.faces)
-    seen = window([(narrow, landmarks), (wide, landmarks)], pixel=2.0)
-    np.testing.assert_array_equal(seen.x, -seen.x[::-1])
-    assert seen.x[0] == pytest.approx(180.0 + MARGIN, abs=2.0)
-    assert seen.z[0] == pytest.approx(410.0 + MARGIN)
-    assert seen.z[-1] == pytest.approx(100.0, abs=2.0)
-    assert np.diff(seen.z) == pytest.approx(-2.0)
 
 
 def test_depth_and_normals_are_those_of_a_slope(landmarks):
@@ -128,15 +113,6 @@ def test_every_view_has_its_sides_where_it_says(landmarks):
     assert (BEHIND.sides, FRONT.sides, RIGHT.sides) == (("left", "right"), ("right", "left"), ("back", "front"))
     for view in (BEHIND, FRONT, RIGHT):
         np.testing.assert_allclose(seen(above, view), [0.0, 0.0, 50.0], atol=1e-9)
-
-
-def test_views_of_one_trunk_are_as_wide_and_hold_it(landmarks):
-    skin = tube(ellipse(), rows=4)  # 300 mm wide and 200 mm deep
-    widths = {view: window([(skin, landmarks)], 2.0, view).x for view in (BEHIND, FRONT, RIGHT)}
-    assert len({len(x) for x in widths.values()}) == 1
-    back = relief(skin, landmarks, Window(widths[RIGHT], np.array([200.0]), 2.0), RIGHT)
-    seen = widths[RIGHT][np.isfinite(back.depth[0])]
-    assert (seen.max(), seen.min()) == pytest.approx((160.0, -40.0), abs=2.5)  # the iliac spines lie at y = -60
 
 
 def test_what_is_painted_is_smooth_and_fades_at_the_ends_of_the_spine(landmarks):

@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -12,11 +11,8 @@ from PIL import Image
 from support.report_results import write_small_result
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.report.modelled import modelled, not_modelled
 from warp_trunk.report.page import rotation_table
-from warp_trunk.report.sentences import sentences
 from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
 
@@ -91,14 +87,6 @@ def test_numbers_of_the_prediction_are_the_angles_that_were_imposed(plain):
         assert change == f"+{size}"
 
 
-def test_sentences_name_the_level_the_side_and_the_angles(plain):
-    said = sentences(poses_of(read_result(plain[0])), None)
-    assert list(said) == ["What is planned", "What changes", "What stays", "How sure this is"]
-    assert said["What is planned"] == "The spine has no curve of 10 degrees or more."
-    assert "right side of the back then stands further back, by 12 degrees at vertebra T4" in said["What stays"]
-    assert "not been compared with patients" in said["How sure this is"]
-
-
 def test_actual_skin_brings_its_error(compared):
     """It is turned by 3 degrees more everywhere: that is the mean absolute error, and more than a surgeon
     detects."""
@@ -125,46 +113,6 @@ def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_pat
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
 
 
-def test_warnings_are_text_on_the_page_of_the_surgeon(tmp_path):
-    folder = write_small_result(
-        tmp_path, warnings=("The <b>pelvis</b> moves by 7 mm.", "The largest curve grows.")
-    )
-    text = read_result(folder).report().read_text()
-    surgeon = text.index("For the surgeon:")
-    assert text.index("<img") < text.index('role="alert"') < surgeon
-    assert text.index("The &lt;b&gt;pelvis&lt;/b&gt; moves by 7 mm.") > surgeon
-    assert text.index("The largest curve grows.") > surgeon
-
-
-def test_appendix_says_what_increments_are_relaxed_to(plain):
-    words = " ".join(Elements(plain[1]).words.split())
-    assert "All increments but the last are relaxed only to twenty times the tolerance" in words
-    assert "may stop at 0.2 mm" in words
-    assert "the last one at 0.01 mm" in words
-    assert words.index("load factor") > words.index("Appendix")
-
-
-def test_what_was_modelled_follows_the_options(plain):
-    summary = read_result(plain[0]).summary
-    said, not_said = " ".join(modelled(summary)), " ".join(not_modelled(summary))
-    assert "one elastic material" in said
-    assert "springs" in said
-    assert "already holds" in said
-    assert "skin, fat and muscle" in not_said
-    assert "joints" in not_said
-    tissues = (Tissue(youngs_modulus=130.0), Tissue(youngs_modulus=2.5))
-    options = {"bones": "follow", "gravity": 9.81, "rest": "sag-free"}
-    other = replace(summary, tissues=tissues, terms=("shape", "gravity"), parameters=options)
-    said, not_said = " ".join(modelled(other)), " ".join(not_modelled(other))
-    assert "2 elastic materials" in said
-    assert "130, 2.5 kPa" in said
-    assert "neo-Hookean" in said
-    assert "9.81 m/s²; the scan before surgery is in balance" in said
-    assert "rigid body" in said
-    assert "skin, fat" not in not_said
-    assert "joints" not in not_said
-
-
 def test_folder_that_cannot_be_written_is_refused_before_any_drawing(plain, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: pytest.fail("drawn"))
@@ -180,10 +128,3 @@ def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path,
     for name in PICTURES:
         again = page.parent / "report" / f"{name}.png"
         assert again.read_bytes() == (plain[0] / "report" / f"{name}.png").read_bytes()
-
-
-def test_command_refuses_what_is_no_result_in_one_line(tmp_path, capsys):
-    assert main(["report", str(tmp_path)]) == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert re.fullmatch(r"warp-trunk: .*summary\.json: there is no such file; .*", last)
-    assert list(tmp_path.iterdir()) == []

@@ -5,9 +5,7 @@ import pytest
 
 from support.known_spine import BODY, known_spine
 from support.trunk_shapes import ellipse, tube
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import measure
-from warp_trunk.report.hump_picture import scale_limit
 from warp_trunk.report.relief import BEHIND, RIGHT
 from warp_trunk.report.spine_pictures import DEEP, FACES, WIDE, spine_picture, vertebra_boxes
 from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
@@ -37,14 +35,6 @@ def test_faces_look_outwards():
         assert np.cross(c - a, d - b) @ (corners[list(face)].mean(axis=0) - corners.mean(axis=0)) > 0.0
 
 
-def test_vertebra_without_all_its_landmarks_has_no_box():
-    landmarks = known_spine()
-    keep = [i for i, name in enumerate(landmarks.names) if name != "T8_left_pedicle_superior"]
-    levels = vertebra_boxes(Landmarks(tuple(landmarks.names[i] for i in keep), landmarks.points[keep]))
-    assert "T8" not in levels
-    assert len(levels) == 16
-
-
 def test_picture_names_every_vertebra_and_every_angle_of_each_spine():
     skin = tube(ellipse(), bottom=-80.0, top=440.0)
     tilts = {"T1": 28.0, "T4": 30.0, "T11": -30.0, "L4": 28.0}
@@ -64,8 +54,3 @@ def test_picture_names_every_vertebra_and_every_angle_of_each_spine():
     for side in words(RIGHT):
         assert "kyphosis\nT5 to T12\n30°" in side
         assert {"back", "front"} <= set(side)
-
-
-@pytest.mark.parametrize(("sizes", "limit"), [([], 20.0), ([12.0], 20.0), ([35.8, 3.0], 40.0), ([61.0], 70.0)])
-def test_scale_of_the_hump_reaches_the_largest_one(sizes, limit):
-    assert scale_limit(sizes) == limit

@@ -31,12 +31,8 @@ def test_shares_of_a_plan_are_taken_and_put_back() -> None:
     [
         ("T8", "bounds nothing; write what may change, as T8,correction=0.5..0.8"),
         ("T8,correction=0.5", "must be a name, = and two numbers"),
-        ("T8,correction=a..b", "must be a name, = and two numbers"),
         ("T8,cobb_after=0.1..0.2", "'cobb_after' must be correction or derotation"),
-        ("T8,correction=0.5..1.5", "within 0 to 1, not from 0.5 to 1.5"),
-        ("T8,correction=nan..1", "within 0 to 1, not from nan to 1"),
         ("T8,correction=0.8..0.5", "from a smaller share to a larger one within 0 to 1, not from 0.8 to 0.5"),
-        ("T8,correction=0.5..0.5", "leave out what is not to change"),
         (
             "L2,correction=0.5..0.8",
             "which is the reference of the search; give it there, as --curve L2,",

@@ -34,15 +34,11 @@ def test_plan_comes_back(tmp_path: Path, plan: Plan) -> None:
     [
         ('uiv = "T4"', "'liv' is missing"),
         ('uiv = "T4"\nliv = "L1"\nkyphosis = 30', "unknown key 'kyphosis'; did you mean 'kyphosis_T5_T12'?"),
-        ('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorection = 0.5', "did you mean 'curve.correction'?"),
         ('uiv = "T4"\nliv = "L1"\n[[curve]]\ncorrection = 0.5', "a curve has no 'apex'"),
-        ('uiv = "T4"\nliv = "L1"\n[curve]\napex = "T8"', "'curve' must be tables"),
         ('uiv = "T4"\nliv = "L1"\nspontaneous = "half"', "'spontaneous' must be 0 to 1, not half"),
-        ("uiv = 4\nliv = 5", "'uiv' must be a vertebra such as T4 or L1, not 4"),
         ('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 65', "must be 0 to 1, not 65"),
         ("uiv", "cannot be read as TOML"),
         ('uiv = "L3"\nliv = "L1"', "'uiv' must lie above 'liv', but L3 is not above L1"),
-        ('uiv = "T4"\nliv = "L1"\nunfused = "free"', "'unfused' must be follow or fixed, not 'free'"),
         ('uiv = "T4"\nliv = "L1"\n' + 2 * '[[curve]]\napex = "T8"\n', "the curve of T8 is planned twice"),
     ],
 )
@@ -52,8 +48,3 @@ def test_what_is_wrong_names_the_file(tmp_path: Path, text: str, rule: str) -> N
         read_plan(tmp_path / "plan.toml")
     assert str(caught.value).startswith(str(tmp_path / "plan.toml"))
     assert rule in str(caught.value)
-
-
-def test_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"plan\.toml: there is no such file"):
-        read_plan(tmp_path / "plan.toml")

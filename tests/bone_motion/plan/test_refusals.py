@@ -34,15 +34,6 @@ def nearest(text: str) -> float:
     return float(found[1])
 
 
-def test_segment_that_would_turn_too_far() -> None:
-    """Two discs alone cannot take 70 degrees of kyphosis; what they can take is named, and can be planned."""
-    plan = Plan(uiv="T8", liv="T10", unfused="fixed", kyphosis_T5_T12=85.0)
-    text = refusal(plan)
-    assert "kyphosis_T5_T12 85 degrees cannot be met" in text
-    reached = nearest(text)
-    assert 30.0 <= reached < 85.0
-
-
 @pytest.mark.parametrize("share", [0.98, 1.0])
 def test_nearest_can_be_met(share: float) -> None:
     """A fusion with nothing that follows cannot be straightened wholly and keep T1 where it is."""

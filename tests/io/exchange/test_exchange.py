@@ -1,15 +1,12 @@
 """Meshes for other programs, and from them."""
 
-import json
 from xml.etree import ElementTree
 
 import meshio
 import numpy as np
 import pytest
 
-from support.report_results import write_small_result
 from support.small_trunk import boned_case, small_trunk
-from warp_trunk.cli import main
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
@@ -129,15 +126,3 @@ def test_meshes_that_do_not_fit_are_refused(change, rule, trunk, bones, tmp_path
         read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
     assert "a.vtu" in str(error.value)
     assert rule in str(error.value)
-
-
-def test_export_writes_the_mesh_of_a_result(tmp_path, capsys):
-    write_small_result(tmp_path)
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    summary["tissues"][0]["youngs_modulus"] = 12.0
-    (tmp_path / "summary.json").write_text(json.dumps(summary))
-    assert main(["export", str(tmp_path), "--out", str(tmp_path / "problem.inp")]) == 0
-    assert "*ELASTIC\n0.012, 0.35\n" in (tmp_path / "problem.inp").read_text()
-    assert not (tmp_path / "problem.partial.inp").exists()
-    assert main(["export", str(tmp_path), "--out", "x.docx"]) == 2
-    assert "'.docx'" in capsys.readouterr().err
