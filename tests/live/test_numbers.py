@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from playwright.sync_api import sync_playwright
-
-from support.chromium import CHROMIUM, QUIET, needs_chromium
 from support.small_patient import APEX, curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, plan_surgery
-from warp_trunk.live.numbers import line_html, numbers_html, status_html
+from warp_trunk.live.numbers import numbers_html
 from warp_trunk.live.session import PlanView
 from warp_trunk.measures import measure
 from warp_trunk.measures.rows import number
@@ -39,21 +36,3 @@ def test_a_plan_to_compare_with_is_a_column_of_its_own() -> None:
     assert "&lt;mine&gt;" in text
     assert "<mine>" not in text
     assert text.count("<rect") == 3 * sum(angle is not None for angle in BEFORE.bsr.values())
-
-
-@needs_chromium
-def test_long_names_and_paths_stay_in_a_narrow_panel() -> None:
-    name = "thoracic_fusion_T4_L1_strong_correction"
-    said = (
-        line_html(f"Kept: /home/somebody/planned_surgeries_of_the_department/{name}"),
-        numbers_html(CASE, BEFORE, VIEW, BEFORE, (name, replace(VIEW, measures=BEFORE))),
-        status_html(VIEW, f"{name}{name} cannot be read"),
-    )
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
-        tab = browser.new_page()
-        for html in said:
-            tab.set_content(f"<div id='panel' style='width:265px'>{html}</div>")  # that of a window of 390
-            wide = "panel => [panel, ...panel.querySelectorAll('div')].map(e => e.scrollWidth - e.clientWidth)"
-            assert tab.locator("#panel").evaluate(f"panel => Math.max(...({wide})(panel))") <= 0
-        browser.close()

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 from playwright.sync_api import Browser, Locator, Playwright, WebSocket, expect, sync_playwright
 from playwright.sync_api import Page as Tab
@@ -180,26 +179,6 @@ def test_keep_compare_and_undo(visit: Visit, page: Page) -> None:
             visit.press("Undo")
             visit.tab.wait_for_timeout(1500)
     until(lambda: correction(page) == share and settled(page), visit)
-
-
-def test_two_browsers_show_one_plan_and_one_may_be_killed(
-    playwright: Playwright, visit: Visit, page: Page
-) -> None:
-    before = {process.pid for process in psutil.Process().children(recursive=True)}
-    other = Visit(launch(playwright), page, width=400)  # as on a phone
-    assert other.tab.evaluate("document.documentElement.scrollWidth") <= 400
-    other.sent.clear()
-    visit.drag(15)
-    until(lambda: settled(page), visit)
-    assert page.session.view is not None
-    until(lambda: sum(other.sent) > page.scene.skin.vertices.nbytes, other)
-    for process in psutil.Process().children(recursive=True):
-        if process.pid not in before and "chrom" in process.name():
-            process.kill()
-    share = correction(page)
-    visit.drag(-15)
-    until(lambda: correction(page) < share and settled(page), visit)
-    assert page.failure is None
 
 
 def test_the_button_ends_it(visit: Visit, page: Page) -> None:

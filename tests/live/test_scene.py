@@ -10,7 +10,7 @@ from support.small_patient import curved_case
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.live.bones import BonePoses
-from warp_trunk.live.image import MOST, Forecast
+from warp_trunk.live.image import Forecast
 from warp_trunk.live.scene import STEP, relief_lines
 from warp_trunk.run.patient import motions_of
 
@@ -101,12 +101,3 @@ def test_a_known_plan_is_met_the_next_is_straight_on_and_beside_it_is_the_neares
     assert off < 0.15 * np.abs(field(9.0) - field(8.0)).max()
     side = BESIDE - WAY * np.vdot(BESIDE, WAY) / np.vdot(WAY, WAY)
     np.testing.assert_allclose(forecast.at(ZERO + 8.0 * WAY + 0.1 * side), field(8.0), atol=1e-9)
-
-
-def test_of_many_those_are_kept_that_stand_apart() -> None:
-    """A slow drag does not push out what is known of plans far from it."""
-    forecast = known(30.0, *np.arange(2.0, 20.0, 0.5))
-    for share in (0.0, 30.0, 19.5):
-        assert forecast.way(ZERO + share * WAY) == 0.0
-    missing = [forecast.way(ZERO + share * WAY) > 0.0 for share in np.arange(2.0, 20.0, 0.5)]
-    assert len(missing) - sum(missing) == MOST - 2

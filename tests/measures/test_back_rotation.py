@@ -51,13 +51,6 @@ def test_grooved_section_turns_with_its_rotation(degrees):
     assert angle(touching) == pytest.approx(supports[0] + degrees, abs=1e-9)
 
 
-def test_a_fine_facet_of_a_convex_back_is_no_bridge():
-    """Facets of a coarse section must not decide: its rotation is that of the smooth one."""
-    turn = rotation(10.0)
-    coarse = np.roll(ellipse(90), 3, axis=0) @ turn.T
-    assert angle(dual_tangent(coarse, turn @ SPINE, LEFT)) == pytest.approx(10.0, abs=0.15)
-
-
 def test_a_flat_back_gives_its_rotation_however_rounding_falls():
     """All of the back's points lie on one line, but for the last bit."""
     x = np.linspace(-150.0, 150.0, 9)
@@ -75,10 +68,6 @@ def test_the_rotation_is_that_against_the_pelvis(pelvis):
     found = there(back_surface_rotation(tube(grooved() @ turn.T), marks)["T8"])
     straight = there(back_surface_rotation(tube(grooved()), spine({"T8": 200.0}))["T8"])
     assert found.angle == pytest.approx(straight.angle - (8.0 - pelvis), abs=1e-6)
-
-
-def test_spine_outside_the_section_has_no_tangent():
-    assert dual_tangent(ellipse(), np.array([400.0, 0.0]), LEFT) is None
 
 
 @pytest.mark.parametrize("half_width", [40.0, 400.0])

@@ -30,8 +30,3 @@ def test_indices_are_those_of_the_distances(degrees: float) -> None:
     assert found["Haller index"] == pytest.approx(240.0 / 90.0)  # ribs apart, sternum to vertebra
     assert found["Correction index [%]"] == pytest.approx(25.0)  # 120 mm to the cartilages
     assert found["External sternal angle [°]"] == pytest.approx(degrees, abs=1e-9)
-
-
-def test_without_a_sternum_or_vertebra_there_is_no_index() -> None:
-    for missing in ("sternum", "T8"):
-        assert chest_indices(skin(0.0), {name: bone for name, bone in BONES.items() if name != missing}) == {}

@@ -3,7 +3,6 @@
 import pytest
 
 from support.known_spine import LEVELS, known_spine
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.measures import cobb_angles
 
 
@@ -28,14 +27,6 @@ def test_double_major_gives_two_curves_with_opposite_sides():
     assert lumbar.angle == pytest.approx(40.0)
     assert (thoracic.upper, thoracic.lower, lumbar.upper, lumbar.lower) == ("T5", "T11", "T11", "L4")
     assert (thoracic.convex, lumbar.convex) == ("left", "right")
-
-
-def test_vertebrae_without_endplates_are_passed_over():
-    landmarks = known_spine(to_left={"T1": 20.0, "T5": 25.0, "T12": -30.0, "L5": -22.0})
-    keep = [i for i, name in enumerate(landmarks.names) if name != "T8_superior_endplate"]
-    (curve,) = cobb_angles(Landmarks(tuple(landmarks.names[i] for i in keep), landmarks.points[keep]))
-    assert curve.angle == pytest.approx(55.0)
-    assert cobb_angles(Landmarks(landmarks.names[:6], landmarks.points[:6])) == ()
 
 
 def test_unevenness_below_ten_degrees_is_no_curve_and_splits_none():

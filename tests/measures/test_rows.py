@@ -5,8 +5,7 @@ import pytest
 from support.known_spine import known_spine
 from support.trunk_shapes import flat_back, rotation, tube
 from warp_trunk.measures import measure
-from warp_trunk.measures.rows import level_rows, measure_rows, number, sided
-from warp_trunk.measures.table import as_html, as_markdown, as_text
+from warp_trunk.measures.rows import level_rows, measure_rows
 from warp_trunk.report.sentences import sentences
 from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
 
@@ -64,23 +63,3 @@ def test_every_curve_is_followed_between_the_same_vertebrae():
         assert row.values == pytest.approx(angles, abs=1e-6)
     over = compared(poses(THORACIC, scaled(THORACIC, -0.1)))  # overcorrected: below zero
     assert [cells[1] for title, cells in over.items() if title.startswith("Cobb")] == ["−4.0", "−6.0", "−3.0"]
-
-
-@pytest.mark.parametrize(
-    ("value", "text", "side"),
-    [(12.24, "12", "12 right"), (-0.04, "0.0", "0.0"), (-3.0, "−3.0", "3.0 left"), (None, "–", "–")],
-)
-def test_numbers_have_two_digits_and_sides_are_words(value, text, side):
-    assert number(value) == text
-    assert sided(value) == side
-
-
-def test_a_table_has_the_same_cells_in_every_form():
-    head, rows = ["name", "one", "two"], [["A & B"], ["first", "1.0", "22"], ["second", "–", "3.0 right"]]
-    assert as_text(head, rows).splitlines() == [
-        "name    one        two", "A & B", "first   1.0         22", "second    –  3.0 right",
-    ]  # fmt: skip
-    assert as_markdown(head, rows).splitlines()[2:4] == ["| **A & B** |  |  |", "| first | 1.0 | 22 |"]
-    html = as_html(head, rows)
-    assert "A &amp; B" in html
-    assert '<tr><th scope="row">second</th><td>–</td><td>3.0 right</td></tr>' in html

@@ -48,7 +48,7 @@ async () => Promise.all([...document.querySelectorAll('img')].map(async image =>
 """
 
 
-def open_page(page_file: Path, screenshot: Path | None = None, widths: tuple[int, ...] = (1280, 400)) -> Opened:
+def open_page(page_file: Path, widths: tuple[int, ...] = (1280, 400)) -> Opened:
     """Open a page from disk at several widths, without a network, and print it on A4."""
     complaints, requests, overflow = [], [], {}
     with sync_playwright() as playwright:
@@ -62,8 +62,6 @@ def open_page(page_file: Path, screenshot: Path | None = None, widths: tuple[int
             page.goto(page_file.resolve().as_uri(), wait_until="load")
             page_width = page.evaluate("document.documentElement.scrollWidth")
             overflow[width] = page_width - width
-        if screenshot is not None:
-            page.screenshot(path=screenshot)
         fetched = [url for url in requests if not url.startswith("data:")]
         opened = Opened(
             complaints, fetched, page.evaluate(_PICTURES), overflow, page.inner_text("body"),

@@ -32,7 +32,6 @@ def write_small_result(
     status: RelaxStatus = RelaxStatus.CONVERGED,
     turn_more: float | None = None,
     without: str | None = None,
-    warnings: tuple[str, ...] = (),
     found: FoundBands | None = None,
 ) -> Path:
     """Write a result; the prediction is turned by 12 degrees at T4, evenly less towards 0 at the bottom.
@@ -43,7 +42,6 @@ def write_small_result(
         status: how its last relaxation ended.
         turn_more: how many degrees the actual skin is turned further at every height; None for no actual skin.
         without: a level whose plane misses the trunk.
-        warnings: what the run warned of.
         found: how sure the numbers are.
     """
     case, trunk = small_case()
@@ -65,7 +63,6 @@ def write_small_result(
         result_model(),
         increments,
         parameters={"tolerance": 0.01},
-        warnings=warnings,
         found=found,
     ).save(folder)
     return folder

@@ -62,16 +62,6 @@ def test_least_motion_is_that_of_sequential_quadratic_programming() -> None:
     assert np.abs(mine).max() > 3.0
 
 
-def test_many_changes_at_once_are_as_each() -> None:
-    posture = posture_of(SPINE)
-    changes = np.random.default_rng(5).normal(scale=8.0, size=(4, *posture.angles.shape))
-    limits, targets = limits_of(posture), targets_of(posture, replace(PLANS[2], curves=()), ())
-    together, each = Placed(posture, changes), [Placed(posture, change) for change in changes]
-    np.testing.assert_allclose(limits.excess(together), [limits.excess(one) for one in each], atol=1e-12)
-    for target in targets:
-        np.testing.assert_allclose(target.off(together), [target.off(one) for one in each], atol=1e-12)
-
-
 def test_other_landmarks_go_by_the_spline() -> None:
     """Ribs and sternum have landmarks in some cases."""
     extra = SPINE.points[:20:5] + np.array([60.0, -50.0, 4.0])
