@@ -6,6 +6,7 @@ The bone is called T10 and has no landmarks of its own, so that it goes where th
 from dataclasses import dataclass, replace
 
 import numpy as np
+import rerun as rr
 
 from warp_trunk.bone_motion.bone_path import spline_path
 from warp_trunk.case import Case
@@ -120,7 +121,9 @@ def start_recording(path, case, trunk, **options):
     """A recording of a case that has no increment yet."""
     path_of_bones = spline_path(trunk.nodes, case.landmarks_before, case.landmarks_after)
     before = measure(case.skin, case.landmarks_before)
-    return Recording(path, case, trunk, before, path_of_bones, strict=True, **options)
+    recording = Recording(path, case, trunk, before, path_of_bones, **options)
+    rr.set_strict_mode(True)  # raise where Rerun would only warn
+    return recording
 
 
 def measured(case, trunk, increment):

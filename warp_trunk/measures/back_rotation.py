@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 SPAN = 40.0
 """Least distance between the points where the dual tangent touches the back [mm]."""
+BEYOND = 60.0
+"""Length by which a drawn tangent extends past its points of contact [mm]."""
 STEEPEST = math.radians(60.0)
 """A tangent turned further than this against the pelvis is not one of the back."""
 
@@ -49,6 +51,12 @@ class DualTangent:
     """Centroid of the vertebra, x and y [mm], shape (2,)."""
     across: np.ndarray
     """Unit vector of the pelvis' axis to the patient's left, x and y, shape (2,)."""
+
+    @property
+    def line(self) -> np.ndarray:
+        """The tangent as it is drawn, from the left to the right, `BEYOND` mm past its contacts, shape (2, 2)."""
+        step = BEYOND * (self.left - self.right) / np.hypot(*(self.left - self.right))
+        return np.array([self.left + step, self.right - step])
 
 
 def back_surface_rotation(surface: Surface, landmarks: Landmarks) -> dict[str, DualTangent | None]:

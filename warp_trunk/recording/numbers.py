@@ -19,13 +19,10 @@ Angles = Mapping[str, float | None]
 
 TERMS = {"distance": "edges", "area": "faces"}
 """Names of the terms of an energy in the plot, where they differ."""
-WHISKER = (3.0, (255, 255, 255)), (1.4, (20, 20, 20))
-"""Width in points of the screen and colour of a whisker and of what is drawn over it: one of both stands out from
-a dark ground, the other from a light one, and both from a bar."""
 BAR = 0.26
 """Height of a bar, where levels are 1 apart and three bars share one."""
 NAMES, BETWEEN, ANGLES = 0.05, (0.1, 0.87), 0.93
-"""Where names, bars with their whiskers, and angles stand in a plot of bars, as parts of its width."""
+"""Positions of names, bars with their whiskers, and angles in a plot of bars, as parts of its width."""
 SPARE = 5.0
 """Room for the whiskers on either side of the bars [degrees]; a usual rotation is known to 2 degrees."""
 
@@ -33,12 +30,12 @@ SPARE = 5.0
 class BarPlot:
     """Where bars of angles stand in a picture: a level each row, its name on the left, its angle on the right."""
 
-    def __init__(self, *angles: Angles, spare: float = 0.0) -> None:
-        """The plot that holds angles by level, those of the first with its levels, with degrees to spare."""
+    def __init__(self, *angles: Angles) -> None:
+        """The plot that holds angles by level, those of the first with its levels, and whiskers beside them."""
         self.levels = tuple(angles[0])
         """Names of the rows, the first on top, rows 1 apart."""
         known = [angle for each in angles for angle in each.values() if angle is not None]
-        low, high = min([0.0, *known]) - spare, max([1.0, *known]) + spare
+        low, high = min([0.0, *known]) - SPARE, max([1.0, *known]) + SPARE
         self.width = 1.45 * (len(self.levels) + 1)
         """The whole plot is this wide, from 0."""
         self.scale = 0.72 * self.width / (1.1 * (high - low))
@@ -53,29 +50,20 @@ class BarPlot:
         return [np.array([[self.zero, y], [x, y]], np.float32) for y, x in ends]
 
     def whiskers(self, ranges: Mapping[str, tuple[float, float]]) -> list[np.ndarray]:
-        """Lines (2, 2) over the middle bars from one angle to another [degrees], with a stroke at either end.
-
-        What would run into the names or the angles ends there, without a stroke.
-        """
-        lines, (first, last) = [], (part * self.width for part in BETWEEN)
-        for row, level in enumerate(self.levels):
-            if level in ranges:
-                low, high = (self.zero + self.scale * angle for angle in ranges[level])
-                lines.append([[x, row] for x in np.clip([low, high], first, last)])
-                tall = 0.6 * BAR
-                lines += [[[x, row - tall], [x, row + tall]] for x in (low, high) if first <= x <= last]
-        return [np.array(line, np.float32) for line in lines]
+        """Lines (2, 2) over the middle bars from one angle to another [degrees], cut off at names and angles."""
+        first, last = (part * self.width for part in BETWEEN)
+        rows = [(row, ranges[level]) for row, level in enumerate(self.levels) if level in ranges]
+        ends = [(row, np.clip(self.zero + self.scale * np.array(angles), first, last)) for row, angles in rows]
+        return [np.array([[low, row], [high, row]], np.float32) for row, (low, high) in ends]
 
 
 class Numbers:
     """Logs measures and relaxations; the levels are known by their names."""
 
-    def __init__(
-        self, log: Callable[..., None], before: TrunkMeasures, target: TrunkMeasures, name: str, *, whiskers: bool
-    ) -> None:
-        """Logs what never changes, with room for `whiskers`; `name` is that of the target: actual or target."""
+    def __init__(self, log: Callable[..., None], before: TrunkMeasures, target: TrunkMeasures, name: str) -> None:
+        """Logs what never changes; `name` is that of the target: actual or target."""
         self._log, self._before, self._target, self._name = log, before, target, name
-        self._plot = plot = BarPlot(before.bsr, target.bsr, spare=SPARE if whiskers else 0.0)
+        self._plot = plot = BarPlot(before.bsr, target.bsr)
         self._terms: list[str] = []
         log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
         log("bsr", rr.SeriesLines(names=list(before.bsr)), static=True)
@@ -101,10 +89,8 @@ class Numbers:
     def bands(self, bands: Mapping[str, Band]) -> None:
         """Logs how sure the rotations at the end are, as whiskers over their bars."""
         lines = self._plot.whiskers({level: (band.low, band.high) for level, band in bands.items()})
-        for layer, (width, colour) in enumerate(WHISKER):
-            radii = rr.Radius.ui_points(0.5 * width)
-            drawn = rr.LineStrips2D(lines, radii=radii, colors=colour, draw_order=40.0 + layer)
-            self._log(f"bars/whiskers/{layer}", drawn)
+        radii = rr.Radius.ui_points(1.0)
+        self._log("bars/whiskers", rr.LineStrips2D(lines, radii=radii, colors=TEXT, draw_order=40.0))
 
     def relaxation(self, energy: Energy, estimated_error: float) -> None:
         """Logs the energy by term and the error as its logarithm, after an increment."""

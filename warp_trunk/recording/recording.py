@@ -37,9 +37,7 @@ class Recording:
         bone_path: BonePath,
         *,
         unit: str = "its own unit",
-        whiskers: bool = False,
         live: str | None = None,
-        strict: bool = False,
     ) -> None:
         """Opens the file and records the trunk before surgery, as increment 0.
 
@@ -50,9 +48,7 @@ class Recording:
             before: measures of the skin before surgery; its worst level is the one whose section is shown.
             bone_path: where the bones go.
             unit: of the energy.
-            whiskers: leave room beside the bars of rotations for `bands`.
             live: URL of a viewer that listens, to show everything as it is recorded.
-            strict: raise where Rerun would only warn.
         """
         import rerun as rr  # heavy, as are the modules below
 
@@ -60,8 +56,6 @@ class Recording:
         from .numbers import Numbers
         from .scene import Scene
 
-        if strict:
-            rr.set_strict_mode(True)
         self.path, self._rr, self._case = Path(path), rr, case
         planned, skin = bone_path.at(1.0), case.skin
         carried = planned[trunk.skin_nodes]
@@ -73,7 +67,7 @@ class Recording:
         self._streams = open_streams(case.name, self.path, live, blueprint)
         most = float(np.percentile(np.linalg.norm(carried, axis=1), 99.5))
         self._scene = scene = Scene(self._log, case, trunk, before.worst_level, most)
-        self._numbers = Numbers(self._log, before, target, name, whiskers=whiskers)
+        self._numbers = Numbers(self._log, before, target, name)
         scene.still("before", skin, np.zeros_like(planned), case.landmarks_before.points)
         scene.still("target", target_skin, planned, case.planned_landmarks.points)
         scene.section("before", before, BEFORE, static=True)

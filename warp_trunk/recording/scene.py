@@ -10,7 +10,7 @@ from warp_trunk.case import Case
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import DualTangent, TrunkMeasures
+from warp_trunk.measures import TrunkMeasures
 
 from .colours import BONE, NOW, SKIN, TEXT, painted
 
@@ -86,7 +86,7 @@ class Scene:
         tangent = measures.tangents.get(self._level) if self._level else None
         spatial, flat, at, texts = [], [], [], []
         if tangent is not None:
-            curves = [np.vstack([tangent.outline, tangent.outline[:1]]), tangent_line(tangent)]
+            curves = [np.vstack([tangent.outline, tangent.outline[:1]]), tangent.line]
             spatial = [np.column_stack([c, np.full(len(c), tangent.height)]).astype(np.float32) for c in curves]
             flat = [(curve * [-1.0, 1.0]).astype(np.float32) for curve in curves]  # left on the left, back below
             low, high = self._low, self._high
@@ -99,10 +99,3 @@ class Scene:
         self._log(f"section/{when}", strips, static=static)
         label = rr.Points2D(at, radii=0.0, colors=colour, labels=texts, show_labels=True)
         self._log(f"section/{when}/angle", label, static=static)
-
-
-def tangent_line(tangent: DualTangent, beyond: float = 40.0) -> np.ndarray:
-    """The dual tangent, reaching `beyond` mm past either point of contact, shape (2, 2)."""
-    direction = tangent.left - tangent.right
-    step = beyond * direction / np.hypot(*direction)
-    return np.array([tangent.left + step, tangent.right - step])

@@ -90,8 +90,6 @@ def convergence_plot(summary: Summary) -> Figure:
 
 
 COLUMNS = 4
-BEYOND = 60.0
-"""How far a dual tangent is drawn beyond its points of contact [mm]."""
 
 
 def section_plots(poses: Sequence[TrunkState]) -> Figure:
@@ -111,9 +109,9 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
             outline = _seen(np.vstack([tangent.outline, tangent.outline[:1]]), pose.landmarks)
             axes.plot(*outline.T, color=look.colour, linestyle=look.line, linewidth=0.8, label=look.title)
             contact = _seen(np.array([tangent.left, tangent.right]), pose.landmarks)
-            along = (contact[1] - contact[0]) / np.hypot(*(contact[1] - contact[0]))
-            line = np.array([contact[0] - BEYOND * along, contact[1] + BEYOND * along])
-            axes.plot(*line.T, color=look.colour, linestyle=look.line, linewidth=1.3)
+            axes.plot(
+                *_seen(tangent.line, pose.landmarks).T, color=look.colour, linestyle=look.line, linewidth=1.3
+            )
             axes.plot(*contact.T, color=look.colour, marker=look.marker, linestyle="", markersize=2.8)
         axes.set_title(level, loc="left", fontsize=9, fontweight="bold", pad=2)
         axes.set_title(_angles([pose.measures.bsr.get(level) for pose in poses]), loc="right", fontsize=8, pad=2)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.followed_curves import FollowedCurve, followed_curves, main_curves
+from warp_trunk.measures.rows import value_at
 
 from .style import TrunkState
 
@@ -88,13 +89,12 @@ def _rotations(before: TrunkMeasures, after: TrunkMeasures) -> tuple[float | Non
 
 
 def _height_gained(before: TrunkMeasures, after: TrunkMeasures) -> float | None:
-    if before.spine_height is None or after.spine_height is None:
-        return None
-    return after.spine_height.height - before.spine_height.height
+    was, will = (value_at(measures, "spine_height.height") for measures in (before, after))
+    return None if was is None or will is None else will - was
 
 
 def _shoulders(measures: TrunkMeasures) -> float | None:
-    return None if measures.shoulders is None else measures.shoulders.difference
+    return value_at(measures, "shoulders.difference")
 
 
 def _minus(text: str) -> str:

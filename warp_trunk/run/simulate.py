@@ -245,9 +245,7 @@ class _Simulation:
             if options.record:
                 unit = prepared.model.elements.unit
                 with progress.stage("record", "opening the recording"):
-                    recording = Recording(
-                        path, case, trunk, before, bone_path, unit=unit, whiskers=options.bands, live=live
-                    )
+                    recording = Recording(path, case, trunk, before, bone_path, unit=unit, live=live)
                 recordings.enter_context(recording)
             increments, after = _increments(case, prepared, patient, recording, progress)
             if _unconfirmed(increments[-1], options):
