@@ -339,9 +339,8 @@ def invert(matrix: np.ndarray, precision: str = "float64") -> np.ndarray:
         inverse, flat = _inverse_of_scaled(matrix, scale, "float64", SHIFT)
     if not flat.max(initial=0.0) <= 1.0 / IDLE_SHIFT:
         inverse, _ = _inverse_of_scaled(matrix, scale, "float64", IDLE_SHIFT)
-    inverse *= scale.astype(inverse.dtype)
-    inverse *= scale[:, None].astype(inverse.dtype)
-    return inverse.astype(precision, copy=False)
+    scale = scale.astype(inverse.dtype)
+    return (inverse * scale * scale[:, None]).astype(precision, copy=False)
 
 
 def _inverse_of_scaled(
