@@ -74,8 +74,9 @@ def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
 
     Raises InputError that starts with `name` when it is not a rotation and a translation.
     """
-    if not (np.abs(matrix) <= FARTHEST).all():  # nor is NaN
-        raise InputError(f"{name}: must hold finite numbers within {FARTHEST:g}; write the transform again")
+    odd = matrix[~(np.abs(matrix) <= FARTHEST)]  # NaN, too
+    if odd.size:
+        raise InputError(f"{name}: must hold numbers within {FARTHEST:g}, not {odd[0]:g}; write it again")
     if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > _OFF:
         raise InputError(
             f"{name}: the last row must be 0 0 0 1, not {matrix[3].tolist()}; write the matrix row by row"
