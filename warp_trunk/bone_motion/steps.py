@@ -18,7 +18,6 @@ from warp_trunk.geometry.spline import Spline, SplineDerivative
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
-    from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.trunk_mesh import TrunkMesh
 
 T = TypeVar("T")
@@ -192,17 +191,6 @@ def jacobian(function: Callable[..., Any], values: Sequence[Any], which: int) ->
 PathDerivative = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From dN/d(place of each bone node), (numbers, bone nodes, 3), to dN/d(landmarks before) and after, each of shape
 (numbers, landmarks, 3)."""
-
-
-def spline_derivative(nodes: np.ndarray, before: Landmarks, after: Landmarks) -> PathDerivative:
-    """For bones that the spline of the landmarks carries (`spline_path`); exact.
-
-    Args:
-        nodes: the bone nodes before surgery [mm], shape (bone nodes, 3).
-        before: landmarks before surgery.
-        after: the same after.
-    """
-    return SplineDerivative(before.points, after.points, nodes).adjoint
 
 
 def rigid_derivative(

@@ -57,8 +57,8 @@ def line_html(text: str) -> str:
 
 def _kind(view: PlanView) -> tuple[str, str]:
     if not view.relaxed:
-        off = "by an unknown way, often 5 to 20 mm" if view.error is None else f"by about {_size(view.error)}"
-        return "#c28a00", f"<b>Spline's image</b>, not relaxed yet: off {off}"
+        off = "" if view.error is None else "about "
+        return "#c28a00", f"<b>Spline's image</b>, not relaxed yet: off by {off}{_size(view.error)}"
     if view.settled:
         return "#00794f", f"<b>Relaxed skin</b>, within {_size(view.error)} of its equilibrium"
     return "#4c9a2a", f"<b>Relaxed skin</b>, about {_size(view.error)} from its equilibrium; refined at rest"
@@ -66,7 +66,7 @@ def _kind(view: PlanView) -> tuple[str, str]:
 
 def _size(error: float | None) -> str:
     if error is None:
-        return "an unknown way"
+        return "an unknown way, often 5 to 20 mm"
     return "0.001 mm" if error < 0.001 else f"{error:.2g} mm" if error < 10.0 else f"{error:.0f} mm"
 
 

@@ -83,7 +83,7 @@ def hump_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent: Du
     rows = _rows(landmarks, level)
     kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
     longest = np.linalg.norm(np.subtract(*skin.vertices[edges].swapaxes(0, 1)), axis=1).max()
-    near = np.concatenate(KDTree(cuts).query_ball_point(top.points, longest)).astype(int)
+    near = np.concatenate(KDTree(cuts).query_ball_point(top[1], longest)).astype(int)
 
     def height(part: Surface, marks: Landmarks) -> float:
         centroid = marks.points[rows].mean(axis=0)

@@ -2,21 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from .back_rotation import SPAN, DualTangent
-
-
-@dataclass(frozen=True, eq=False)
-class HumpTop:
-    """Where the hump is highest over the other side of the back."""
-
-    height: float
-    """As `hump_height` [mm]."""
-    points: np.ndarray
-    """Its place on the right of the spine, and as far from it on the left, x and y [mm], shape (2, 2)."""
 
 
 def hump_height(tangent: DualTangent) -> float | None:
@@ -32,11 +20,12 @@ def hump_height(tangent: DualTangent) -> float | None:
         Millimetres, positive for a hump on the right; None where the back is narrower than `SPAN`.
     """
     top = hump_top(tangent)
-    return None if top is None else top.height
+    return None if top is None else top[0]
 
 
-def hump_top(tangent: DualTangent) -> HumpTop | None:
-    """The top of the hump of `hump_height`; None where the back is narrower than `SPAN`."""
+def hump_top(tangent: DualTangent) -> tuple[float, np.ndarray] | None:
+    """The height of the hump [mm], and its place on the right of the spine and as far from it on the left, x and y
+    [mm], shape (2, 2); None where the back is narrower than `SPAN`."""
     behind = np.array([-tangent.across[1], tangent.across[0]])
     points = tangent.outline - tangent.spine
     aside, back = points @ tangent.across, points @ behind
@@ -53,4 +42,4 @@ def hump_top(tangent: DualTangent) -> HumpTop | None:
     places = np.outer([-distances[top], distances[top]], tangent.across) + np.outer(
         [right[top], left[top]], behind
     )
-    return HumpTop(float(right[top] - left[top]), tangent.spine + places)
+    return float(right[top] - left[top]), tangent.spine + places

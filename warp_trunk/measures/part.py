@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,20 +20,6 @@ NEAR = 2.0
 """Studies of the face report the share of the skin that is predicted nearer than this [mm]."""
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """How far a predicted skin is from the actual one, by area; cut planes are left out."""
-
-    within_percent: float
-    """Share of the skin nearer than `NEAR` [%]."""
-    mean_mm: float
-    """Mean distance."""
-    p95_mm: float
-    """95 % of the skin is nearer."""
-    largest_mm: float
-    """Largest distance."""
-
-
 def swept_volumes(before: Surface, after: Surface) -> tuple[float, float]:
     """Volumes between two skins of the same triangles, outside the first and inside it [cm3], both positive.
 
@@ -47,31 +33,32 @@ def swept_volumes(before: Surface, after: Surface) -> tuple[float, float]:
     return float(swept[swept > 0.0].sum()), float(-swept[swept < 0.0].sum())
 
 
-def agreement(predicted: Surface, actual: Surface) -> tuple[Agreement, np.ndarray]:
-    """How far a predicted skin is from the actual one [mm].
+def agreement(predicted: Surface, actual: Surface) -> tuple[dict[str, float], np.ndarray]:
+    """Distance of a predicted skin from the actual one, by area; cut planes are left out.
 
     Returns:
-        The statistics, and the signed distance of each vertex, positive outside the actual skin, NaN where it has
-        no counterpart, shape (vertices,).
+        By name, the share of the skin nearer than `NEAR` [%], the mean distance, the distance than which 95 % of
+        the skin is nearer, and the largest distance [mm]; and the signed distance of each vertex, positive outside
+        the actual skin, NaN where it has no counterpart, shape (vertices,).
     """
     signed, counted = same_skin(predicted, actual)
     size, area = np.abs(signed)[counted], corner_areas(predicted)[counted]
-    found = Agreement(
-        within_percent=100.0 * float(area[size <= NEAR].sum() / area.sum()),
-        mean_mm=float(np.average(size, weights=area)),
-        p95_mm=float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
-        largest_mm=float(size.max()),
-    )
+    found = {
+        "within_percent": 100.0 * float(area[size <= NEAR].sum() / area.sum()),
+        "mean_mm": float(np.average(size, weights=area)),
+        "p95_mm": float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
+        "largest_mm": float(size.max()),
+    }
     return found, np.where(counted, signed, np.nan)
 
 
-def agreement_rows(agreed: Agreement) -> list[list[str]]:
-    """How far a predicted skin is from the actual one."""
+def agreement_rows(agreed: Mapping[str, float]) -> list[list[str]]:
+    """The numbers of `agreement` as rows of a table."""
     return [
-        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed.within_percent:.0f}"],
-        ["Mean distance [mm]", f"{agreed.mean_mm:.2f}"],
-        ["95 % of the skin is nearer than [mm]", f"{agreed.p95_mm:.2f}"],
-        ["Largest distance [mm]", f"{agreed.largest_mm:.2f}"],
+        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed['within_percent']:.0f}"],
+        ["Mean distance [mm]", f"{agreed['mean_mm']:.2f}"],
+        ["95 % of the skin is nearer than [mm]", f"{agreed['p95_mm']:.2f}"],
+        ["Largest distance [mm]", f"{agreed['largest_mm']:.2f}"],
     ]
 
 

@@ -15,7 +15,7 @@ from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison
 from warp_trunk.measures.comparison import DETECTABLE
-from warp_trunk.measures.part import Agreement, agreement_rows, swept_volumes
+from warp_trunk.measures.part import agreement_rows, swept_volumes
 from warp_trunk.measures.points import FollowedPoint, profile
 from warp_trunk.measures.rows import level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
@@ -79,7 +79,7 @@ def part_page(
     poses: Sequence[TrunkState],
     summary: Summary,
     drawings: Mapping[str, bytes],
-    agreed: Agreement | None,
+    agreed: Mapping[str, float] | None,
     plan: str | None,
 ) -> str:
     """The text of the page of a part of the body without a spine; the arguments are those of `page`, and how far

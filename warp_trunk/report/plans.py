@@ -68,8 +68,7 @@ def plan_poses(results: Sequence[Result]) -> list[TrunkState]:
 def plans_page(poses: Sequence[TrunkState], results: Sequence[Result], drawings: Mapping[str, bytes]) -> str:
     """The text of the page; all that comes from files is escaped."""
     before, *plans = poses
-    ends = [result.summary.ending for result in results]
-    titles = [plan.look.heading for plan in plans]
+    named = [(plan.look.heading, result) for plan, result in zip(plans, results, strict=True)]
     groups = measure_rows([pose.measures for pose in poses])
     return rendered(
         "plans.html",
@@ -77,20 +76,13 @@ def plans_page(poses: Sequence[TrunkState], results: Sequence[Result], drawings:
         panels=len(poses),
         virtual=any(result.summary.virtual for result in results),
         titles=", ".join(pose.look.title for pose in poses),
-        plans=[
-            (title, result.summary.case, result.folder.resolve().name, result.plan)
-            for title, result in zip(titles, results, strict=True)
-        ],
+        plans=[(title, result.summary.case, result.folder.resolve().name, result.plan) for title, result in named],
         unfinished=[
             (title, end.name, end.value[:1].upper() + end.value[1:])
-            for title, end in zip(titles, ends, strict=True)
-            if end is not RelaxStatus.CONVERGED
+            for title, result in named
+            if (end := result.summary.ending) is not RelaxStatus.CONVERGED
         ],
-        warnings=[
-            f"{title}: {warning}"
-            for title, result in zip(titles, results, strict=True)
-            for warning in result.summary.warnings
-        ],
+        warnings=[f"{title}: {warning}" for title, result in named for warning in result.summary.warnings],
         differs=differences(before, plans),
         numbers_head=["", *(pose.look.title for pose in poses)],
         numbers_rows=[

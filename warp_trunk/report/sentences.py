@@ -179,8 +179,6 @@ def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
     )
     if hump is None or will is None:
         return f"{text}."
-    if min(hump * angle, will * angle) > 0.0:  # the side of the rotation
-        return f"{text}; the hump is {abs(will):.0f} mm high instead of {abs(hump):.0f}."
     after, before_it = f"{abs(will):.0f} mm ({_side(will)})", f"{abs(hump):.0f} ({_side(hump)})"
     return f"{text}; the largest hump is {after} instead of {before_it}."
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -71,7 +70,7 @@ def _measured(
     if actual is not None and not spine:
         agreed, _ = agreement(skin, actual)
         text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
-        record["against"] = dataclasses.asdict(agreed)
+        record["against"] = agreed
     elif actual is not None:
         other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
         record |= {"actual": measures_record(other), "against": comparison_record(comparison)}

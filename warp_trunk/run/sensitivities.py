@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.steps import PathDerivative, RememberedSteps, rigid_derivative, spline_derivative
+from warp_trunk.bone_motion.steps import PathDerivative, RememberedSteps, rigid_derivative
 from warp_trunk.case.layers import NAMES, Layers
 from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
-from warp_trunk.geometry.spline import spline_response
+from warp_trunk.geometry.spline import SplineDerivative, spline_response
 from warp_trunk.measures import measure
 from warp_trunk.measures.derivatives import (
     Derivative,
@@ -165,7 +165,7 @@ def landmark_derivative(
     """How the nodes on bone follow the landmarks on the path that these options choose."""
     trunk, before, after = prepared.trunk, case.landmarks_before, case.planned_landmarks
     if options.bones == "spline":
-        return spline_derivative(trunk.nodes[trunk.prescribed], before, after)
+        return SplineDerivative(before.points, after.points, trunk.nodes[trunk.prescribed]).adjoint
     steps = RememberedSteps(before.points, after.points)
     return rigid_derivative(trunk, motions_of(case, steps, expected_error), steps)
 

@@ -34,16 +34,11 @@ def write_volume(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray, t
         tissue: constants of the material.
 
     Raises:
-        InputError: an ending that is not known, or a displacement of another shape.
+        InputError: an ending that is not known.
     """
     path = Path(path)
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a trunk cannot be written as '{path.suffix}'; use one of {', '.join(ENDINGS)}")
-    if displacement.shape != trunk.nodes.shape:
-        raise InputError(
-            f"{path}: the displacement must have shape {trunk.nodes.shape}, one row a node, not "
-            f"{displacement.shape}"
-        )
     import meshio  # heavy
 
     ending, mesh = path.suffix.lower(), as_meshio(trunk, displacement)
