@@ -90,6 +90,7 @@ class Relaxer:
         *,
         confirm: bool = True,
         near: bool = False,
+        reuse: bool = False,
         meanwhile: Callable[[], None] | None = None,
     ) -> Relaxation:
         """Relaxes `state` until it is known to be nearer to an equilibrium, no saddle, than the tolerance [mm].
@@ -99,13 +100,13 @@ class Relaxer:
         is called after each accepted step with the state, to read and not to change. Without `confirm` it ends,
         NEAR, as soon as the distance before the last step is estimated to be below the tolerance: increments on
         the way need not be known so well. `near` promises that the state is likely some tolerances from its end,
-        which saves work where it is so. `meanwhile` is called while a device is at work."""
+        which saves work where it is so; `reuse`, that it is near the one whose Hessian was assembled last.
+        `meanwhile` is called while a device is at work."""
         tolerance = self.options.tolerance if tolerance is None else tolerance
-        has_free, newton, method = self.model.free_nodes > 0, None, None
-        if has_free:
-            newton, method = self._newton, self._method
+        newton, method = (self._newton, self._method) if self.model.free_nodes else (None, None)
+        if newton is not None and method is not None:
             self._evaluate()
-            newton.begin(tolerance, confirm=confirm, near=near)
+            newton.begin(tolerance, confirm=confirm, near=near, reuse=reuse)
             self._launch_step(method, None, 0.0)
         else:
             self.state.evaluate()
@@ -297,7 +298,7 @@ class Newton:
 
     def __init__(self, state: State) -> None:
         """For a state at rest: the preconditioner is made of the Hessian there."""
-        self._state = state
+        self._state, self._true = state, False
         self._matrix = BlockMatrix(state)
         self._preconditioner = Multigrid(self._matrix)
         graph = state.model.parallel.graph
@@ -317,18 +318,22 @@ class Newton:
         """The line search takes the first decrease of a Newton step; down from a saddle it looks farther."""
         return 0.5 if math.isinf(self.distance) else None
 
-    def begin(self, tolerance: float, floor: float = 0.0, *, confirm: bool = False, near: bool = False) -> None:
+    def begin(
+        self, tolerance: float, floor: float = 0, *, confirm: bool = False, near: bool = False, reuse: bool = False
+    ) -> None:
         """Begins a relaxation to a tolerance, where rounding leaves `floor` of every distance [mm].
 
-        With `confirm` its end is to be confirmed; `near`, it begins some tolerances from there.
+        With `confirm` its end is to be confirmed; `near`, it begins some tolerances from there; `reuse` takes the
+        Hessian assembled last, if that is projected.
         """
+        self._shrink = 0.0 if reuse and not self._true else math.inf
         self._tolerance, self.floor = tolerance, floor
         self._true_within = min(NEAR * tolerance, max(WITHIN * tolerance, WELL_SHAPED))
         self._at_saddle = False
         self._confirm, self._starts_near = confirm, near
         self._longest_solve = 0
         self._cut = self._true = self._first_true = self._consecutive = self._launched = False
-        self._length = self._shrink = self._contraction = math.inf
+        self._length = self._contraction = math.inf
         self._norm = 0.0
         self._down: np.ndarray | None = None
         self.distance, self.exhausted, self.negative_curvature = math.inf, False, False
@@ -450,6 +455,5 @@ class Newton:
             self._tolerance, self.floor, products.gradient_squared, norm, last, improving=improving
         )
         self.distance, self.exhausted = verdict.distance, verdict.exhausted
-        if verdict.down is not None:
-            self._down = verdict.down.numpy()
+        self._down = None if verdict.down is None else verdict.down.numpy()
         return verdict.distance <= self._tolerance, verdict.iterations

@@ -77,7 +77,9 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break
-        _lay_at_rest(work, mesh)
+        for part in filter(None, (work.elements, work.skin)):
+            for name, values in part.measures(mesh).items():
+                getattr(part, name).assign(values)
         state.displacement.assign(scan - rest)
         state.evaluate()
         if newton.distance > tolerance:
@@ -120,10 +122,3 @@ def resting(model: Model, mesh: RestMesh) -> Model:
     energy = mesh.height_energy(model.elements.gravity_weight.numpy())
     elements = replace(model.elements, gravity_at_rest=energy, **model.elements.measures(mesh))
     return replace(model, elements=elements, skin=model.skin and model.skin.at_rest(mesh))
-
-
-def _lay_at_rest(model: Model, mesh: RestMesh) -> None:
-    """Gives the model's own arrays another rest state."""
-    for part in filter(None, (model.elements, model.skin)):
-        for name, values in part.measures(mesh).items():
-            getattr(part, name).assign(values)

@@ -96,7 +96,7 @@ class LiveRelaxation:
         patient, watch = self._patient, _watch(newer)
         relaxation = None
         if not self._lost:
-            relaxation = patient.relaxer.relax(tolerance, watch, confirm=confirm, near=confirm)
+            relaxation = patient.relaxer.relax(tolerance, watch, confirm=confirm, near=confirm, reuse=not confirm)
             self._lost = _is_lost(relaxation)
         if relaxation is None or self._lost:
             self._lost = True  # until all increments from before surgery are taken
