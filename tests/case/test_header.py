@@ -43,7 +43,7 @@ def test_round_trip(tmp_path, name):
         ("[tissue]\nepsilon = nan", "'epsilon' must be a finite number of at least 0, not nan"),
         ("[uncertainty]\ncobb = -1", "'cobb' must be a number from 0 to 1000, not -1.0"),
         ("[study]\npose = 'lying'", "Invalid enum value 'lying' - at `$.pose`"),
-        ("[study]\nmonths_after = -1", "'months_after' must be from 0 to 1200 months, not -1"),
+        ("[study]\nmonths_after = -1", "'months_after' must be a number from 0 to 1200 months, not -1"),
     ],
 )
 def test_bad_files_are_refused(tmp_path, text, rule):

@@ -160,11 +160,6 @@ class _Files:
         return read_points(path, self.header.axes, self.header.units) if self.there("points", path) else Points()
 
     def skin(self) -> Path:
-        for former in surface_files(self.folder, "skin_after").values():
-            raise InputError(
-                f"{former}: is no file of a case; rename the scan after surgery to actual_skin{former.suffix}, or "
-                "remove it if it is not a scan"
-            )
         found = surface_files(self.folder, "skin").get("skin")
         if found is None:
             path = self.folder / "skin.ply"

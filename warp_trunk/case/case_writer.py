@@ -6,7 +6,7 @@ from pathlib import Path
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.surface_files import surface_files, write_surface
 
 from .axes import Axes
@@ -29,10 +29,8 @@ def refuse_case(place: Path) -> None:
     for folder in (whole, *whole.parents):
         if (folder / HEADER).is_file():
             what = "is a case folder" if folder == whole else f"lies in the case folder {folder}"
-            raise InputError(
-                f"{place}: {what}, and a result there could be mistaken for its files; give --out a place "
-                "outside it"
-            )
+            mixed = "a result there could be mistaken for its files"
+            raise InputError(f"{place}: {what}, and {mixed}; give --out a place outside it")
 
 
 def write_case(folder: str | Path, case: Case) -> None:
@@ -51,7 +49,7 @@ def write_case(folder: str | Path, case: Case) -> None:
     """
     folder = Path(folder)
     surfaces = _surfaces(folder, case)
-    (folder / "case.toml").unlink(missing_ok=True)
+    (folder / HEADER).unlink(missing_ok=True)
     for path, surface in surfaces.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_surface(path, surface)
@@ -66,12 +64,10 @@ def write_case(folder: str | Path, case: Case) -> None:
         (folder / file).unlink(missing_ok=True)
     for file, points in landmarks.items():
         if points is not None:
-            with atomic_write(folder / file) as unfinished:
-                write_landmarks(unfinished, points)
+            write_landmarks(folder / file, points)
     for file, text in texts.items():
         if text:
-            with atomic_write(folder / file) as unfinished:
-                unfinished.write_text(text, encoding="utf-8")
+            write_whole(folder / file, text)
     header = CaseHeader(
         name=case.name,
         axes=Axes("LPS"),
@@ -82,8 +78,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         ribs=case.rib_shares,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )
-    with atomic_write(folder / "case.toml") as unfinished:
-        unfinished.write_text(header_text(header), encoding="utf-8")
+    write_whole(folder / HEADER, header_text(header))
 
 
 def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:

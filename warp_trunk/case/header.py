@@ -68,7 +68,6 @@ def read_header(path: Path) -> CaseHeader:
             the wrong type or one that is not allowed.
     """
     table = read_toml(path, "a case needs this file, which may be empty")
-    table.pop("skin_after_is_placeholder", None)  # version 0.1 wrote it
     refuse_unknown(path, table, list(_KINDS), "")
     values: dict[str, Any] = {"name": path.resolve().parent.name}
     values |= {key: converted(path, value, _KINDS[key], key) for key, value in table.items()}

@@ -28,11 +28,6 @@ def read_toml(path: Path, expected: str) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
 
 
-def is_number(value: object) -> bool:
-    """Whether a value of TOML is a number that a float can hold; true and false are not."""
-    return isinstance(value, float) or (type(value) is int and abs(value) < 1e300)
-
-
 def converted(path: Path, value: object, kind: Any, name: str) -> Any:
     """A value of a TOML file as a type, a table as a dataclass.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import MOST_SURFACE, check_file, check_within, number, read_text
 
 from .keys import names_of, refuse_unknown, table_lines
@@ -174,15 +173,12 @@ def write_layers(folder: Path, layers: Layers) -> LayerTable:
     for name in THICKNESS:
         given[name] = getattr(layers, name)
         if isinstance(given[name], np.ndarray):
-            lines = "".join(f"{number!r}\n" for number in given[name].tolist())
+            write_whole(folder / f"{name}.txt", "".join(f"{number!r}\n" for number in given[name].tolist()))
             given[name] = f"{name}.txt"
-            with atomic_write(folder / given[name]) as unfinished:
-                unfinished.write_text(lines, encoding="utf-8")
     if layers.mesh is not None:
         given["mesh"] = layers.mesh.name
         if layers.mesh.parent.resolve() != folder.resolve():
-            with atomic_write(folder / layers.mesh.name) as unfinished:
-                shutil.copy(layers.mesh, unfinished)
+            write_whole(folder / layers.mesh.name, layers.mesh.read_bytes())
     return LayerTable(**given)
 
 

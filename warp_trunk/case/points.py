@@ -13,6 +13,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.io.atomic_write import csv_text
 from warp_trunk.io.file_access import read_text
 
 from .axes import Axes
@@ -67,11 +68,9 @@ def read_points(path: Path, axes: Axes, units: str) -> Points:
 
 def points_text(points: Points) -> str:
     """The text of points.csv, in LPS and mm, which `read_points` reads back; empty for no points."""
-    file = io.StringIO()
     marks = zip(points.marks.names, points.marks.points.tolist(), strict=True)
-    rows = [[name, *map(repr, point), points.pairs.get(name, "")] for name, point in marks]
-    csv.writer(file, lineterminator="\n").writerows([[*COLUMNS, PAIR], *rows] if rows else [])
-    return file.getvalue()
+    rows = [[name, *point, points.pairs.get(name, "")] for name, point in marks]
+    return csv_text([[*COLUMNS, PAIR], *rows] if rows else [])
 
 
 def check_points(case: Case, where: str) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import check_ranges
 
 Pose = Literal["surgery", "bending"]
 """The change of the trunk from before to after."""
@@ -26,13 +26,5 @@ class Study:
     """Whether the case, including the actual skin, was made by a computer and is of no patient."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for an unknown pose, or a time out of range."""
-        if self.pose not in get_args(Pose):
-            raise InputError(
-                f"study: 'pose' must be one of {', '.join(get_args(Pose))}, not '{self.pose}'; write what lies "
-                "between before and after"
-            )
-        if self.months_after is not None and not 0.0 <= self.months_after <= 1200.0:  # nor is NaN
-            raise InputError(
-                f"study: 'months_after' must be from 0 to 1200 months, not {self.months_after:g}; correct it"
-            )
+        """Raises InputError for a time out of range."""
+        check_ranges(self, "study", " months", months_after=(0.0, 1200.0))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 
 from .keys import converted, names_of, read_toml, refuse_unknown, table_lines
 from .layers import NAMES, Layers
@@ -90,5 +90,4 @@ def write_tissue_file(path: Path, constants: Mapping[str, float], remarks: Seque
     lines = [f"# {remark}" for remark in remarks]
     for table, values in tables.items():
         lines += table_lines(table, values)
-    with atomic_write(path) as unfinished:
-        unfinished.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, "\n".join(lines) + "\n")

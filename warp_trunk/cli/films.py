@@ -1,6 +1,5 @@
 """From films, markers and an atlas to bones and skin: warp-trunk triangulate, register and fit-atlas."""
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -9,7 +8,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.surface_files import check_written, read_surface, write_surface
 from warp_trunk.preparation.reconstruction.atlas import fit_atlas
@@ -126,13 +125,8 @@ class FitAtlas:
         self.out.mkdir(parents=True, exist_ok=True)
         for name, bone in fit.bones.items():
             write_surface(self.out / f"{name}.ply", bone)
-        with (
-            atomic_write(self.out / "atlas_fit.csv") as unfinished,
-            unfinished.open("w", newline="", encoding="utf-8") as file,
-        ):
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["name", "error", "error_left_out"])
-            writer.writerows(zip(fit.names, fit.miss.tolist(), fit.left_out.tolist(), strict=True))
+        rows = zip(fit.names, fit.miss.tolist(), fit.left_out.tolist(), strict=True)
+        write_whole(self.out / "atlas_fit.csv", csv_text([("name", "error", "error_left_out"), *rows]))
         own, others = len(fit.own), len(fit.bones) - len(fit.own)
         print(f"{len(fit.bones)} bones written to {self.out}: {own} by their own landmarks, {others} by all")
         print(f"Landmarks are missed by {mean_and_largest(fit.miss, fit.names)}")

@@ -13,7 +13,7 @@ from tyro.conf import Positional, UseAppendAction
 from warp_trunk.case import check_case, write_case
 from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source
 from warp_trunk.preparation.label_maps.sources import read_body, read_tissue
 from warp_trunk.run.progress import Progress
@@ -100,14 +100,12 @@ def _write_landmarks(folder: Path, made: Imported) -> None:
     """Writes how sure each vertebra is, and a picture of the landmarks."""
     found = made.found.vertebrae
     rows = [f"{name},{v.asymmetry:.2f},{v.off_curve:.1f},{v.height:.1f}\n" for name, v in found.items()]
-    with atomic_write(folder / CONFIDENCE) as unfinished:
-        head = "vertebra,left_right_differ_mm,off_curve_deg,body_height_mm\n"
-        unfinished.write_text(head + "".join(rows), encoding="utf-8")
+    head = "vertebra,left_right_differ_mm,off_curve_deg,body_height_mm\n"
+    write_whole(folder / CONFIDENCE, head + "".join(rows))
     if found:
         from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
 
-        with atomic_write(folder / PICTURE) as unfinished:
-            unfinished.write_bytes(landmark_picture(made.case.bones, made.found, made.case.skin))
+        write_whole(folder / PICTURE, landmark_picture(made.case.bones, made.found, made.case.skin))
 
 
 def _report(made: Imported, left_over: Sequence[str], empty: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -16,7 +16,7 @@ from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import write_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import enclosed_volume
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.surface_files import check_written, read_surface, surface_files, write_surface
 from warp_trunk.io.transform_file import read_transform
@@ -116,15 +116,12 @@ class FindLandmarks:
                 bones = read_bones(inner if inner.is_dir() else self.bones)
             with progress.stage("find", "finding landmarks"):
                 found = find_landmarks(bones)
-            with atomic_write(self.out) as unfinished:
-                write_landmarks(unfinished, found.landmarks)
+            write_landmarks(self.out, found.landmarks)
             if self.picture is not None:
                 from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
 
                 with progress.stage("picture", f"drawing {self.picture}"):
-                    picture = landmark_picture(bones, found)
-                with atomic_write(self.picture) as unfinished:
-                    unfinished.write_bytes(picture)
+                    write_whole(self.picture, landmark_picture(bones, found))
         print("vertebra   left and right differ by   off the curve by   body's height")
         for name, one in found.vertebrae.items():
             print(f"{name:8}{one.asymmetry:22.2f} mm   {one.off_curve:12.1f} deg   {one.height:10.1f} mm")

@@ -9,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.measures.comparison import RANGES, BsrError, bsr_error
 from warp_trunk.results.fingerprint import Fingerprint
 
@@ -101,8 +101,7 @@ class Judged:
 
 def write_judged(folder: Path, judged: Judged) -> None:
     """Writes the record into a result folder, complete or not at all."""
-    with atomic_write(folder / JUDGED) as unfinished:
-        unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
+    write_whole(folder / JUDGED, msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
 
 
 def read_judged(folder: Path) -> Judged | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.measures.comparison import DETECTABLE
 
 from .page import cohort_page, plus_minus, worse_parts
@@ -27,13 +26,10 @@ COLUMNS = (*_CASE, *(name if name in ("level", "in_band") else f"bsr_{name}_deg"
 def write_cohort(out: Path, rows: Sequence[CaseRow]) -> CohortSummary:
     """Writes the tables and the page of a cohort into a folder; an earlier one is replaced, the page last."""
     summary = summarize_cohort(rows)
-    with atomic_write(out / TABLE) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *table_rows(rows)])
+    write_whole(out / TABLE, csv_text([COLUMNS, *table_rows(rows)]))
     record = msgspec.json.encode({"summary": summary, "cases": rows})
-    with atomic_write(out / RECORD) as unfinished:
-        unfinished.write_bytes(msgspec.json.format(record, indent=2) + b"\n")
-    with atomic_write(out / PAGE) as unfinished:
-        unfinished.write_text(cohort_page(rows, summary), encoding="utf-8")
+    write_whole(out / RECORD, msgspec.json.format(record, indent=2) + b"\n")
+    write_whole(out / PAGE, cohort_page(rows, summary))
     return summary
 
 

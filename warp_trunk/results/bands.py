@@ -98,7 +98,7 @@ class FoundBands:
 
 def write_skin_sd(path: Path, skin_sd: np.ndarray) -> None:
     """Writes the deviation of every vertex, a line each, in the order of predicted_skin.ply."""
-    path.write_text("sd_mm\n" + "".join(f"{value:.4f}\n" for value in skin_sd), encoding="utf-8")
+    np.savetxt(path, skin_sd, fmt="%.4f", header="sd_mm", comments="")
 
 
 def read_skin_sd(path: Path, vertices: int) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY, TRUNK
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
@@ -101,8 +100,5 @@ def _tissue_change(file: Path, skin: Surface) -> float | None:
 
 def write_record(stem: Path, record: Mapping[str, Any]) -> None:
     """Write a record as JSON and as CSV, each whole or not at all."""
-    as_json, as_csv = (stem.with_name(f"{stem.name}{ending}") for ending in (".json", ".csv"))
-    with atomic_write(as_json) as file:
-        file.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    with atomic_write(as_csv) as path, path.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows(record)])
+    write_whole(stem.with_name(f"{stem.name}.json"), json.dumps(record, indent=2, allow_nan=False) + "\n")
+    write_whole(stem.with_name(f"{stem.name}.csv"), csv_text([COLUMNS, *rows(record)]))

@@ -12,6 +12,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import FARTHEST
+from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.io.file_access import is_plain, number, read_text
 
 from ..axes import MILLIMETRES, Axes
@@ -181,11 +182,8 @@ def _of_slicer(path: Path, rows: Sequence[Sequence[str | float]], axes: str, uni
 
 def write_landmarks(path: str | Path, landmarks: Landmarks) -> None:
     """Write a CSV file that `read_landmarks` reads back to the last bit."""
-    with Path(path).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for name, point in zip(landmarks.names, landmarks.points.tolist(), strict=True):
-            writer.writerow([name, *map(repr, point)])
+    rows = zip(landmarks.names, *landmarks.points.T.tolist(), strict=True)
+    write_whole(Path(path), csv_text([COLUMNS, *rows]))
 
 
 def landmark_file(folder: Path, stem: str) -> Path:
