@@ -13,7 +13,7 @@ from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of,
 
 from .rows import FAILED, CaseRow, case_error, level_errors
 from .statistics import Estimate
-from .summary import AGAINST, WHOLE, CohortSummary, RangeSummary, case_errors
+from .summary import AGAINST, WHOLE, CohortSummary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +26,7 @@ _PARTS = ("T3-T12", "L1-L5", "T4-T12")
 _SHARES = (f"levels within {DETECTABLE:g}°", f"cases within {DETECTABLE:g}°", "levels in their band")
 RANGE_HEAD = ("levels", *_ERROR, *_BASELINES, *_SHARES)
 LEVEL_HEAD = ("level", *_ERROR, "bias", *_BASELINES)
+TREND_HEAD = ("against", "cases", "slope", "correlation", "p")
 CASE_HEAD = ("case", *_PARTS, "skin of the back", "hump: before", "predicted", "actual", "ended")
 _NONE = "–"
 WHAT = {
@@ -41,7 +42,8 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
     from matplotlib import rc_context  # heavy
 
     with rc_context(RC):
-        drawings = {name: file_of(figure, "svg") for name, figure in cohort_pictures(rows, summary).items()}
+        drawn = (levels_picture(summary), agreement_picture(rows, summary)) if summary.levels else ()
+        drawings = {n: file_of(figure, "svg") for n, figure in zip(("levels", "agreement"), drawn, strict=False)}
     return rendered(
         "cohort.html",
         drawings,
@@ -51,28 +53,17 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
         patients=summary.patients,
         made_up_cases=summary.virtual,
         first=[*worse_parts(summary), *_left_out(rows, summary)],
-        glance=_glance(summary),
         detectable=DETECTABLE,
         range_head=RANGE_HEAD,
         range_rows=_range_rows(summary),
-        better=over_whole_back(summary),
         level_head=LEVEL_HEAD,
         level_rows=_level_rows(summary),
         hump=_hump(summary),
+        trend_head=TREND_HEAD,
+        trend_rows=_trend_rows(summary),
         case_head=CASE_HEAD,
         case_rows=[_case_row(row) for row in rows if row.status != FAILED],
     )
-
-
-def _glance(summary: CohortSummary) -> list[tuple[str, str]]:
-    """The numbers that a reader looks for first."""
-    whole, hump = summary.ranges["T3-L5"], summary.hump
-    errors = {name: summary.ranges[name].error for name in ("T3-T12", "L1-L5")}
-    rows = [(f"mean absolute error {name}", plus_minus(error)) for name, error in errors.items()]
-    rows.append((f"levels within {DETECTABLE:g} degrees", _percent(whole.within)))
-    rows.append(("levels in their 95 % band", _percent(whole.in_band)))
-    rows.append(("mean absolute error of the hump", _number(hump and hump.error.mean, " mm")))
-    return [(name, value) for name, value in rows if value != _NONE]
 
 
 def _range_rows(summary: CohortSummary) -> list[list[str]]:
@@ -88,6 +79,14 @@ def _level_rows(summary: CohortSummary) -> list[list[str]]:
     return [
         [level, *_error_cells(one.error), f"{one.bias:+z.2f}", f"{one.nothing_changes:.2f}", f"{one.spline:.2f}"]
         for level, one in summary.levels.items()
+    ]
+
+
+def _trend_rows(summary: CohortSummary) -> list[list[str]]:
+    return [
+        [AGAINST[name], str(line.points), f"{line.slope:+.2g}", f"{line.correlation:+z.2f}", f"{line.p:.2f}"]
+        for name, line in summary.trends.items()
+        if line is not None
     ]
 
 
@@ -151,19 +150,6 @@ SPLINE = "#009e73"
 PALE = 0.55
 
 
-def cohort_pictures(rows: Sequence[CaseRow], summary: CohortSummary) -> dict[str, Figure]:
-    """The figures by name; those for which nothing is known are left out."""
-    counted = [row for row in rows if row.counts]
-    figures = {}
-    if summary.levels:
-        figures |= {"levels": levels_picture(summary), "agreement": agreement_picture(counted, summary)}
-    if summary.hump is not None:
-        figures["hump"] = hump_picture(counted)
-    if any(summary.trends.values()):
-        figures["trends"] = trends_picture(counted, summary)
-    return figures
-
-
 def levels_picture(summary: CohortSummary) -> Figure:
     """Mean absolute error and its standard deviation at every level, with the errors that any method must beat."""
     levels = summary.levels
@@ -205,7 +191,7 @@ def _finish(figure: Figure, axes: Axes, across: str, up: str) -> None:
 
 def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure:
     """Bland and Altman's plot: every level's difference over its mean, with the limits of agreement."""
-    ones = level_errors(rows, WHOLE)
+    ones = level_errors([row for row in rows if row.counts], WHOLE)
     figure = new_figure(4.6, 4.6, "constrained")
     axes = figure.subplots()
     guessed, actual = np.array([(one.guessed, one.actual) for one in ones]).T
@@ -232,81 +218,30 @@ def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure
     return figure
 
 
-def hump_picture(rows: Sequence[CaseRow]) -> Figure:
-    """The predicted hump of every case over the actual one, and where it was before."""
-    figure = new_figure(4.6, 4.6, "constrained")
-    axes = figure.subplots()
-    humps = [(row.hump_actual_mm, row.hump_before_mm, row.hump_predicted_mm) for row in rows]
-    actual, before, predicted = np.array(humps, dtype=np.float64).T  # None is NaN, and not drawn
-    axes.axline((0.0, 0.0), slope=1.0, color=INK, linewidth=0.8)
-    axes.plot(actual, before, BEFORE.marker, color=BEFORE.colour, fillstyle="none", label="before surgery")
-    axes.plot(actual, predicted, PREDICTED.marker, color=PREDICTED.colour, label="predicted")
-    axes.set_aspect("equal", "datalim")
-    _finish(figure, axes, "actual largest hump [mm], positive on the right", "guessed largest hump [mm]")
-    return figure
-
-
-def trends_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure:
-    """The error of every case over what it may go with, with the line of least squares."""
-    known = {name: line for name, line in summary.trends.items() if line is not None}
-    figure = new_figure(3.1 * len(AGAINST), 3.0, "constrained")
-    panels: list[Axes] = figure.subplots(1, len(AGAINST), sharey=True).tolist()
-    for axes, (name, line) in zip(panels, known.items(), strict=False):
-        pairs = zip([getattr(row, name) for row in rows], case_errors(rows), strict=True)
-        x, y = np.array([pair for pair in pairs if None not in pair], dtype=float).T
-        axes.plot(x, y, PREDICTED.marker, color=PREDICTED.colour, markersize=4.5)
-        ends = np.array([x.min(), x.max()])
-        axes.plot(ends, line.intercept + line.slope * ends, color=INK, linewidth=1.0)
-        axes.set_title(f"r = {line.correlation:+z.2f}, p = {line.p:.2f}", fontsize=9.0)
-        axes.axhline(DETECTABLE, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
-        axes.grid()
-        axes.set_ylim(bottom=0.0)
-        axes.set_xlabel(AGAINST[name])
-        axes.ticklabel_format(axis="x", style="plain", useOffset=False)
-        axes.locator_params(axis="x", nbins=4)
-    for axes in panels[len(known) :]:
-        axes.set_axis_off()
-    panels[0].set_ylabel("mean absolute error [degrees]")
-    return figure
-
-
 REGIONS = {"T3-T12": "The thoracic back (T3-T12)", "L1-L5": "The lumbar back (L1-L5)"}
 """Regions that together are the whole back that is judged."""
 
 
-def over_whole_back(summary: CohortSummary) -> list[str]:
-    """A sentence for each baseline, over all levels from T3 to L5."""
-    return [
-        f"The error is {abs(gain.mean):.2f} degrees {'smaller' if gain.mean > 0.0 else 'larger'} than by {what}"
-        f"{_interval_of_gain(gain)}."
-        for what, gain, _ in _baselines(summary.ranges["T3-L5"])
-    ]
-
-
 def worse_parts(summary: CohortSummary) -> list[str]:
     """A sentence for each region that is predicted worse than by a baseline."""
-    return [
-        f"{part} is predicted worse than by {what}: the error is {error.mean:.2f} degrees, not {other.mean:.2f}; "
-        f"the difference is {-gain.mean:.2f}{_interval_of_gain(gain, -1.0)}."
-        for name, part in REGIONS.items()
-        for what, gain, other in _baselines(summary.ranges[name])
-        if gain.mean < 0.0 and (error := summary.ranges[name].error) is not None
-    ]
+    sentences = []
+    for name, part in REGIONS.items():
+        found = summary.ranges[name]
+        for what, gain, other in (
+            ("saying that nothing changes", found.better_than_nothing, found.nothing_changes),
+            ("moving the skin with the spline of the landmarks", found.better_than_spline, found.spline),
+        ):
+            if gain is not None and other is not None and found.error is not None and gain.mean < 0.0:
+                sentences.append(
+                    f"{part} is predicted worse than by {what}: the error is {found.error.mean:.2f} degrees, not "
+                    f"{other.mean:.2f}; the difference is {-gain.mean:.2f}{_interval_of_loss(gain)}."
+                )
+    return sentences
 
 
-def _baselines(found: RangeSummary) -> list[tuple[str, Estimate, Estimate]]:
-    """Each baseline with what is gained over it and its own error, as far as they are known."""
-    both = (
-        ("saying that nothing changes", found.better_than_nothing, found.nothing_changes),
-        ("moving the skin with the spline of the landmarks", found.better_than_spline, found.spline),
-    )
-    return [(what, gain, other) for what, gain, other in both if gain is not None and other is not None]
-
-
-def _interval_of_gain(gain: Estimate, way: float = 1.0) -> str:
-    """How sure a gain is, or a loss where `way` is -1."""
+def _interval_of_loss(gain: Estimate) -> str:
+    """How sure a loss is."""
     if gain.low is None or gain.high is None:
         return "; fewer than three patients do not show whether that holds for others"
-    low, high = sorted((way * gain.low, way * gain.high))
-    sure = "" if low > 0.0 or high < 0.0 else "; it holds 0, so these patients do not show it"
-    return f" (95 % interval {low:.2f} to {high:.2f}{sure})"
+    sure = "" if gain.high < 0.0 else "; it holds 0, so these patients do not show it"
+    return f" (95 % interval {-gain.high:.2f} to {-gain.low:.2f}{sure})"
