@@ -38,10 +38,6 @@ class Finding:
     """Whether no simulation runs without it."""
 
 
-class _MissingError(Exception):
-    """A part is missing or does not work."""
-
-
 def examine(results: Path) -> Iterator[Finding]:
     """Look for everything that a run, its viewer and its report need, one after the other.
 
@@ -53,44 +49,36 @@ def examine(results: Path) -> Iterator[Finding]:
         yield Finding(name, version or "not found", cure, needed=True)
     yield Finding("processor", f"{choose_threads(0)} cores for this process")
     kernels, again = Path(wp.config.kernel_cache_dir or ""), "install it again: uv sync --reinstall-package"
-    for name, probe, needed, cure in (
-        ("graphics processor", _graphics, False, "if there is an NVIDIA GPU, install its driver (see nvidia-smi)"),
-        ("TetGen", _tetgen, True, f"{again} tetgen, or simulate --from-mesh"),
-        ("meshes kept", partial(_cache, cache_folder()), False, "set WARP_TRUNK_CACHE to another folder"),
-        ("kernels kept", partial(_cache, kernels), True, "set WARP_CACHE_PATH to another folder"),
-        (
-            "results",
-            partial(_results, results),
-            True,
-            "go to a folder with space, or give simulate --out one",
-        ),
-        ("Rerun's viewer", _viewer, False, f"{again} rerun-sdk, or simulate --no-record"),
-        ("display", _display, False, WITHOUT_DISPLAY),
-        (
-            "browser",
-            _browser,
-            False,
-            "install one, or open report.html on another machine; it is one file",
-        ),
-    ):
+    probes = {
+        "graphics processor": (_graphics, False, "if there is an NVIDIA GPU, install its driver (see nvidia-smi)"),
+        "TetGen": (partial(importlib.import_module, "tetgen"), True, f"{again} tetgen, or simulate --from-mesh"),
+        "meshes kept": (partial(_cache, cache_folder()), False, "set WARP_TRUNK_CACHE to another folder"),
+        "kernels kept": (partial(_cache, kernels), True, "set WARP_CACHE_PATH to another folder"),
+        "results": (partial(_results, results), True, "go to a folder with space, or give simulate --out one"),
+        "Rerun's viewer": (_viewer, False, f"{again} rerun-sdk, or simulate --no-record"),
+        "display": (_display, False, WITHOUT_DISPLAY),
+        "browser": (webbrowser.get, False, "install one, or open report.html elsewhere; it is one file"),
+    }
+    for name, (probe, needed, cure) in probes.items():
         try:
-            yield Finding(name, probe())
-        except (_MissingError, OSError, ImportError, subprocess.TimeoutExpired, webbrowser.Error) as error:
+            found = probe()
+            yield Finding(name, found if isinstance(found, str) else "there is one")
+        except (OSError, ImportError, subprocess.TimeoutExpired, webbrowser.Error) as error:
             yield Finding(name, str(error), cure, needed)
+
+
+def _display() -> None:
+    if not has_display():
+        raise OSError("none, so the viewer's window cannot open")
 
 
 def _graphics() -> str:
     devices = wp.get_cuda_devices()
     if not devices:
-        raise _MissingError("no CUDA device; simulations run on the processor")
+        raise OSError("no CUDA device; simulations run on the processor")
     driver = ".".join(map(str, wp.get_cuda_driver_version() or ("not known",)))
     named = ", ".join(f"{d.alias} {d.name}, {d.total_memory / 1e9:.0f} GB" for d in devices)
     return f"{named}; its driver supports CUDA {driver}"
-
-
-def _tetgen() -> str:
-    importlib.import_module("tetgen")
-    return "loads"
 
 
 def _cache(folder: Path) -> str:
@@ -102,7 +90,7 @@ def _cache(folder: Path) -> str:
 def _results(folder: Path) -> str:
     free = shutil.disk_usage(_writable(folder)).free
     if free < LEAST_SPACE:
-        raise _MissingError(f"{folder}: {free / 1e6:.0f} MB free; a result needs {LEAST_SPACE / 1e6:.0f} MB")
+        raise OSError(f"{folder}: {free / 1e6:.0f} MB free; a result needs {LEAST_SPACE / 1e6:.0f} MB")
     return f"{folder}: can be written to, {free / 1e9:.1f} GB free"
 
 
@@ -111,19 +99,8 @@ def _viewer() -> str:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=VIEWER_TIMEOUT)
     lines = (done.stdout or done.stderr).strip().splitlines() or ["no output"]
     if done.returncode:
-        raise _MissingError(f"does not start ({lines[-1]})")
+        raise OSError(f"does not start ({lines[-1]})")
     return " ".join(lines[0].split()[:2])
-
-
-def _display() -> str:
-    if not has_display():
-        raise _MissingError("none, so the viewer's window cannot open")
-    return "there is one"
-
-
-def _browser() -> str:
-    found = webbrowser.get()
-    return getattr(found, "name", type(found).__name__)
 
 
 def _writable(folder: Path) -> Path:
@@ -132,5 +109,5 @@ def _writable(folder: Path) -> Path:
     try:
         tempfile.TemporaryFile(dir=there).close()
     except OSError as error:
-        raise _MissingError(f"{folder}: cannot be written to ({error.strerror})") from None
+        raise OSError(f"{folder}: cannot be written to ({error.strerror})") from None
     return there

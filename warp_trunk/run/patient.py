@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from warp_trunk.bone_motion.steps import Steps
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
-    from warp_trunk.engine.tissue import Tissue
-    from warp_trunk.engine.trunk_mesh import TrunkMesh
 
     from .progress import Progress
 
@@ -85,21 +83,13 @@ class Patient:
     def in_float64(self) -> Patient:
         """The same patient with her model in float64."""
         options = dataclasses.replace(self.options, precision="float64")
-        layers = None if self.trunk.tissue is None else self.case.layers or Layers()
-        model = _model(
-            self.trunk, self.case.tissue if layers is None else layers.tissues(self.case.tissue), options
-        )
-        if options.gravity != 0.0 and options.rest == "sag-free":
-            model = sag_free(model).model
-        return dataclasses.replace(self, options=options, model=model)
+        return dataclasses.replace(self, options=options, model=_model(self.case, self.trunk, options))
 
     def check(self, case: Case) -> None:
         """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""
         if differs := difference(anatomy_of(self.case), anatomy_of(case)):
-            raise InputError(
-                f"case {case.name!r}: must be of the same anatomy and tissue as {self.case.name!r}, for whom mesh "
-                f"and model were made, but {differs}; simulate it on its own"
-            )
+            same = f"must be of the same anatomy and tissue as {self.case.name!r}, whose mesh and model are used"
+            raise InputError(f"case {case.name!r}: {same}, but {differs}; simulate it on its own")
 
 
 def patient_of(
@@ -137,33 +127,39 @@ def patient_of(
             progress.add("mesh", build.mesh_seconds)
     if options.bones == "follow":
         trunk = free_joints(trunk)
-    source, layers = layers_from(case, options), case.layers or Layers()
-    if source == "none":
+    if (source := layers_from(case, options)) == "none":
         trunk = dataclasses.replace(trunk, tissue=None)
     else:
         with stage_of(progress, "layers", "assigning tissue layers"):
-            trunk = layered(trunk, layers, source)
+            trunk = layered(trunk, case.layers or Layers(), source)
+    return Patient(case, options, trunk, _model(case, trunk, options, kernels, progress))
+
+
+def _model(
+    case: Case,
+    trunk: TrunkMesh,
+    options: RunOptions,
+    kernels: CompilationAhead | None = None,
+    progress: Progress | None = None,
+) -> Model:
+    """The model of a mesh at rest; under gravity, if asked for, the rest that gravity pulls into the scan."""
     with stage_of(progress, "compile", "preparing the model"):
         if kernels is not None:
             kernels.wait()
-        model = _model(trunk, case.tissue if source == "none" else layers.tissues(case.tissue), options)
+        model = build_model(
+            trunk,
+            case.tissue if trunk.tissue is None else (case.layers or Layers()).tissues(case.tissue),
+            energy=options.energy_of_tissue,
+            weights=options.weights,
+            skin_rigidity=options.rigidity_of_skin,
+            gravity=options.gravity,
+            device=Parallel(options.device, options.threads),
+            precision=options.precision,
+        )
     if options.gravity != 0.0 and options.rest == "sag-free":
         with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
             model = sag_free(model).model
-    return Patient(case, options, trunk, model)
-
-
-def _model(trunk: TrunkMesh, tissues: Tissue | tuple[Tissue, ...], options: RunOptions) -> Model:
-    return build_model(
-        trunk,
-        tissues,
-        energy=options.energy_of_tissue,
-        weights=options.weights,
-        skin_rigidity=options.rigidity_of_skin,
-        gravity=options.gravity,
-        device=Parallel(options.device, options.threads),
-        precision=options.precision,
-    )
+    return model
 
 
 def layers_from(case: Case, options: RunOptions) -> LayersFrom:

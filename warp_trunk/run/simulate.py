@@ -196,9 +196,7 @@ class _Simulation:
         if case.landmarks_after is None:
             for name, asked in (("--bones spline", options.bones == "spline"), ("--bands", options.bands)):
                 if asked:
-                    raise InputError(
-                        f"{name}: needs landmarks_after.csv, and bones move by motions alone; leave it out"
-                    )
+                    raise InputError(f"{name}: needs landmarks_after.csv, not motions alone; leave it out")
         if self.patient is not None and self.patient.options != options:
             raise InputError("simulate: 'patient' was prepared with other options; give the same, or leave it out")
         choose_device(options.device)
@@ -248,7 +246,9 @@ class _Simulation:
                     recording = Recording(path, case, trunk, before, bone_path, unit=unit, live=live)
                 recordings.enter_context(recording)
             increments, after = _increments(case, prepared, patient, recording, progress)
-            if _unconfirmed(increments[-1], options):
+            newton = options.simulation.relax.method == "newton"
+            stalled = increments[-1].relaxation.status is RelaxStatus.STALLED
+            if newton and stalled and options.precision == "float32":  # which may be why
                 patient = patient.in_float64()
                 prepared = Prepared(trunk, patient.model, bone_path)
                 increments[-1] = _continued(increments[-1], prepared, patient, progress)
@@ -267,9 +267,7 @@ class _Simulation:
                     recording.bands(found.bands)
                 recording.finish(markdown(case, last, before, after, [*warnings, *quality.faults]))
         taken = {name: value - known.get(name, 0.0) for name, value in progress.seconds.items()}
-        seconds = {
-            name: value for name, value in taken.items() if value > 0.0
-        }  # without those of a shared patient
+        seconds = {name: value for name, value in taken.items() if value > 0.0}  # without a shared patient's
         seconds["total"] = seconds.get("load", 0.0) + time.perf_counter() - start
         return result_of(
             case,
@@ -307,12 +305,6 @@ def _increments(
         progress.add("record", time.perf_counter() - start)
     assert after is not None  # there is at least one increment
     return increments, after
-
-
-def _unconfirmed(last: Increment, options: RunOptions) -> bool:
-    """Whether the precision may be why the last relaxation stalled."""
-    newton = options.simulation.relax.method == "newton"
-    return newton and options.precision == "float32" and last.relaxation.status is RelaxStatus.STALLED
 
 
 def _continued(last: Increment, prepared: Prepared, patient: Patient, progress: Progress) -> Increment:

@@ -30,7 +30,7 @@ CONTINUUM: dict[str, Any] = {"bones": "spline", "energy": "neo-hookean"}
         (
             ("skin.youngs_modulus", "fat.youngs_modulus", "muscle.youngs_modulus"),
             {"layers": "depth"},
-            "only their ratios act; leave one out",
+            "only ratios of the layers' Young's moduli act; leave one out",
         ),
     ],
 )

@@ -112,10 +112,7 @@ def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
         if why := _unseen(name, case, options, layered):
             raise InputError(f"--free: '{name}' cannot be found from any skin: {why}")
     if all(f"{layer}.youngs_modulus" in names for layer in NAMES) and not options.gravity:
-        raise InputError(
-            "--free: the Young's moduli of all layers cannot be found together: with bones moved as prescribed "
-            "and no gravity only their ratios act; leave one out, which the others are then found against"
-        )
+        raise InputError("--free: without gravity only ratios of the layers' Young's moduli act; leave one out")
 
 
 def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
@@ -123,26 +120,16 @@ def _unseen(name: str, case: Case, options: RunOptions, layered: bool) -> str:
     of, _, constant = name.rpartition(".")
     energy, weightless = options.energy_of_tissue, not options.gravity
     bending = " (but those of bending skin, which hardly move the back)" * bool(options.rigidity_of_skin)
+    springs, cure = constant in ("epsilon", "theta"), "give --gravity 9.81, or free the ratio of layers"
     every = not of and layered and (name == "youngs_modulus" or len(layers_with(case, name)) == len(NAMES))
     reasons = [
         (of == RIBS and options.bones != "follow", "ribs have shares where bones follow; give --bones follow"),
         (of in NAMES and not layered, "the trunk has no layers; give --layers depth"),
-        (
-            constant in ("epsilon", "theta") and energy != "itmsm",
-            f"it is a constant of the energy itmsm; these are simulated with {energy}; give --energy itmsm",
-        ),
-        (
-            constant == "poisson_ratio" and energy == "itmsm",
-            "it is a constant of the neo-Hookean energy; give --energy neo-hookean",
-        ),
+        (springs and energy != "itmsm", f"it is simulated with {energy}; give --energy itmsm"),
+        (constant == "poisson_ratio" and energy == "itmsm", "itmsm has none; give --energy neo-hookean"),
         (constant == "density" and weightless, "a density acts only with gravity; give --gravity 9.81"),
         (every, "every layer has its own; free fat.youngs_modulus instead"),
-        (
-            name == "youngs_modulus" and weightless,
-            f"with bones moved as prescribed and no gravity all forces{bending} grow with it alike, so that the "
-            "trunk comes to rest at the same place; give --gravity 9.81, or free the ratio of layers "
-            "(fat.youngs_modulus)",
-        ),
+        (name == "youngs_modulus" and weightless, f"all forces{bending} grow with it alike; {cure}"),
     ]
     return next((why for holds, why in reasons if holds), "")
 

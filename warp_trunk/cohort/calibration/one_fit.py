@@ -149,14 +149,6 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     )
 
 
-def tried(job: FitJob, counted: np.ndarray) -> CaseFit | InputError:
-    """The same, or what it refuses: an answer for the round, and no failure of a worker."""
-    try:
-        return fit_case(job, counted)
-    except InputError as error:
-        return error
-
-
 class _Kept(NamedTuple):
     """The data of a case that do not depend on the constants."""
 

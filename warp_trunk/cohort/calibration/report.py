@@ -8,7 +8,7 @@ import msgspec
 
 from warp_trunk.case.tissue_file import write_tissue_file
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.folders import make_writable
 from warp_trunk.report.page import rendered
 
@@ -35,9 +35,8 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
     ]
     record = msgspec.json.format(msgspec.json.encode(calibration), indent=2) + b"\n"
     page = path.with_suffix(".html")
-    for file, content in ((path.with_suffix(".json"), record), (page, calibration_page(calibration).encode())):
-        with atomic_write(file) as unfinished:
-            unfinished.write_bytes(content)
+    write_whole(path.with_suffix(".json"), record)
+    write_whole(page, calibration_page(calibration))
     write_tissue_file(path, {one.name: one.value for one in calibration.found}, remarks)
     return page
 

@@ -11,7 +11,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .fit import Fit, Piece, Prior, find
-from .one_fit import CaseFit, FitJob, tried
+from .one_fit import CaseFit, FitJob, fit_case
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -101,14 +101,14 @@ class Rounds:
         futures = {}
         for job, counted in jobs:
             before: Any = {"workers": where.get(job.name), "allow_other_workers": job.name in where}
-            futures[self._client.submit(tried, job, counted, pure=False, **before)] = job.name
+            futures[self._client.submit(fit_case, job, counted, pure=False, **before)] = job.name
         found: dict[str, CaseFit | Exception] = {}
         self._progress.part(doing, 0, len(futures))
         for future in as_completed(list(futures)):
             name = futures[future]
             try:
                 one = found[name] = future.result()
-            except Exception as error:  # of its worker; the round reports it
+            except Exception as error:  # of the case or its worker; the round reports it
                 one = found[name] = error
             ended = str(one) if isinstance(one, Exception) else f"{one.skin_mm:.2f} mm from the actual back"
             self._progress.part(doing, len(found), len(futures), f"{name}: {ended}")
