@@ -1,6 +1,8 @@
 """The one error for bad input: its text names the file or argument, the rule, the value found and the cure."""
 
+import difflib
 import re
+from collections.abc import Iterable
 
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
@@ -37,3 +39,9 @@ def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[flo
         value = getattr(options, name)
         if value is not None and not least <= value <= most:  # nor is NaN
             raise InputError(f"{what}: '{name}' must be a number from {least:g} to {most:g}{unit}, not {value}")
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """A question for the known word that is most like a word; empty where none is."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f" (did you mean '{near[0]}'?)" if near else ""

@@ -37,7 +37,7 @@ def test_round_trip(tmp_path, name):
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
-        ('axis = "LPS"', "unknown key 'axis'; did you mean 'axes'? the keys are name, units, axes"),
+        ('axis = "LPS"', "unknown key 'axis' (did you mean 'axes'?); the keys are name, units, axes"),
         ("tissue = 1", "'tissue' must be a table, [tissue], not 1"),
         ("[tissue]\ntheta = true", "'tissue': Expected `float`, got `bool` - at `$.theta`"),
         ("[tissue]\nepsilon = nan", "'epsilon' must be a finite number of at least 0, not nan"),

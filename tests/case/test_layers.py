@@ -32,7 +32,7 @@ def test_the_text_reads_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
-        ("fat_thicknes = 1", "unknown key 'layers.fat_thicknes'; did you mean 'layers.fat_thickness'?"),
+        ("fat_thicknes = 1", "unknown key 'layers.fat_thicknes' (did you mean 'layers.fat_thickness'?"),
         ("fat_thickness = true", "Expected `float | str | null`, got `bool` - at `$.fat_thickness`"),
         (
             "[layers.fat]\nyoungs_modulus = -3",

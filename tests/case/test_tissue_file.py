@@ -41,7 +41,7 @@ def test_round_trip(tmp_path):
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
-        ("[tisue]", "unknown key 'tisue'; did you mean 'tissue'?"),
+        ("[tisue]", "unknown key 'tisue' (did you mean 'tissue'?"),
         ("[tissue]\npoisson_ratio = 0.5", "'poisson_ratio' must be a number from 0 to 0.499"),
         ("[ribs]\nrecovery = '1'", "Expected `float`, got `str` - at `$.recovery`"),
     ],

@@ -58,7 +58,7 @@ def test_it_is_quoted_for_a_shell_and_starts_as_this_run_did(monkeypatch, under_
 
 TYPOS = [
     ([], ["a command is needed", "simulate", "warp-trunk demo"]),
-    (["simulat", "case"], ["'simulat': there is no such command (did you mean simulate?)", "make-case"]),
+    (["simulat", "case"], ["'simulat': there is no such command (did you mean 'simulate'?)", "make-case"]),
     (["simulate", "case", "--tet", "5"], ["--tet", "--tets INT", "warp-trunk simulate --help-all"]),
     (["make-case", "--skin", "s.ply"], ["--bones PATH --out PATH"]),
     (["simulate", "case", "--tets", "1e5x"], ["--tets", "'1e5x'"]),

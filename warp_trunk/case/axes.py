@@ -29,10 +29,8 @@ class Axes:
     def __post_init__(self) -> None:
         """Raises InputError for a code that is not three such letters."""
         if len(self.code) != 3 or {_DIRECTIONS.get(c, (None,))[0] for c in self.code} != {0, 1, 2}:
-            raise InputError(
-                f"axes: a code has one letter of L R, one of P A and one of S I, not '{self.code}'; "
-                "write LPS or RAS"
-            )
+            rule = "a code has one letter of L R, one of P A and one of S I"
+            raise InputError(f"axes: {rule}, not '{self.code}'; write LPS or RAS")
 
     @property
     def matrix(self) -> np.ndarray:

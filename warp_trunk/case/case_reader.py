@@ -69,10 +69,8 @@ def read_checked_case(
     before, after = files.landmarks("landmarks_before"), files.landmarks("landmarks_after")
     source = CaseSource(files.names, header.units, header.axes.code)
     if before is None and not (moved or bones_after.keys() == bones.keys()):
-        raise InputError(
-            f"{files.names['landmarks_before']}: there is no such file; add the landmarks of the spine, "
-            f"or {MOTIONS}, or every bone in bones_after/"
-        )
+        cure = f"add the landmarks of the spine, or {MOTIONS}, or every bone in bones_after/"
+        raise InputError(f"{files.names['landmarks_before']}: there is no such file; {cure}")
     before = before or NO_LANDMARKS
     if after is not None:
         check_names(before, after, source)

@@ -95,7 +95,5 @@ def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:
     bones = [path for place in ("bones", "bones_after") for path in surface_files(folder / place).values()]
     for path in (*skins, *bones):
         if path not in surfaces:
-            raise InputError(
-                f"{path}: would be read as part of case {case.name!r}; remove it or write to another folder"
-            )
+            raise InputError(f"{path}: would be read as part of case {case.name!r}; remove it")
     return surfaces

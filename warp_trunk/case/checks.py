@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import permutations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,9 +87,8 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
             _check_height(skin, key, source, TRUNK_HEIGHT if spine else PART_HEIGHT)
     check_solid(case.skin, source.name("skin"))
     if pieces := int(components(case.skin).max()):
-        raise InputError(
-            f"{source.name('skin')}: the skin must be one piece, but has {pieces + 1}; keep the outer one"
-        )
+        rule = f"the skin must be one piece, but has {pieces + 1}"
+        raise InputError(f"{source.name('skin')}: {rule}; keep the outer one")
     if spine:
         _check_orientation(before, source)
         warnings += check_order(before, source.name("landmarks_before"))
@@ -116,22 +116,16 @@ def _check_landmark_sets(case: Case, source: CaseSource) -> None:
             check_landmarks(marks, list(case.bones), source.name(key))
     for key, bending in (("bending_left", case.bending_left), ("bending_right", case.bending_right)):
         if bending is not None and (unknown := set(bending.names) - set(before.names)):
-            raise InputError(
-                f"{source.name(f'landmarks_{key}')}: '{min(unknown)}' is not among the landmarks before surgery; "
-                "rename or remove it"
-            )
+            text = f"'{min(unknown)}' is not among the landmarks before surgery; rename or remove it"
+            raise InputError(f"{source.name(f'landmarks_{key}')}: {text}")
 
 
 def check_names(before: Landmarks, after: Landmarks, source: CaseSource) -> None:
     """Check that both sets of landmarks have the same names, in any order."""
     for one, other, key in ((before, after, "landmarks_after"), (after, before, "landmarks_before")):
-        missing = [name for name in one.names if name not in other.names]
-        if missing:
-            more = f" and {len(missing) - 1} more are" if len(missing) > 1 else " is"
-            raise InputError(
-                f"{source.name(key)}: '{missing[0]}'{more} missing; both landmark files need the same names "
-                f"({len(before.names)} before, {len(after.names)} after)"
-            )
+        if missing := [name for name in one.names if name not in other.names]:
+            text = f"'{missing[0]}' is missing, {len(missing)} in all; both landmark files need the same names"
+            raise InputError(f"{source.name(key)}: {text}")
 
 
 def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
@@ -139,28 +133,26 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
     names, points = landmarks.names, landmarks.points
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
-        found = f"'{names[bad[0]]}' has {points[bad[0]].tolist()}"
-        raise InputError(f"{where}: coordinates must be finite, {found}; correct them")
+        raise InputError(
+            f"{where}: coordinates must be finite, '{names[bad[0]]}' has {points[bad[0]]}; correct them"
+        )
     if len(names) < 4:
         raise InputError(f"{where}: at least 4 landmarks are needed, there are {len(names)}; add landmarks")
     flat = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] / math.sqrt(len(points))
     if flat < _FLAT:
+        flatness = f"these are {flat:.2g} mm from one, {_FLAT:g} mm is the least"
         raise InputError(
-            f"{where}: landmarks must not lie in one plane, these are {flat:.2g} mm from one (root mean square, "
-            f"{_FLAT:g} mm needed); add landmarks off it, or check their units"
+            f"{where}: landmarks must not lie in one plane, {flatness}; add others, or check their unit"
         )
     gap = np.linalg.norm(points[:, None] - points[None], axis=2) + np.diag(np.full(len(points), np.inf))
     i, j = np.unravel_index(np.argmin(gap), gap.shape)
     if gap[i, j] < _COINCIDENT:
-        raise InputError(
-            f"{where}: '{names[i]}' and '{names[j]}' are {gap[i, j]:.2g} mm apart; landmarks must be at least "
-            f"{_COINCIDENT:g} mm apart, so correct or remove one, or check their units"
-        )
+        apart = f"are {gap[i, j]:.2g} mm apart, {_COINCIDENT:g} mm is the least"
+        raise InputError(f"{where}: '{names[i]}' and '{names[j]}' {apart}; correct or remove one")
     lost = [name for name in names if name not in ASIS and bone_of(name, bones) is None]  # ASIS may be on the skin
     if lost:
         raise InputError(
-            f"{where}: '{lost[0]}' needs a bone that its name begins with, which is not among the {len(bones)} "
-            "bones; add the bone or remove the landmark"
+            f"{where}: '{lost[0]}' needs a bone that its name begins with; add it or rename the point"
         )
     vertebrae = landmarks.vertebrae()
     needed = dict.fromkeys(ASIS, "rotations are measured against the ASIS")
@@ -173,8 +165,7 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
             raise InputError(f"{where}: '{name}' is missing; {why}, so add it")
     if len(vertebrae) < 2:
         raise InputError(
-            f"{where}: at least 2 vertebrae need landmarks, there are {len(vertebrae)}; "
-            f"add six for each vertebra, <bone>_{VERTEBRA_POINTS[0]} and so on"
+            f"{where}: at least 2 vertebrae need landmarks, there are {len(vertebrae)}; add six for each"
         )
 
 
@@ -206,11 +197,8 @@ def _check_orientation(before: Landmarks, source: CaseSource) -> None:
     }
     wrong = [text for text, holds in said.items() if not holds]
     if wrong:
-        raise InputError(
-            f'{source.name("case")}: axes = "{source.axes}" does not put {" nor ".join(wrong)} in '
-            f"{source.name('landmarks_before')}; correct the axes (LPS: x to the left, y to the back, z up) "
-            "or the names"
-        )
+        put = f"does not put {' nor '.join(wrong)} in {source.name('landmarks_before')}"
+        raise InputError(f'{source.name("case")}: axes = "{source.axes}" {put}; correct the axes or the names')
 
 
 def _check_bones(case: Case, source: CaseSource) -> list[str]:
@@ -219,29 +207,24 @@ def _check_bones(case: Case, source: CaseSource) -> list[str]:
         check_surface(bone, source.name(name))
         volume = enclosed_volume(bone)
         if volume <= 0.0:
-            found = (
-                f"triangles must be counterclockwise seen from outside, but the volume is {volume / 1000:.3g} cm3"
-            )
-            raise InputError(f"{source.name(name)}: {found}; flip them")
+            rule = "triangles must be counterclockwise seen from outside"
+            raise InputError(f"{source.name(name)}: {rule}, but the volume is {volume / 1000:.3g} cm3; flip them")
     _check_sides(case, source)
     depths, where = [], source.name("skin")
     outermost = SurfaceDistance(case.skin).outermost([bone.vertices for bone in case.bones.values()])
     for (name, bone), (worst, out) in zip(case.bones.items(), outermost, strict=True):
         if not out <= MOST_OUTSIDE:
             at = ", ".join(f"{x:.1f}" for x in bone.vertices[worst])
-            raise InputError(
-                f"{source.name(name)}: reaches {out:.1f} mm outside {where} at ({at}), {MOST_OUTSIDE:g} mm is "
-                "allowed; bring both into one frame or correct the bone"
-            )
+            far = f"reaches {out:.1f} mm outside {where} at ({at}), {MOST_OUTSIDE:g} mm is allowed"
+            raise InputError(f"{source.name(name)}: {far}; bring both into one frame or correct the bone")
         depths += [-out] if _VERTEBRA.fullmatch(name) else []
     boxes = {name: (bone.vertices.min(axis=0), bone.vertices.max(axis=0)) for name, bone in case.bones.items()}
-    for inner, (low, high) in boxes.items():
-        for outer, (lower, upper) in boxes.items():
-            if inner == outer or not ((low >= lower).all() and (high <= upper).all()):
-                continue
-            if (SurfaceDistance(case.bones[outer]).at(case.bones[inner].vertices) <= 0.0).all():
-                inside = f"lies completely inside {source.name(outer)}, where it has no effect"
-                raise InputError(f"{source.name(inner)}: {inside}; remove one of them")
+    for (inner, (low, high)), (outer, (lower, upper)) in permutations(boxes.items(), 2):
+        if (low < lower).any() or (high > upper).any():
+            continue
+        if (SurfaceDistance(case.bones[outer]).at(case.bones[inner].vertices) <= 0.0).all():
+            inside = f"lies completely inside {source.name(outer)}, where it has no effect"
+            raise InputError(f"{source.name(inner)}: {inside}; remove one of them")
     if not depths or USUAL_DEPTH[0] <= np.median(depths) <= USUAL_DEPTH[1]:
         return []
     return [
@@ -261,10 +244,9 @@ def _check_sides(case: Case, source: CaseSource) -> None:
             continue
         across = float((bone.vertices.mean(axis=0) - bones[twin].vertices.mean(axis=0)) @ left)
         if across <= 0.0:
-            raise InputError(
-                f"{source.name(name)}: must lie left of {source.name(twin)}, but lies "
-                f"{-across / np.linalg.norm(left):.0f} mm right of it; they seem exchanged; correct their names"
-            )
+            off = -across / np.linalg.norm(left)
+            rule = f"must lie left of {source.name(twin)}, but lies {off:.0f} mm right of it"
+            raise InputError(f"{source.name(name)}: {rule}; they seem exchanged; correct their names")
 
 
 def _check_bones_after(case: Case, source: CaseSource) -> None:
@@ -273,9 +255,7 @@ def _check_bones_after(case: Case, source: CaseSource) -> None:
     for name, after in case.bones_after.items():
         file = source.name(f"bones_after/{name}")
         if name not in case.bones:
-            raise InputError(
-                f"{file}: there is no bone '{name}' before surgery; add it to bones/ or remove this file"
-            )
+            raise InputError(f"{file}: there is no bone '{name}' before surgery; add it or remove this file")
         check_surface(after, file)
         before = case.bones[name].vertices
         if before.shape != after.vertices.shape:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -12,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, nearest
 from warp_trunk.io.file_access import read_text
 
 _MOST = 1_000_000
@@ -48,10 +47,9 @@ def refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: s
     """InputError for an unknown key, with the nearest known one."""
     for key in table:
         if key not in known:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-            hint = f"did you mean '{prefix}{near[0]}'? " if near else ""
-            keys = ", ".join(prefix + name for name in known)
-            raise InputError(f"{path}: unknown key '{prefix}{key}'; {hint}the keys are {keys}")
+            keys = [prefix + name for name in known]
+            hint = nearest(key, known).replace("mean '", f"mean '{prefix}")
+            raise InputError(f"{path}: unknown key '{prefix}{key}'{hint}; the keys are {', '.join(keys)}")
 
 
 def names_of(record: Any) -> list[str]:

@@ -56,10 +56,8 @@ def check_motion(before: Landmarks, after: Landmarks, where: str) -> None:
     moved = np.linalg.norm(after.points - before.points, axis=1)
     worst = int(np.argmax(moved))
     if not moved[worst] <= MOST_MOTION:
-        raise InputError(
-            f"{where}: '{before.names[worst]}' moves {moved[worst]:.1f} mm, {MOST_MOTION:g} mm is allowed; both "
-            "landmark files must be in one frame and unit"
-        )
+        far = f"'{before.names[worst]}' moves {moved[worst]:.1f} mm, {MOST_MOTION:g} mm is allowed"
+        raise InputError(f"{where}: {far}; both landmark files must be in one frame and unit")
 
 
 ROUGH = 3.0
@@ -131,10 +129,8 @@ def _check_levels(levels: tuple[str, ...], centres: np.ndarray, where: str) -> n
     for upper in range(last):
         around = centres[max(upper - 1, 0)] - centres[min(upper + 2, last)]
         if (centres[upper] - centres[upper + 1]) @ around <= 0.0:
-            raise InputError(
-                f"{where}: {levels[upper]} must lie above {levels[upper + 1]} along the spine, but lies below it; "
-                "their landmarks seem exchanged, so correct their names"
-            )
+            order = f"{levels[upper]} must lie above {levels[upper + 1]} along the spine, but lies below it"
+            raise InputError(f"{where}: {order}; their landmarks seem exchanged, so correct their names")
     return up / np.linalg.norm(up, axis=1)[:, None]
 
 
@@ -247,14 +243,10 @@ def _check_patient(here: np.ndarray, there: np.ndarray, misfits: np.ndarray, whe
     growth = float(sizes[1] / sizes[0] - 1.0)
     larger = f"{100 * growth:+z.1f} % larger than before"
     if abs(growth) > SIZE_REFUSED or usual > MISFIT:
-        raise InputError(
-            f"{where}: the vertebrae belong to another patient: they are {larger} ({100 * SIZE_REFUSED:g} is the "
-            f"most), and their shape differs by {usual:.1f} mm (root mean square; {MISFIT:g} is the most); "
-            "give landmarks of one patient, in one unit"
-        )
-    seldom = (
-        f"errors of landmarks seldom reach {100 * SIZE_WARNED:g} %; check that both files belong to one patient"
-    )
+        size = f"they are {larger} ({100 * SIZE_REFUSED:g} is the most)"
+        shape = f"their shape differs by {usual:.1f} mm ({MISFIT:g} is the most); give landmarks of one patient"
+        raise InputError(f"{where}: the vertebrae belong to another patient: {size}, and {shape}")
+    seldom = f"errors of landmarks seldom reach {100 * SIZE_WARNED:g} %; check that both are of one patient"
     return [f"{where}: the vertebrae are {larger}; {seldom}."] * (abs(growth) > SIZE_WARNED)
 
 
@@ -293,9 +285,9 @@ def check_frame(before: Landmarks, after: Landmarks, where: str) -> list[str]:
     apart = [float(np.linalg.norm(one - other)) for one, other in spines]
     most = f"{MOVED_REFUSED:g} mm is the most that errors explain"
     if abs(apart[1] - apart[0]) > MOVED_REFUSED:
+        width = f"are {apart[1]:.0f} mm apart, but {apart[0]:.0f} mm before surgery, and {most}"
         raise InputError(
-            f"{where}: 'asis_left' and 'asis_right' are {apart[1]:.0f} mm apart, but {apart[0]:.0f} mm before "
-            f"surgery, and {most}; mark them again, or give landmarks of one patient in one unit"
+            f"{where}: 'asis_left' and 'asis_right' {width}; give landmarks of one patient in one unit"
         )
     moved = np.linalg.norm(spines[1] - spines[0], axis=1)
     worst, cure = int(moved.argmax()), "give both files in one frame, or use --align-pelvis"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, nearest
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.file_access import check_within
 from warp_trunk.io.transform_file import read_transform, rigid
@@ -223,9 +222,8 @@ def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
     turn, shares, skin = motion.rotation, motion.follows, case.skin.vertices
     for name in (bone, *(shares or ())):
         if name not in case.bones:
-            near = difflib.get_close_matches(name, case.bones, n=1) or sorted(case.bones)[:8]
-            hint = f"did you mean '{near[0]}'?" if len(near) == 1 else f"the bones are {', '.join(near)}"
-            raise InputError(f"{where}: there is no bone '{name}' among the {len(case.bones)} bones; {hint}")
+            hint = nearest(name, case.bones) or f"; the first are {', '.join(sorted(case.bones)[:8])}"
+            raise InputError(f"{where}: there is no bone '{name}' among the {len(case.bones)} bones{hint}")
     marked = {bone_of(name, case.bones) for name in case.landmarks_before.names} if case.landmarks_after else {}
     for known, what in ((case.bones_after, f"bones_after/{bone}"), (marked, "landmarks after surgery")):
         if bone in known:
@@ -233,15 +231,11 @@ def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
     given = [key for key in ("rotation", "transform", "follows") if getattr(motion, key) is not None]
     given += ["translation"] if any(motion.translation) else []
     if not given or (len(given) > 1 and set(given) != {"rotation", "translation"}):
-        raise InputError(
-            f"{where}: gives {' and '.join(given) or 'no motion'}; give a rotation, a translation or both, or a "
-            "transform, or the bones that it follows"
-        )
+        cure = "give a rotation, a translation or both, or a transform, or the bones that it follows"
+        raise InputError(f"{where}: gives {' and '.join(given) or 'no motion'}; {cure}")
     numbers = [*motion.translation, *((turn.degrees, *turn.axis, *turn.point) if turn else ())]
     if not all(map(math.isfinite, numbers)) or (turn is not None and not any(turn.axis)):
-        raise InputError(
-            f"{where}: numbers must be finite and an axis must not be zero, not {numbers}; correct them"
-        )
+        raise InputError(f"{where}: numbers must be finite and an axis not zero, not {numbers}; correct them")
     if turn is not None:
         off = float(np.max([skin.min(axis=0) - turn.point, turn.point - skin.max(axis=0)]))
         if off > _FAR:

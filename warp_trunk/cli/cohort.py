@@ -121,7 +121,5 @@ class Calibrate(SimulationArguments):
             )
         if not found:
             after = "" if self.pose == "all" else f" after {self.pose}"
-            raise InputError(
-                f"{self.folder}: no case with an actual skin{after} to calibrate on; add actual_skin.ply"
-            )
+            raise InputError(f"{self.folder}: no case with an actual skin{after}; add actual_skin.ply")
         return found

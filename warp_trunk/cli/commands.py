@@ -1,16 +1,15 @@
 """From the words of a command line to a command, whose file is loaded only then, and to an exit status."""
 
 import ast
-import difflib
 import gc
 import importlib
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, nearest
 
 from .output import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
 
@@ -64,12 +63,6 @@ def overview() -> str:
             _sentence(name), 100, initial_indent=f"  {name:<{width}}", subsequent_indent=" " * (width + 2)
         )
     return "\n".join([*lines, "", "warp-trunk COMMAND --help lists the options of each."])
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """A question for the known word that is most like a word; nothing where none is."""
-    near = difflib.get_close_matches(word, list(known), n=1)
-    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def _sentence(name: str) -> str:

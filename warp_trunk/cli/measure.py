@@ -90,10 +90,8 @@ def patient_of(file: Path, folder: Path | None) -> Case:
     if case is not None:
         its = case.landmarks_before
         if before.names != its.names or np.abs(before.points - its.points).max() > 1e-3:
-            raise InputError(
-                f"{folder}: is not the case of the result {file.parent}: their landmarks before surgery differ; "
-                "leave --case out, the result holds its own landmarks"
-            )
+            other = f"is not the case of the result {file.parent}, whose landmarks before surgery differ"
+            raise InputError(f"{folder}: {other}; leave --case out, the result holds its own landmarks")
     return Case(result.summary.case, result.skin_before, {}, before, after)
 
 
@@ -112,10 +110,8 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
     if fault is None and (volume := enclosed_volume(surface)) <= 0.0:
         fault = f"it encloses {volume / 1000.0:.3g} cm3"
     if fault is not None:
-        raise InputError(
-            f"{path}: a skin must be closed to be measured, and its triangles counterclockwise seen from outside, "
-            f"but {fault}; close it with warp-trunk close, or flip its triangles"
-        )
+        rule = "a skin must be closed, and its triangles counterclockwise seen from outside"
+        raise InputError(f"{path}: {rule}, but {fault}; close it with warp-trunk close, or flip its triangles")
     (low, high), (own_low, own_high) = (
         (one.vertices.min(axis=0), one.vertices.max(axis=0)) for one in (surface, case.skin)
     )

@@ -59,10 +59,8 @@ def cut_planes(texts: Sequence[str], above: float | None, below: float | None) -
             numbers = [float(word) for word in text.split(",")]
             x, y, z, nx, ny, nz, radius = numbers if len(numbers) == 7 else [*numbers, math.inf]
         except ValueError:  # too few or too many of them, too
-            raise InputError(
-                f"--cut: must be x,y,z,nx,ny,nz or x,y,z,nx,ny,nz,radius, not '{text}'; "
-                "give a point, a normal and how far the cut reaches"
-            ) from None
+            cure = "give a point, a normal and, if wanted, how far the cut reaches"
+            raise InputError(f"--cut: must be x,y,z,nx,ny,nz or with a radius, not '{text}'; {cure}") from None
         planes.append(CutPlane((x, y, z), (nx, ny, nz), radius))
     ends = ((above, 1.0), (below, -1.0))
     return planes + [CutPlane((0.0, 0.0, z), (0.0, 0.0, up)) for z, up in ends if z is not None]

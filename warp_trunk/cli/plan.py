@@ -76,19 +76,15 @@ class PlanCommand:
         if self.out is None:
             raise InputError("plan: --out is missing; give the case folder to write, or --live to plan on a page")
         if (self.aim is None) != (not self.within):
-            raise InputError(
-                "plan: --aim and --within belong together: what is to be smallest, and what may change for it; "
-                "give both, as --aim hump --within T8,correction=0.5..0.8"
-            )
+            example = "--aim hump --within T8,correction=0.5..0.8"
+            raise InputError(f"plan: --aim and --within belong together; give both, as {example}")
         check_planned_folder(self.out, self.case)
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
             if not case.has_spine:
-                raise InputError(
-                    f"plan: {self.case} has no landmarks of a spine; write the motions of its bones in "
-                    "motions.toml and simulate it, or move them with --live"
-                )
+                cure = "write the motions of its bones in motions.toml and simulate it, or move them with --live"
+                raise InputError(f"plan: {self.case} has no landmarks of a spine; {cure}")
             intention = self._intention(case.landmarks_before)
             found = None
             if self.aim is not None:
@@ -122,10 +118,8 @@ class PlanCommand:
                 case = read_case(self.case)
             asked = self.plan or self.uiv or self.liv or self.curve
             if not case.has_spine and (asked or not case.motions):
-                raise InputError(
-                    f"--live: {self.case} has no landmarks of a spine; name the bones that move in motions.toml, "
-                    "and leave --plan, --uiv, --liv and --curve out"
-                )
+                cure = "name the bones that move in motions.toml, and give no option of a plan"
+                raise InputError(f"--live: {self.case} has no landmarks of a spine; {cure}")
             plan = self._intention(case.landmarks_before) if asked else None
             with crossings_written(folder):
                 failure = plan_live(case, folder, self.options, progress, plan=plan, port=self.port)

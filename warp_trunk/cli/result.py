@@ -47,9 +47,7 @@ class Report:
     def run(self, arguments: list[str]) -> int:
         """Writes the page and prints its place."""
         if not self.results:
-            raise InputError(
-                "report: RESULTS is missing; give a folder that `simulate` wrote, or several to compare"
-            )
+            raise InputError("report: RESULTS is missing; give one folder that `simulate` wrote, or several")
         if self.out is not None:
             refuse_case(self.out)
         from warp_trunk.report.writing import write_comparison  # brings matplotlib
@@ -74,10 +72,8 @@ class Export:
     def run(self, arguments: list[str]) -> int:
         """Writes the file."""
         if self.out.suffix.lower() not in ENDINGS:
-            known = ", ".join(ENDINGS)
-            raise InputError(
-                f"--out: a mesh cannot be written as '{self.out.suffix}'; end the name in one of {known}"
-            )
+            what = f"a mesh cannot be written as '{self.out.suffix}'"
+            raise InputError(f"--out: {what}; end the name in one of {', '.join(ENDINGS)}")
         refuse_case(self.out)
         check_place(self.out)
         tissues = read_summary(self.result).tissues

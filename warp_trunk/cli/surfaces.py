@@ -59,9 +59,8 @@ class Close:
         cuts = cut_planes(self.cut, self.cut_above, self.cut_below)
         check_written(self.out)
         if self.transforms and len(self.transforms) != len(self.parts):
-            raise InputError(
-                f"--transforms: {len(self.transforms)} files for {len(self.parts)} parts; give one for each"
-            )
+            counts = f"{len(self.transforms)} files for {len(self.parts)} parts"
+            raise InputError(f"--transforms: {counts}; give one for each")
         with Progress() as progress:
             with progress.stage("load", "reading the scans"):
                 parts = {str(path): read_surface(path) for path in self.parts}

@@ -46,10 +46,8 @@ def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Clie
     try:
         import distributed
     except ImportError as error:
-        raise InputError(
-            f"cohorts: run on Dask, which is not installed ({error}); install the extra: "
-            "uv sync --extra cluster, or pip install warp-trunk[cluster]"
-        ) from error
+        cure = "uv sync --extra cluster, or pip install warp-trunk[cluster]"
+        raise InputError(f"cohorts: run on Dask, which is not installed ({error}); {cure}") from error
     if scheduler is None:
         with _own_cluster(workers, device) as cluster, distributed.Client(cluster) as client:
             yield client
@@ -60,10 +58,8 @@ def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Clie
         client = distributed.Client(scheduler, timeout=PATIENCE)
         client.wait_for_workers(1, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(
-            f"--scheduler: no answer from {scheduler}, or it has no worker ({error}); start `dask scheduler` "
-            "and `dask worker`, and give the address that the scheduler prints"
-        ) from error
+        cure = "start `dask scheduler` and `dask worker`, and give the address that the scheduler prints"
+        raise InputError(f"--scheduler: no answer from {scheduler}, or no worker ({error}); {cure}") from error
     with client:
         yield client
 

@@ -201,9 +201,8 @@ def prepare_folder(folder: str | Path) -> Path:
     make_writable(folder, "a result")
     free = shutil.disk_usage(folder).free
     if free < LEAST_SPACE:
-        raise InputError(
-            f"{folder}: {free / 1e6:.0f} MB are free on this disk; a result needs {LEAST_SPACE / 1e6:.0f} MB"
-        )
+        space = f"{free / 1e6:.0f} MB are free on this disk"
+        raise InputError(f"{folder}: {space}; a result needs {LEAST_SPACE / 1e6:.0f} MB")
     return folder
 
 
@@ -259,23 +258,19 @@ def read_result(folder: str | Path) -> Result:
 
     def present(name: str) -> Path:
         if not (folder / name).is_file():
-            raise InputError(
-                f"{folder / name}: is missing, though {SUMMARY} says that the result is complete; {AGAIN}"
-            )
+            raise InputError(f"{folder / name}: is missing, though {SUMMARY} is there; {AGAIN}")
         return folder / name
 
     before, after = (read_surface(present(name)) for name in (SKIN_BEFORE, PREDICTED_SKIN))
     if not np.array_equal(before.faces, after.faces) or before.vertices.shape != after.vertices.shape:
-        raise InputError(
-            f"{folder / PREDICTED_SKIN}: its vertices or faces are not those of {SKIN_BEFORE}; {AGAIN}"
-        )
+        other = f"its vertices or faces are not those of {SKIN_BEFORE}"
+        raise InputError(f"{folder / PREDICTED_SKIN}: {other}; {AGAIN}")
     planned = reached = NO_LANDMARKS
     if summary.bsr_deg.before or (folder / LANDMARKS_BEFORE).exists():
         planned, reached = (read_landmarks(present(name)) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
     if planned.names != reached.names:
-        raise InputError(
-            f"{folder / LANDMARKS_AFTER}: its names must be those of {LANDMARKS_BEFORE}, in their order; {AGAIN}"
-        )
+        rule = f"its names must be those of {LANDMARKS_BEFORE}, in their order"
+        raise InputError(f"{folder / LANDMARKS_AFTER}: {rule}; {AGAIN}")
     plans = [file for file in (folder / PLAN, folder / MOTIONS) if file.is_file()]
     recording = folder / RECORDING
     return Result(

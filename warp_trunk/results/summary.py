@@ -177,10 +177,8 @@ def read_summary(folder: str | Path) -> Summary:
     try:
         return msgspec.json.decode(read_text(path, "give a folder that `simulate` wrote"), type=Summary)
     except (msgspec.DecodeError, RecursionError) as error:
-        raise InputError(
-            f"{path}: was changed by hand or written by another version of the program: {error}; "
-            "simulate the case again"
-        ) from error
+        why = "was changed by hand or written by another version of the program"
+        raise InputError(f"{path}: {why}: {error}; simulate the case again") from error
 
 
 def _plain(value: object) -> object:

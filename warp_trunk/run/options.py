@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any, Literal
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import ENERGY, SKIN_RIGIDITY
-from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.errors import InputError, check_ranges, nearest
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 
@@ -114,9 +113,7 @@ def with_changes(options: RunOptions, changes: Mapping[str, Any]) -> RunOptions:
 
     new = changed(options)
     for name in left:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise InputError(f"simulate: there is no option '{name}'{hint}")
+        raise InputError(f"simulate: there is no option '{name}'{nearest(name, known)}")
     return new
 
 

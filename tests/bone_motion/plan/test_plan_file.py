@@ -33,7 +33,7 @@ def test_plan_comes_back(tmp_path: Path, plan: Plan) -> None:
     ("text", "rule"),
     [
         ('uiv = "T4"', "'liv' is missing"),
-        ('uiv = "T4"\nliv = "L1"\nkyphosis = 30', "unknown key 'kyphosis'; did you mean 'kyphosis_T5_T12'?"),
+        ('uiv = "T4"\nliv = "L1"\nkyphosis = 30', "unknown key 'kyphosis' (did you mean 'kyphosis_T5_T12'?"),
         ('uiv = "T4"\nliv = "L1"\n[[curve]]\ncorrection = 0.5', "a curve has no 'apex'"),
         ('uiv = "T4"\nliv = "L1"\nspontaneous = "half"', "'spontaneous' must be 0 to 1, not half"),
         ('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 65', "must be 0 to 1, not 65"),

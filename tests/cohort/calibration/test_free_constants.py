@@ -20,7 +20,7 @@ CONTINUUM: dict[str, Any] = {"bones": "spline", "energy": "neo-hookean"}
 @pytest.mark.parametrize(
     ("names", "options", "why"),
     [
-        (("poison_ratio",), {}, "did you mean poisson_ratio?"),
+        (("poison_ratio",), {}, "did you mean 'poisson_ratio'?"),
         (("youngs_modulus",), PAPERS, "all forces grow with it alike"),
         (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
         (("epsilon",), {}, "simulated with neo-hookean; give --energy itmsm"),

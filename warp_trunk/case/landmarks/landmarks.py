@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from warp_trunk.errors import InputError, expect
+from warp_trunk.errors import InputError, expect, nearest
 
 VERTEBRAE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
 """Thoracic and lumbar vertebrae from the top down."""
@@ -49,10 +48,8 @@ class Landmarks:
         """Raises InputError for a name given twice, or another number of names than of points."""
         expect(self.points, np.ndarray, "landmarks: points", "give numpy.array(points, dtype=float)")
         if self.points.shape != (len(self.names), 3):
-            raise InputError(
-                f"landmarks: points must have shape ({len(self.names)}, 3), one for each name, "
-                f"not {self.points.shape}"
-            )
+            rule = f"points must have shape ({len(self.names)}, 3), one for each name"
+            raise InputError(f"landmarks: {rule}, not {self.points.shape}")
         if len(set(self.names)) < len(self.names):
             twice = sorted({name for name in self.names if self.names.count(name) > 1})
             raise InputError(f"landmarks: '{twice[0]}' is named more than once; give each point its own name")
@@ -60,9 +57,8 @@ class Landmarks:
     def index(self, name: str) -> int:
         """The row of a landmark; InputError with the nearest name where there is none of that name."""
         if name not in self.names:
-            near = difflib.get_close_matches(name, self.names, n=1)
-            hint = f"; did you mean '{near[0]}'?" if near else ""
-            raise InputError(f"landmarks: there is no '{name}' among the {len(self.names)} landmarks{hint}")
+            there = f"there is no '{name}' among the {len(self.names)} landmarks"
+            raise InputError(f"landmarks: {there}{nearest(name, self.names)}")
         return self.names.index(name)
 
     def point(self, name: str) -> np.ndarray:

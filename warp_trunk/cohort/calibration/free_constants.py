@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from warp_trunk.case.layers import CONSTANTS, NAMES
 from warp_trunk.case.rib_shares import LIMITS, RANGES
 from warp_trunk.case.tissue_file import CONSTANT_NAMES, RIBS
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -102,8 +101,7 @@ def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
         raise InputError("--free: is missing; give constants to find, such as --free poisson_ratio ribs.recovery")
     for number, name in enumerate(names):
         if name not in CONSTANT_NAMES:
-            near = difflib.get_close_matches(name, CONSTANT_NAMES, n=1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
+            hint = nearest(name, CONSTANT_NAMES)
             raise InputError(f"--free: there is no constant '{name}'{hint}; known are {', '.join(CONSTANT_NAMES)}")
         if name in names[:number]:
             raise InputError(f"--free: '{name}' is given twice; give it once")
