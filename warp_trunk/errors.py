@@ -29,12 +29,7 @@ def expect(value: object, kind: type, name: str, cure: str) -> None:
 def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[float, float]) -> None:
     """Raise InputError for a number among the fields of some options that is not within its range, nor None.
 
-    Args:
-        options: the options.
-        what: what they are of, the first word of the message.
-        unit: of the numbers, after a blank.
-        ranges: least and greatest value by the name of the field.
-    """
+    `what` is the first word of the message, `unit` follows a blank, `ranges` are by the name of the field."""
     for name, (least, most) in ranges.items():
         value = getattr(options, name)
         if value is not None and not least <= value <= most:  # nor is NaN

@@ -250,8 +250,7 @@ is crushed: solves to a tenth took as many steps, and a third more iterations. W
 stiff as usual they took a fifth of the iterations."""
 TRUE_ACCURACY, LOOSEST = 0.03, 0.1
 """The part of the distance that a solve with the true Hessian may leave: the square of the contraction of the last
-step, between these (Eisenstat and Walker 1996). Where tissue is crushed, steps leave a third of the distance
-anyway."""
+step, between these (Eisenstat and Walker 1996)."""
 IMPROVING = 0.9
 """A step that left at most this part of the gradient is followed by another before noise is solved for in vain."""
 CONTRACTION = 0.2
