@@ -12,7 +12,6 @@ import pytest
 from support.small_case import small_case
 from warp_trunk.case import Axes, Case, read_case, write_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
-from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
@@ -124,15 +123,6 @@ def test_a_case_without_a_plan_has_no_landmarks_of_an_earlier_one(tmp_path: Path
     write_case(tmp_path, unplanned())
     assert not (tmp_path / "landmarks_after.csv").exists()
     assert read_case(tmp_path).landmarks_after is None
-
-
-def test_simulate_says_that_plan_makes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_case(tmp_path / "case", unplanned())
-    assert main(["simulate", str(tmp_path / "case"), "--out", str(tmp_path / "result")]) == 2
-    said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert "landmarks_after" in said
-    assert "warp-trunk plan" in said
-    assert not (tmp_path / "result").exists()
 
 
 def test_side_bending_comes_back(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
@@ -17,7 +16,7 @@ from warp_trunk.case import write_case
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.cli import main
 from warp_trunk.cli.arguments import ONLY_IN_PYTHON
-from warp_trunk.cli.output import BAD_INPUT, INTERRUPTED, NOT_CONVERGED, OK
+from warp_trunk.cli.output import BAD_INPUT, NOT_CONVERGED, OK
 from warp_trunk.cli.simulate import COMMON
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.tissue import Tissue
@@ -81,23 +80,6 @@ def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., i
     } == parameters  # fmt: skip
     assert not (tmp_path / "recording.rrd").exists()
     assert commands(tmp_path / "short", "--max-steps=1", "--tolerance=1e-4", "--no-record") == NOT_CONVERGED
-
-
-def test_an_interrupt_ends_in_one_line(
-    commands: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Interrupted(io.StringIO):
-        """A terminal on which Ctrl-C is pressed when the first increment is shown."""
-
-        def write(self, text: str) -> int:
-            if "increment 1 of 2" in text:
-                raise KeyboardInterrupt
-            return super().write(text)
-
-    said = Interrupted()
-    monkeypatch.setattr("sys.stderr", said)
-    assert commands(tmp_path, "--no-record") == INTERRUPTED
-    assert said.getvalue().endswith("warp-trunk: interrupted\n")
 
 
 def test_make_case_writes_a_case_of_the_curve_asked_for(

@@ -29,26 +29,6 @@ def test_triangulate_writes_landmarks_that_a_case_reads(tmp_path, capsys) -> Non
     assert "Reprojection error: mean 0.00" in said
 
 
-def test_fit_atlas_writes_bones(tmp_path, capsys) -> None:
-    _, bones, landmarks = straight_trunk()
-    (tmp_path / "atlas").mkdir()
-    for name in ("T8", "rib_left_08", "hip_left", "hip_right"):
-        write_surface(tmp_path / "atlas" / f"{name}.ply", bones[name])
-    rows = [i for i, name in enumerate(landmarks.names) if name.startswith(("T8_", "asis"))]
-    there = Landmarks(tuple(landmarks.names[i] for i in rows), 1.2 * landmarks.points[rows])
-    write_landmarks(tmp_path / "atlas.csv", Landmarks(there.names, landmarks.points[rows]))
-    write_landmarks(tmp_path / "patient.csv", there)
-    flags = ["--bones", "atlas", "--atlas", "atlas.csv", "--patient", "patient.csv", "--out", "bones"]
-    flags = [flag if flag.startswith("--") else str(tmp_path / flag) for flag in flags]
-    assert main(["fit-atlas", *flags]) == 0
-    carried = read_surface(tmp_path / "bones" / "T8.ply").vertices
-    np.testing.assert_allclose(carried, 1.2 * bones["T8"].vertices, atol=1e-7)
-    assert "4 bones written" in capsys.readouterr().out
-    table = (tmp_path / "bones" / "atlas_fit.csv").read_text().splitlines()
-    assert table[0] == "name,error,error_left_out"
-    assert len(table) == len(rows) + 1
-
-
 @pytest.mark.parametrize("folds", [False, True])
 def test_register_writes_the_skin_or_refuses_a_fold(tmp_path, capsys, folds: bool) -> None:
     skin = straight_trunk()[0]

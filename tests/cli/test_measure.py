@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 from dataclasses import replace
@@ -42,27 +41,6 @@ def run(place, *arguments):
 
 def record_of(stem):
     return json.loads(stem.with_name(stem.name + ".json").read_text())
-
-
-def test_measures_are_those_of_the_library(place, tmp_path, capsys):
-    folder, case, after = place
-    assert run(place, folder / "case" / "skin.ply", "--out", tmp_path / "own") == OK
-    assert record_of(tmp_path / "own")["landmarks"] == "before"  # the case's own skin
-    assert run(place, folder / "after.ply", "--out", tmp_path / "m") == OK
-    record = record_of(tmp_path / "m")
-    measures = measure(after, case.landmarks_after, case.skin)
-    assert record["landmarks"] == "after"
-    assert {level: values["bsr_deg"] for level, values in record["skin"]["levels"].items()} == measures.bsr
-    assert record["skin"]["skin_change_max_mm"] == pytest.approx(measures.skin_change_max)
-    assert measures.max_thoracic_bsr is not None
-    assert measures.max_thoracic_bsr > 10.0
-    text = capsys.readouterr().out
-    assert f"{measures.max_thoracic_bsr:.0f} right" in text
-    assert f"{tmp_path / 'm'}.json" in text
-    with (tmp_path / "m.csv").open() as file:
-        table = {(row["where"], row["measure"]): row["value"] for row in csv.DictReader(file)}
-    assert float(table["skin levels T7", "bsr_deg"]) == measures.bsr["T7"]
-    assert table["", "landmarks"] == "after"
 
 
 def test_against_an_actual_skin(place, tmp_path, capsys):

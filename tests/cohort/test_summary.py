@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from pathlib import Path
 
 import pytest
@@ -11,7 +9,7 @@ import pytest
 from warp_trunk.cohort.page import worse_parts
 from warp_trunk.cohort.rows import CaseRow, LevelRow, case_error
 from warp_trunk.cohort.summary import summarize_cohort
-from warp_trunk.cohort.tables import COLUMNS, cohort_text, write_cohort
+from warp_trunk.cohort.tables import write_cohort
 
 
 def level(
@@ -108,23 +106,3 @@ def test_a_method_that_is_worse_than_doing_nothing_says_so_first(tmp_path: Path)
     write_cohort(tmp_path, rows)
     page = (tmp_path / "cohort.html").read_text()
     assert page.index("predicted worse than by saying that nothing changes") < page.index("<table")
-
-
-def test_files(tmp_path: Path):
-    summary = write_cohort(tmp_path, ROWS)
-    with (tmp_path / "cohort.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == COLUMNS
-    assert len(rows) == 4 + 2 + 1 + 1 + 1 + 1
-    second = [rows[1][name] for name in ("folder", "level", "bsr_actual_deg", "in_band")]
-    assert second == ["a", "T6", "9.0", "False"]
-    assert [row["reason"] for row in rows if row["folder"] == "e"] == ["skin.ply: is <open>, 3 edges"]
-    record = json.loads((tmp_path / "cohort.json").read_text())
-    assert record["summary"]["ranges"]["T3-L5"]["error"]["mean"] == pytest.approx(11.0 / 6.0)
-    assert [case["folder"] for case in record["cases"]] == list("abcdef")
-    assert "failed: e" in cohort_text(summary)
-    page = (tmp_path / "cohort.html").read_text()
-    for text in ("Synthetic: no patient", "&lt;open&gt;", "1.83 ± 0.24"):
-        assert text in page, text
-    assert "<open>" not in page
-    assert "http" not in page.replace("http-equiv", "")  # nothing from elsewhere

@@ -6,7 +6,7 @@ import pytest
 from support.small_trunk import small_landmarks
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.report.hump_picture import FADE, painted_difference, side_difference
+from warp_trunk.report.hump_picture import side_difference
 from warp_trunk.report.relief import (
     BEHIND,
     FRONT,
@@ -113,22 +113,3 @@ def test_every_view_has_its_sides_where_it_says(landmarks):
     assert (BEHIND.sides, FRONT.sides, RIGHT.sides) == (("left", "right"), ("right", "left"), ("back", "front"))
     for view in (BEHIND, FRONT, RIGHT):
         np.testing.assert_allclose(seen(above, view), [0.0, 0.0, 50.0], atol=1e-9)
-
-
-def test_what_is_painted_is_smooth_and_fades_at_the_ends_of_the_spine(landmarks):
-    """Noise of a mesh near a border of two colours is no pattern; a slope stays what it is."""
-    noise = np.random.default_rng(2).normal(size=(121, 43))
-    skin = sheet(lambda x, z: 50.0 - 0.1 * x + 1.0 * noise)
-    seen = Window(np.arange(60.0, -61.0, -1.0), np.arange(400.0, 99.0, -1.0), 1.0)
-    back = relief(skin, landmarks, seen)
-    (raw, whole), (smooth, part) = side_difference(back, seen), painted_difference(back, seen)
-    inside = np.isfinite(raw) & (whole == 1.0)
-    slope = np.broadcast_to(-0.2 * seen.x, raw.shape)
-    assert np.abs(smooth - slope)[inside].mean() < 0.5 * np.abs(raw - slope)[inside].mean()
-    np.testing.assert_array_equal(np.isnan(raw), np.isnan(smooth))
-    top, bottom = back.spine[:, 1].max(), back.spine[:, 1].min()
-    middle = len(seen.x) // 2 + 20
-    fading = (seen.z < top) & (seen.z > top - FADE)
-    np.testing.assert_allclose(part[fading, middle], (top - seen.z[fading]) / FADE, atol=1e-9)
-    well_inside = (seen.z < top - FADE) & (seen.z > bottom + FADE)
-    assert (part[well_inside, middle] == 1.0).all()

@@ -55,22 +55,6 @@ def test_summary_has_its_keys_and_the_numbers_of_the_run(simulated, tmp_path):
     assert summary.seconds["relax"] == pytest.approx(0.75)
 
 
-def test_rotation_before_and_after_by_level(simulated, tmp_path):
-    case, trunk, model, increments = simulated
-    actual = Surface(case.skin.vertices, case.skin.faces[::-1])
-    known = result_of(replace(case, actual_skin=actual), trunk, model, increments).save(tmp_path)
-    bsr = known.summary.bsr_deg
-    assert bsr.before == pytest.approx({"T4": 0.0, "T8": 0.0, "T12": 0.0, "L3": 0.0}, abs=1e-9)
-    assert bsr.after["T4"] == pytest.approx(14.0 * 360.0 / 420.0, abs=0.05)
-    assert bsr.actual == pytest.approx(bsr.before, abs=1e-9)
-    read = read_result(tmp_path).actual_skin
-    assert read is not None
-    np.testing.assert_array_equal(read.faces, actual.faces)
-    (tmp_path / "actual_skin.ply").unlink()
-    with pytest.raises(InputError, match=r"actual_skin\.ply: is missing"):
-        read_result(tmp_path)
-
-
 def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
     case, trunk, model, increments = simulated
     relaxation = replace(

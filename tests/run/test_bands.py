@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +13,11 @@ from support.small_trunk import boned_case
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
-from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles, measure
 from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import spine_of
-from warp_trunk.results import predicted_skin, read_result, result_of
+from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import FoundBands
 from warp_trunk.run.bands import find_bands, spine_bands
 from warp_trunk.run.options import RunOptions
@@ -93,22 +91,6 @@ def test_the_same_error_before_and_after_matters_less_and_sources_add_up() -> No
         assert found.exact[name].sd < band.sd
         assert band.high - band.value == pytest.approx(1.96 * band.sd, rel=1e-4)
         assert band.low + band.high == pytest.approx(2.0 * band.value)
-
-
-def test_a_result_keeps_them(tmp_path: Path) -> None:
-    prepared, last = simulated()
-    found = bands_of(mesh_rotation=0.3, mesh_length=0.4)
-    result_of(CASE, prepared.trunk, prepared.model, [last], found=found).save(tmp_path / "with")
-    back = read_result(tmp_path / "with")
-    assert back.summary.bands == found.bands
-    assert back.skin_sd is not None
-    np.testing.assert_allclose(back.skin_sd, 0.4)
-    (tmp_path / "with" / "skin_sd.csv").write_text("sd_mm\n1.0\n")
-    with pytest.raises(InputError, match=r"skin_sd.csv: must have one number for each of \d+ vertices"):
-        read_result(tmp_path / "with")
-    result_of(CASE, prepared.trunk, prepared.model, [last]).save(tmp_path / "with")
-    assert read_result(tmp_path / "with").skin_sd is None
-    assert not (tmp_path / "with" / "skin_sd.csv").exists()
 
 
 WHOLE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))

@@ -8,18 +8,16 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
-import benchmark
 import numpy as np
 import pytest
 from benchmarking.curves import curve
 from benchmarking.marked import replaced
 from benchmarking.outside import OUTSIDE
-from benchmarking.plot import plot
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.record import Record, Setting, read_records, write_records
 from benchmarking.scaling import measure_size, size_table, slopes
 from benchmarking.scenes import scenes_table
-from benchmarking.tables import curves, long_table, seconds_to, short_table
+from benchmarking.tables import short_table
 
 from support.small_trunk import small_case
 from support.there import there
@@ -119,49 +117,10 @@ def test_no_record_claims_less_than_half_its_error(method: str, precision: str) 
         assert record.estimated_error_mm >= 0.5 * record.max_error_mm, record
 
 
-def test_tables_tell_what_the_records_say() -> None:
-    slow, fast = measured("gradient", "float32")[0], measured("newton")[-1]
-    records = [
-        replace(slow, seconds=50.0, max_error_mm=2.0, threads=2, estimated_error_mm=3.0),
-        replace(slow, seconds=200.0, max_error_mm=0.9, threads=2, estimated_error_mm=3.0),
-        replace(fast, seconds=1.0, max_error_mm=0.5, threads=2, estimated_error_mm=1.0),
-        replace(fast, seconds=2.0, max_error_mm=0.009, threads=2, estimated_error_mm=0.012),
-        replace(fast, seconds=3.6, max_error_mm=0.009, threads=1, estimated_error_mm=0.012),
-    ]
-    gradient, newton, alone = curves(records).values()
-    assert (seconds_to(gradient, 1.0), seconds_to(gradient, 0.1), seconds_to(newton, 0.01)) == (200.0, None, 2.0)
-    assert len(alone) == 1
-    assert "| gradient | spline | papers' | 2 threads | float32 | 200 |  |  | 0.9 mm after 200 s |" in short_table(
-        records
-    )
-    assert "| newton | spline | papers' | 1 thread | float32 | 3.6 | 3.6 | 3.6 |  |" in short_table(records)
-    assert len(long_table(records).splitlines()) == 2 + len(records)
-    with pytest.raises(InputError, match="'hardware'"):
-        curves([fast, replace(fast, hardware="another machine")])
-
-
 def test_the_page_shows_what_was_measured() -> None:
     docs = SCRIPTS.parent / "docs"
     page = (docs / "performance.md").read_text()
     assert replaced(page, "benchmark", short_table(read_records([docs / "benchmark.json"]))) == page
-
-
-def test_later_curves_take_the_place_of_earlier_ones(tmp_path: Path) -> None:
-    setting = Setting(method="newton", threads=1, precision="float32", device="cpu")
-    one, *_ = curve(problem(), setting, 1e9, repeats=1)
-    old = [replace(one, tolerance_mm=tolerance, tets=7) for tolerance in (1.0, 0.1)]
-    other = replace(one, threads=2, tets=7)
-    write_records(tmp_path / "old.json", [*old, other])
-    write_records(tmp_path / "new.json", [one])
-    arguments = [
-        "join",
-        str(tmp_path / "old.json"),
-        str(tmp_path / "new.json"),
-        "--out",
-        str(tmp_path / "old.json"),
-    ]
-    assert benchmark.main(arguments) == 0
-    assert read_records([tmp_path / "old.json"]) == [one, other]
 
 
 def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
@@ -185,15 +144,6 @@ def test_scenes_are_all_measured() -> None:
     work = [int(row[6]) for row in rows]
     assert work[8] == work[9] == work[0]  # who looks on changes nothing
     assert work[1] != work[0] or work[2] != work[0]  # another energy is another problem
-
-
-def test_plot_is_drawn(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    records = [record for method in ("newton", "gradient", OUTSIDE) for record in measured(method)]
-    plot(tmp_path / "benchmark.png", records, "a test")
-    assert (tmp_path / "benchmark.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(InputError, match="no records"):
-        plot(tmp_path / "none.png", [])
 
 
 def test_run_needs_numpy_scipy_and_warp_alone(tmp_path: Path) -> None:

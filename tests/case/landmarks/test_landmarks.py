@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.case.axes import Axes
-from warp_trunk.case.landmarks import Landmarks, bone_of, landmark_file, read_landmarks, write_landmarks
+from warp_trunk.case.landmarks import Landmarks, landmark_file, read_landmarks, write_landmarks
 from warp_trunk.errors import InputError
 
 NAMES = (
@@ -130,42 +130,3 @@ def test_landmarks_in_two_files_of_a_folder_are_refused(tmp_path):
     (tmp_path / "landmarks_before.csv").write_text("")
     with pytest.raises(InputError, match="give 'landmarks_before' in one file"):
         landmark_file(tmp_path, "landmarks_before")
-
-
-def test_vertebrae_stand_top_to_bottom():
-    assert make().vertebrae() == ("T1", "T2", "T10", "L1")
-
-
-def test_landmarks_of_a_bone_keep_their_rows():
-    landmarks = make()
-    part = landmarks.of_bone("T10")
-    assert part.names == ("T10_x", "T10_y")
-    np.testing.assert_array_equal(part.points, landmarks.points[[1, 6]])
-    assert landmarks.of_bone("T1").names == ("T1_x",)
-    assert landmarks.of_bone("hip_left").names == ("asis_left",)
-    assert landmarks.of_bone("sacrum").points.shape == (0, 3)
-
-
-def test_bone_of_takes_the_longest_name():
-    bones = ("rib", "rib_left_01", "hip_right", "T1")
-    assert bone_of("rib_left_01_tip", bones) == "rib_left_01"
-    assert bone_of("asis_right", bones) == "hip_right"
-    assert bone_of("asis_left", bones) is None
-    assert bone_of("T10_x", bones) is None
-
-
-def test_index_names_the_nearest():
-    landmarks = make()
-    assert landmarks.index("T2_x") == 2
-    np.testing.assert_array_equal(landmarks.point("T2_x"), landmarks.points[2])
-    with pytest.raises(
-        InputError, match=r"no 'L1_left_pedicel_superior'.*did you mean 'L1_left_pedicle_superior'"
-    ):
-        landmarks.index("L1_left_pedicel_superior")
-
-
-def test_names_and_points_must_fit():
-    with pytest.raises(InputError, match="'a' is named more than once"):
-        Landmarks(("a", "b", "a"), np.zeros((3, 3)))
-    with pytest.raises(InputError, match=r"must have shape \(2, 3\)"):
-        Landmarks(("a", "b"), np.zeros((3, 3)))
