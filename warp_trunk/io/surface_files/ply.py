@@ -23,8 +23,12 @@ _Property = tuple[str, str, str | None]
 """Name, type, and for a list the type of its length."""
 
 
-def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles.
+_Columns = dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]
+"""By element and property its values, and where each row ends among them."""
+
+
+def ply_columns(content: bytes) -> _Columns:
+    """The elements of a file.
 
     Raises:
         ValueError: no such header, or other data than it says.
@@ -37,18 +41,29 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     said = sum(count for _, count, _ in elements)
     if said > len(body):  # each takes a byte at least
         raise ValueError(f"the header says {said} elements, the file has {len(content)} bytes")
-    if not any(name == "face" and count for name, count, _ in elements):
-        raise ValueError("it holds points without triangles; make a surface of them")
     if not order:
         if b"_" in body:
             raise ValueError("numbers have no underscores")
         body = np.array(body.split(), dtype=np.float64).tobytes()
     at, columns = 0, {}
     for name, count, properties in elements:
-        columns[name], at = _columns(body, at, count, properties)
+        found, at = _columns(body, at, count, properties)
+        columns[name] = found if count else {}
     if at != len(body):
         raise ValueError(f"{len(body) - at} bytes more follow than its header says")
-    vertex, face = columns.get("vertex", {}), columns["face"]
+    return columns
+
+
+def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles.
+
+    Raises:
+        ValueError: no such header, other data than it says, or no triangles.
+    """
+    columns = ply_columns(content)
+    vertex, face = columns.get("vertex", {}), columns.get("face", {})
+    if not face:
+        raise ValueError("it holds points without triangles; make a surface of them, or give it to fit-back")
     corners = next((face[name] for name in ("vertex_indices", "vertex_index") if name in face), None)
     if corners is None or not {"x", "y", "z"} <= vertex.keys():
         raise ValueError("vertices with x, y and z and faces with vertex_indices were expected")

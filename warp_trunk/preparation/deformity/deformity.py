@@ -13,7 +13,7 @@ from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_shares import RibShares
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.spline import fit_spline
+from warp_trunk.geometry.spline import Spline, fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures.shoulders import upper_outline
@@ -58,15 +58,7 @@ def impose(
             would fold the trunk or make its skin cross itself.
     """
     poses = vertebra_poses(landmarks, curve)
-    moved = _move(landmarks, poses)
-    before, after = guiding_points(bones, poses, landmarks.points)
-    freely = np.where((before == after).all(axis=1), 0.0, _GROWN)  # the pelvis stays
-    on_skin, carried_to = guiding_skin(skin, landmarks, poses, curve.shoulders)
-    spline = fit_spline(
-        np.vstack([landmarks.points, before, on_skin]),
-        np.vstack([moved.points, after, carried_to]),
-        np.concatenate([np.zeros(len(landmarks.points)), freely, np.full(len(on_skin), _ON_SKIN)]),
-    )
+    moved, spline = grown(skin, bones, landmarks, poses, curve.shoulders)
 
     everything = np.vstack([skin.vertices, *(bone.vertices for bone in bones.values())])
     volume = np.linalg.det(spline.jacobian(everything))
@@ -87,6 +79,34 @@ def impose(
         cure = "ask for less, or repair the skin if it crosses itself when straight"
         raise InputError(f"curve: a curve {curve} makes this skin cross itself, {where}; {cure}")
     return carried_skin, carried, moved
+
+
+def grown(
+    skin: Surface,
+    bones: Mapping[str, Surface],
+    landmarks: Landmarks,
+    poses: Mapping[str, VertebraPose],
+    shoulders: float,
+) -> tuple[Landmarks, Spline]:
+    """The landmarks of vertebrae that have moved, and the spline that carries ribs, sternum, skin and all else.
+
+    Args:
+        skin: of the straight trunk.
+        bones: straight, by name.
+        landmarks: of the straight bones.
+        poses: motion of each vertebra by name.
+        shoulders: see `guiding_skin` [mm].
+    """
+    moved = _move(landmarks, poses)
+    before, after = guiding_points(bones, poses, landmarks.points)
+    freely = np.where((before == after).all(axis=1), 0.0, _GROWN)  # the pelvis stays
+    on_skin, carried_to = guiding_skin(skin, landmarks, poses, shoulders)
+    spline = fit_spline(
+        np.vstack([landmarks.points, before, on_skin]),
+        np.vstack([moved.points, after, carried_to]),
+        np.concatenate([np.zeros(len(landmarks.points)), freely, np.full(len(on_skin), _ON_SKIN)]),
+    )
+    return moved, spline
 
 
 def correct(straight: Landmarks, curve: Curve, fraction: float) -> Landmarks:
