@@ -271,7 +271,7 @@ def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, flo
     around = [f"T{number}" for number in range(int(apex[1:]) - 1, int(apex[1:]) + 2)]
     if not (apex.startswith("T") and set(around) <= {f"T{number}" for number in range(1, 13)}):
         return math.nan, math.nan
-    motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, shares=case.rib_shares)
+    motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, shares=case.rib_coupling)
     concave = "left" if convex == "right" else "right"
     found = []
     for after in (False, True):

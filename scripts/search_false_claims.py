@@ -29,7 +29,7 @@ from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
 from warp_trunk import InputError, Tissue
-from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
@@ -162,7 +162,7 @@ def endings(drawn: Draw, trunk: TrunkMesh, moved: np.ndarray) -> Iterator[tuple[
     options = RelaxOptions(tolerance=drawn.tolerance, max_steps=MOST_STEPS)
     if drawn.increments:
         for increment in simulate(
-            model, BonePath(moved), SimulationOptions(increments=drawn.increments, relax=options)
+            model, PrescribedMotion(moved), SimulationOptions(increments=drawn.increments, relax=options)
         ):
             yield increment.relaxation, increment.displacement
         return

@@ -80,7 +80,7 @@ def draw(
     constants = {
         "poisson_ratio": float(random.uniform(0.32, 0.47)),
         "fat.youngs_modulus": float(2.5 * 1.5 ** random.standard_normal()),
-        "ribs.recovery": float(random.uniform(0.55, 0.95)),
+        "ribs.reversible_part": float(random.uniform(0.55, 0.95)),
     }
     thoracic = kind == "thoracic"
     kyphosis = float(np.clip(random.normal(*KYPHOSIS), 0.0, 60.0))

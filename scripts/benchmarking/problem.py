@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk import InputError, Landmarks, Surface, Tissue
-from warp_trunk.bone_motion.bone_path import BonePath, RigidBones, spline_path
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, RigidBones, spline_path
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
@@ -55,12 +55,12 @@ class Problem:
     """Which energy the tissue has."""
     skin_rigidity: float = 0.0
     """Flexural rigidity of the skin [N mm]."""
-    path: BonePath | None = None
+    path: PrescribedMotion | None = None
     """The motion of bones that follow, each rigidly; the spline of the landmarks where there is none."""
     truth: np.ndarray | None = None
     """Displacement after surgery in float64, converged to TRUTH_TOLERANCE [mm], shape (nodes, 3)."""
 
-    def bone_path(self) -> BonePath:
+    def bone_path(self) -> PrescribedMotion:
         """The motion of the bones."""
         return self.path or spline_path(self.trunk.nodes, self.landmarks_before, self.landmarks_after)
 
@@ -162,12 +162,12 @@ def read_problem(path: str | Path) -> Problem:
     )
 
 
-def _path(stored: dict[str, np.ndarray]) -> BonePath | None:
+def _path(stored: dict[str, np.ndarray]) -> PrescribedMotion | None:
     """The motion of bones that follow, where it is stored."""
     if "path" not in stored:
         return None
     rigid = {field.name: stored[f"rigid_{field.name}"] for field in fields(RigidBones)}
-    return BonePath(stored["path"], RigidBones(**rigid))
+    return PrescribedMotion(stored["path"], RigidBones(**rigid))
 
 
 def _differences(tets: np.ndarray) -> np.ndarray:

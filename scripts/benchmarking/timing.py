@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
@@ -61,7 +61,7 @@ def make_model(problem: Problem, setting: Setting) -> Model:
     )
 
 
-def run(model: Model, path: BonePath, relax: RelaxOptions, increments: int = 10) -> Timed:
+def run(model: Model, path: PrescribedMotion, relax: RelaxOptions, increments: int = 10) -> Timed:
     """One simulation."""
     gc.collect()  # what the last one holds on the device
     start = time.perf_counter()
@@ -78,7 +78,7 @@ def run(model: Model, path: BonePath, relax: RelaxOptions, increments: int = 10)
 
 
 def run_least(
-    model: Model, path: BonePath, relax: RelaxOptions, *, increments: int = 10, repeats: int = REPEATS
+    model: Model, path: PrescribedMotion, relax: RelaxOptions, *, increments: int = 10, repeats: int = REPEATS
 ) -> Timed:
     """The fastest of so many simulations, or the first one if it is not short."""
     timed = run(model, path, relax, increments)
@@ -89,6 +89,6 @@ def run_least(
     return timed
 
 
-def warm_up(model: Model, path: BonePath, relax: RelaxOptions) -> None:
+def warm_up(model: Model, path: PrescribedMotion, relax: RelaxOptions) -> None:
     """Loads every kernel a simulation uses, by its first increment."""
     next(iter(simulate(model, path, SimulationOptions(relax=relax))))

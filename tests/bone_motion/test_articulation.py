@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.rib_shares import RibShares
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.phantom import straight_trunk
 
@@ -100,7 +100,7 @@ def test_what_vertebrae_do_beside_leaning_reaches_the_ribs_by_shares() -> None:
     """A turn of T8 about its own axis, in a trunk that leans as well: her ribs turn by its share."""
     bones, before = straight()
     lean = RigidTransform.from_rotation(Rotation.from_euler("y", 12.0, degrees=True))
-    shares = RibShares(turn=0.5, recovery=1.0)
+    shares = RibCoupling(axial_rotation=0.5, reversible_part=1.0)
     centre = bones["T8"].vertices.mean(axis=0)
     axis = before.point("T8_superior_endplate") - before.point("T8_inferior_endplate")
     turn = Rotation.from_rotvec(np.radians(10.0) * axis / np.linalg.norm(axis))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from warp_trunk.bone_motion.rib_cage import ends, follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebra, split
-from warp_trunk.case.rib_shares import RibShares
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 
@@ -40,7 +40,7 @@ def turned(motion: RigidTransform) -> float:
 
 
 def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
-    motions = follow(BONES, CURVED, RibShares())
+    motions = follow(BONES, CURVED, RibCoupling())
     for rib in RIBS:
         head, _ = ends(BONES[rib], BONES[vertebra(rib)])
         there = CURVED[vertebra(rib)].motion.apply(head)
@@ -48,7 +48,7 @@ def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
 
 
 def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
-    shares = RibShares(turn=0.5, tilt=0.2, recovery=0.6, upper=0.0)
+    shares = RibCoupling(axial_rotation=0.5, lateral_bending=0.2, reversible_part=0.6, upper=0.0)
     motions = follow(NO_STERNUM, CURVED, shares)
     for rib in ("rib_left_06", "rib_right_03"):
         motion, moving = motions[rib], split(*CURVED[vertebra(rib)])
@@ -59,7 +59,7 @@ def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
 
 def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> None:
     way = {"T8": Vertebra(RigidTransform.from_translation([20.0, 0.0, 0.0]), UPRIGHT)}
-    whole, part = (follow(NO_STERNUM, way, RibShares(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
+    whole, part = (follow(NO_STERNUM, way, RibCoupling(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
     head, tip = ends(BONES["rib_left_08"], BONES["T8"])
     assert whole.apply(tip)[0] - tip[0] == pytest.approx(20.0, abs=1e-9)
     assert part.apply(head)[0] - head[0] == pytest.approx(20.0, abs=1e-9)
@@ -68,7 +68,7 @@ def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> N
 
 def test_cartilages_keep_their_length_within_a_tenth() -> None:
     for curve in (SpineCurve(cobb=40.0), SpineCurve(kind="double_major", cobb=40.0)):
-        motions = follow(BONES, vertebrae_of(curve), RibShares())
+        motions = follow(BONES, vertebrae_of(curve), RibCoupling())
         sternum = BONES["sternum"].vertices
         for rib in RIBS:
             if int(rib[-2:]) <= 7:
@@ -88,7 +88,7 @@ def directly(degrees: float) -> dict[str, Vertebra]:
 
 @pytest.mark.parametrize("degrees", [-4.0, 4.0, 25.0])
 def test_where_screws_turn_a_vertebra_its_ribs_lag_within_the_facets(degrees: float) -> None:
-    motions = follow(NO_STERNUM, directly(degrees), RibShares())
+    motions = follow(NO_STERNUM, directly(degrees), RibCoupling())
     gaps = []
     for rib in RIBS:
         head, _ = ends(BONES[rib], BONES[vertebra(rib)])
@@ -97,18 +97,18 @@ def test_where_screws_turn_a_vertebra_its_ribs_lag_within_the_facets(degrees: fl
 
 
 def test_ribs_take_a_share_of_their_own_of_what_screws_turn() -> None:
-    shares = RibShares(turn=0.6, recovery=0.5, direct=0.2)
+    shares = RibCoupling(axial_rotation=0.6, reversible_part=0.5, derotation_transfer=0.2)
     rib = "rib_left_06"
     part, all_ = (follow(NO_STERNUM, motions, shares)[rib] for motions in (directly(5.0), CURVED))
     assert turned(part) - turned(all_) == pytest.approx((0.2 - 0.5 * 0.6) * 5.0, abs=0.1)
-    whole = follow(NO_STERNUM, directly(5.0), replace(shares, direct=1.0))[rib]
+    whole = follow(NO_STERNUM, directly(5.0), replace(shares, derotation_transfer=1.0))[rib]
     head, _ = ends(BONES[rib], BONES["T6"])
     np.testing.assert_allclose(whole.apply(head), CURVED["T6"].motion.apply(head), atol=1e-9)
 
 
 def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -> None:
     bones = {name: bone for name, bone in NO_STERNUM.items() if not name.endswith(("_07", "_09"))}
-    level, some = (follow(bones, CURVED, RibShares(floating=share)) for share in (0.0, 0.5))
+    level, some = (follow(bones, CURVED, RibCoupling(floating=share)) for share in (0.0, 0.5))
 
     def leaned(rib: str) -> float:
         axis = vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis
@@ -123,10 +123,10 @@ def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -
 def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
     bones = {**BONES, "scapula_left": BONES["rib_left_05"]}
     way = RigidTransform.from_components([4.0, 0.0, 9.0], Rotation.from_rotvec([0.0, 0.1, 0.0]))
-    motions = follow(bones, {}, RibShares(), {name: way for name in RIBS})
+    motions = follow(bones, {}, RibCoupling(), {name: way for name in RIBS})
     assert "scapula_left" not in motions  # ribs whose vertebrae are unknown lead nothing
     known = dict.fromkeys(RIBS, way)
-    motions = follow(bones, CURVED, RibShares(), known)
+    motions = follow(bones, CURVED, RibCoupling(), known)
     np.testing.assert_allclose(motions["scapula_left"].as_matrix(), way.as_matrix(), atol=1e-9)
-    half = follow(bones, CURVED, RibShares(scapula=0.5), known)["scapula_left"]
+    half = follow(bones, CURVED, RibCoupling(scapula=0.5), known)["scapula_left"]
     np.testing.assert_allclose((half * half).as_matrix(), way.as_matrix(), atol=1e-9)

@@ -9,7 +9,7 @@ from warp_trunk.case.layers import Layers
 from warp_trunk.case.tissue_file import constant_of, read_tissue_file, with_constants, write_tissue_file
 from warp_trunk.errors import InputError
 
-GIVEN = {"poisson_ratio": 0.1 + 0.2, "fat.youngs_modulus": 3.25, "ribs.recovery": 0.55}
+GIVEN = {"poisson_ratio": 0.1 + 0.2, "fat.youngs_modulus": 3.25, "ribs.reversible_part": 0.55}
 
 
 def test_what_is_set_is_there():
@@ -23,7 +23,7 @@ def test_what_is_set_is_there():
 
 
 def test_constants_of_the_ribs_make_no_layers_and_those_of_layers_stay():
-    assert with_constants(small_case(), {"ribs.turn": 0.5, "epsilon": 2.0}).layers is None
+    assert with_constants(small_case(), {"ribs.axial_rotation": 0.5, "epsilon": 2.0}).layers is None
     layers = Layers(constants={"fat": {"density": 900.0, "youngs_modulus": 1.0}})
     case = with_constants(replace(small_case(), layers=layers), {"fat.youngs_modulus": 2.0})
     assert case.layers is not None
@@ -36,6 +36,8 @@ def test_round_trip(tmp_path):
     write_tissue_file(path, GIVEN, ["calibrated"])
     assert read_tissue_file(path) == GIVEN
     assert path.read_text().startswith("# calibrated\n")
+    path.write_text("[ribs]\nrecovery = 0.55\ndirect = 0.2\n")  # former names
+    assert read_tissue_file(path) == {"ribs.reversible_part": 0.55, "ribs.derotation_transfer": 0.2}
 
 
 @pytest.mark.parametrize(
@@ -43,7 +45,8 @@ def test_round_trip(tmp_path):
     [
         ("[tisue]", "unknown key 'tisue' (did you mean 'tissue'?"),
         ("[tissue]\npoisson_ratio = 0.5", "'poisson_ratio' must be a number from 0 to 0.499"),
-        ("[ribs]\nrecovery = '1'", "Expected `float`, got `str` - at `$.recovery`"),
+        ("[ribs]\nrecovery = '1'", "Expected `float`, got `str` - at `$.reversible_part`"),
+        ("[ribs]\nturn = 0.5\naxial_rotation = 0.6", "unknown key 'ribs.turn'"),
     ],
 )
 def test_refused(tmp_path, text, rule):

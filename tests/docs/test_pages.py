@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from warp_trunk.case.rib_shares import RANGES, RibShares
+from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.cli.commands import COMMANDS
 
@@ -52,7 +52,7 @@ def test_readme_names_every_command() -> None:
 
 def test_shares_of_the_page_are_those_of_the_program() -> None:
     table = rows("ribs.md")
-    for field in fields(RibShares):
+    for field in fields(RibCoupling):
         least, most = RANGES[field.name]
         assert table[field.name][1:3] == [f"{field.default:g}", f"{least:g} to {most:g}"]
 

@@ -76,7 +76,7 @@ def check_constants(options: dict[str, Any], within: float, rest: Callable[[Mode
             lambda x, constant=constant: ended(rest(scene({constant: x}, **options)), MOVE), value, within * value
         )
         assert np.abs(wanted).max() > 0.0
-        pull = linear.pull(constant)
+        pull = linear.force_derivative(constant)
         followed = linear.follow(np.zeros((1, *MOVE.shape)), pull[None])[0]
         np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=within * np.abs(wanted).max())
         assert -np.vdot(adjoint, pull) == pytest.approx(np.vdot(WEIGHT, wanted), rel=within)
@@ -100,14 +100,14 @@ SCENES = pytest.mark.parametrize(
 def test_bones_against_differences(options: dict[str, Any]) -> None:
     model = scene(**options)
     linear = Linearization(model, settle(model, MOVE, tolerance=TIGHT), accuracy=1e-10)
-    by_places = linear.by_places(linear.adjoints(WEIGHT[None]))[0]
-    assert np.abs(by_places[~TRUNK.prescribed]).max() < 1e-7 * np.abs(WEIGHT).max()
+    position_derivatives = linear.position_derivatives(linear.adjoints(WEIGHT[None]))[0]
+    assert np.abs(position_derivatives[~TRUNK.prescribed]).max() < 1e-7 * np.abs(WEIGHT).max()
     for seed in range(2):
         more = along(seed)
         wanted = difference(lambda s, more=more: ended(model, MOVE + s * more), 0.0, 1e-4)
         followed = linear.follow(more[None])[0]
         np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max())
-        assert np.vdot(by_places, more) == pytest.approx(np.vdot(WEIGHT, wanted), rel=1e-5)
+        assert np.vdot(position_derivatives, more) == pytest.approx(np.vdot(WEIGHT, wanted), rel=1e-5)
 
 
 @SCENES
@@ -136,8 +136,8 @@ def test_parts_of_tissues_against_differences(energy: str) -> None:
     wanted = difference(lambda s: ended(model_for(label=LABEL + s * change), MOVE), 0.0, 1e-4)
     model = model_for()
     linear = Linearization(model, settle(model, MOVE, tolerance=TIGHT), accuracy=1e-10)
-    pulls = linear.pulls([parts_derivative(model, TRUNK.tets, change)])
-    followed = linear.follow(np.zeros((1, *MOVE.shape)), pulls)[0]
+    force_derivatives = linear.force_derivatives([parts_derivative(model, TRUNK.tets, change)])
+    followed = linear.follow(np.zeros((1, *MOVE.shape)), force_derivatives)[0]
     np.testing.assert_allclose(followed, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())
 
 
@@ -147,11 +147,11 @@ def test_what_an_adjoint_left_counts_by_what_the_guess_lacks(energy: str) -> Non
     model = scene(energy=energy)
     last = settle(model, MOVE, tolerance=TIGHT)
     exact, rough = (Linearization(model, last, accuracy) for accuracy in (1e-10, 0.5))
-    pull = exact.pull(Constant("theta", 0))
+    pull = exact.force_derivative(Constant("theta", 0))
     moved = exact.follow(along(7)[None], pull[None])[0]
     wanted = float(np.vdot(WEIGHT, moved))
     adjoints = rough.adjoints(WEIGHT[None])
-    places = rough.by_places(adjoints)[0]
+    places = rough.position_derivatives(adjoints)[0]
 
     def change(guess: np.ndarray) -> float:
         return float(np.vdot(places, guess) - np.vdot(adjoints.fields[0], pull))
@@ -169,8 +169,8 @@ def test_float32_and_threads_give_the_same() -> None:
         model = model_of(TRUNK, threads=threads, precision=precision)
         linear = Linearization(model, settle(model, MOVE))
         adjoint = linear.adjoints(WEIGHT[None])
-        by_bones = linear.by_places(adjoint)[:, TRUNK.prescribed]
-        found.append([*by_bones.ravel(), np.vdot(adjoint.fields, linear.pull(Constant("theta", 0)))])
+        by_bones = linear.position_derivatives(adjoint)[:, TRUNK.prescribed]
+        found.append([*by_bones.ravel(), np.vdot(adjoint.fields, linear.force_derivative(Constant("theta", 0)))])
     for other in found[1:]:
         np.testing.assert_allclose(other, found[0], rtol=0.0, atol=2e-3 * np.abs(found[0]).max())
 
@@ -178,8 +178,8 @@ def test_float32_and_threads_give_the_same() -> None:
 def test_a_change_of_all_tissues_is_the_sum_of_changes() -> None:
     model = scene()
     linear = Linearization(model, settle(model, MOVE), accuracy=1e-10)
-    parts = sum(linear.pull(Constant("theta", tissue)) for tissue in (0, 1))
-    np.testing.assert_allclose(linear.pull(Constant("theta")), parts, rtol=1e-6, atol=1e-9)
+    parts = sum(linear.force_derivative(Constant("theta", tissue)) for tissue in (0, 1))
+    np.testing.assert_allclose(linear.force_derivative(Constant("theta")), parts, rtol=1e-6, atol=1e-9)
 
 
 @SCENES
@@ -199,6 +199,6 @@ def test_refusals() -> None:
     with pytest.raises(InputError, match=r"must have ended with CONVERGED, not STEP_LIMIT"):
         Linearization(model, increments(model, MOVE, max_steps=1)[0])
     with pytest.raises(InputError, match=r"there is no constant 'warmth' of tissue 0"):
-        Linearization(model, settle(model, MOVE)).pull(Constant("warmth", 0))
+        Linearization(model, settle(model, MOVE)).force_derivative(Constant("warmth", 0))
     with pytest.raises(InputError, match="change only where each tetrahedron has a part of every tissue"):
         parts_derivative(model_of(TRUNK), TRUNK.tets, np.zeros((len(TRUNK.tets), 2)))

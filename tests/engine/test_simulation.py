@@ -8,7 +8,7 @@ import pytest
 from support.meshes import block, block_with_bone, rotate
 from support.models import increments, model_of, settle
 from support.reference import Reference
-from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
@@ -41,7 +41,7 @@ def test_no_correction_changes_nothing(count: int, precision: str) -> None:
 def test_increments_come_in_order_with_bones_in_place_and_stay_as_they_were(precision: str) -> None:
     displacement, options = bent_spine(), SimulationOptions(increments=4, relax=RelaxOptions(tolerance=1e-3))
     steps, copies = [], []
-    for step in simulate(model_of(TWO_BONES, precision=precision), BonePath(displacement), options):
+    for step in simulate(model_of(TWO_BONES, precision=precision), PrescribedMotion(displacement), options):
         steps.append(step)
         copies.append(step.displacement.copy())
     assert [(step.number, step.load_factor) for step in steps] == [(1, 0.25), (2, 0.5), (3, 0.75), (4, 1.0)]
@@ -103,7 +103,7 @@ def test_gravity_pulls_down() -> None:
 
 def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> None:
     model, options = model_of(TWO_BONES, precision="float32"), SimulationOptions(increments=3)
-    plans = [BonePath(bent_spine()), BonePath(-0.5 * bent_spine())]
+    plans = [PrescribedMotion(bent_spine()), PrescribedMotion(-0.5 * bent_spine())]
     fresh = [step for plan in plans for step in simulate(model, plan, options)]
     relaxer = Relaxer(model, options.relax)
     again = [step for plan in plans for step in simulate(model, plan, options, relaxer=relaxer)]
@@ -113,9 +113,9 @@ def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> Non
 
 
 def test_refuses_what_does_not_belong_together() -> None:
-    model, path = model_of(TWO_BONES), BonePath(bent_spine())
+    model, path = model_of(TWO_BONES), PrescribedMotion(bent_spine())
     with pytest.raises(InputError, match="bone_path"):
-        next(simulate(model, BonePath(np.zeros((5, 3)))))
+        next(simulate(model, PrescribedMotion(np.zeros((5, 3)))))
     for wrong in (Relaxer(model_of(TWO_BONES)), Relaxer(model, RelaxOptions(tolerance=1.0))):
         with pytest.raises(InputError, match="relaxer"):
             next(simulate(model, path, relaxer=wrong))

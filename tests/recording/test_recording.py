@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 
 from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
-from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.geometry.surface import Surface
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from support.small_trunk import boned_case
-from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
@@ -34,8 +34,8 @@ def test_every_pattern_varies_by_one_and_by_itself() -> None:
 def test_patterns_that_are_left_out_are_counted_where_the_spline_carries_the_skin() -> None:
     few, every = draws_of(2, 3), draws_of(2, 1000)
     assert len(few.bones) == 3
-    assert few.left.mean() > every.left.mean()
-    np.testing.assert_allclose(every.left[::SAMPLE], 0.0, atol=1e-6 * few.left.max())
+    assert few.residual_variance.mean() > every.residual_variance.mean()
+    np.testing.assert_allclose(every.residual_variance[::SAMPLE], 0.0, atol=1e-6 * few.residual_variance.max())
 
 
 def test_one_error_alone_is_its_own_pattern() -> None:

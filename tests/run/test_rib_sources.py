@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.case import Case
-from warp_trunk.case.rib_shares import RANGES, RibShares
+from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
@@ -49,10 +49,12 @@ def test_a_source_is_half_of_what_its_share_does_over_its_range(share: str) -> N
     rib = "rib_right_02" if share == "upper" else "rib_right_08"
     mine = trunk.bone == trunk.bone_names.index(rib)
     low, high = (
-        motions_of(replace(case, rib_shares=replace(RibShares(), **{share: end})))[rib].apply(trunk.nodes[mine])
+        motions_of(replace(case, rib_coupling=replace(RibCoupling(), **{share: end})))[rib].apply(
+            trunk.nodes[mine]
+        )
         for end in RANGES[share]
     )
-    moved = sources()[f"ribs' share of {share}"].bones
+    moved = sources()[f"ribs: {share.replace('_', ' ')}"].bones
     assert moved is not None
     np.testing.assert_allclose(moved[mine], (high - low) / 2.0, atol=1e-9)
     assert np.abs(moved[mine]).max() > 0.05

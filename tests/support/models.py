@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 from warp_trunk.kernels.assembly import PAIRS, vec10i
 
-from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.newton import Relaxer
@@ -62,7 +62,7 @@ def relax(model: Model, start: np.ndarray, **options: Any) -> tuple[Relaxation, 
 
 def increments(model: Model, displacement: np.ndarray, count: int = 1, **options: Any) -> list[Increment]:
     """The increments of a simulation that leads the nodes on bone to their displacement; options by name."""
-    path = BonePath(displacement)
+    path = PrescribedMotion(displacement)
     return list(simulate(model, path, SimulationOptions(increments=count, relax=RelaxOptions(**options))))
 
 

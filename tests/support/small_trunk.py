@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import rerun as rr
 
-from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.engine.relaxation import Energy, Relaxation, RelaxStatus

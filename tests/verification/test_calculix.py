@@ -8,7 +8,7 @@ import pytest
 
 from support.models import model_of, settle
 from support.small_trunk import small_case
-from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.io.exchange import write_volume
 

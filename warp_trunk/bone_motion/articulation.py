@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.landmarks import VERTEBRAE, bone_of
-from warp_trunk.case.rib_shares import RibShares
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.spline import Spline, fit_spline
 
@@ -40,7 +40,7 @@ def bone_motions(
     landmarks_before: Landmarks,
     landmarks_after: Landmarks,
     bones_after: Mapping[str, Surface] | None = None,
-    shares: RibShares | None = None,
+    shares: RibCoupling | None = None,
     *,
     pose: Pose = "surgery",
     steps: Steps | None = None,
@@ -103,7 +103,7 @@ def bone_motions(
         for name in VERTEBRAE
         if name in bones
     }
-    for name, motion in follow(bones, vertebrae, shares or RibShares(), against, steps=steps).items():
+    for name, motion in follow(bones, vertebrae, shares or RibCoupling(), against, steps=steps).items():
         motions[name] = steps(mul, frame, motion)
     for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
         motions[bone] = _between_neighbours(bone, bones, motions, spline, steps)

@@ -19,7 +19,7 @@ from .vertebra_motion import split
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
-    from warp_trunk.case.rib_shares import RibShares
+    from warp_trunk.case.rib_coupling import RibCoupling
     from warp_trunk.geometry.surface import Surface
 
     from .vertebra_motion import Vertebra
@@ -60,7 +60,7 @@ class _Rib:
 def follow(
     bones: Mapping[str, Surface],
     vertebrae: Mapping[str, Vertebra],
-    shares: RibShares,
+    shares: RibCoupling,
     known: Mapping[str, RigidTransform] | None = None,
     *,
     growing: bool = False,
@@ -152,7 +152,7 @@ def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, Vertebra]) -> di
 
 def _turned(
     rib: _Rib,
-    shares: RibShares,
+    shares: RibCoupling,
     depth: float,
     growing: bool,
     motion: RigidTransform,
@@ -165,14 +165,16 @@ def _turned(
     vertebra = split(motion, axis, coupled)
     lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))
     turn = (
-        shares.recovery * shares.turn * (vertebra.turn - vertebra.direct) + shares.direct * vertebra.direct + lag
+        shares.reversible_part * shares.axial_rotation * (vertebra.turn - vertebra.direct)
+        + shares.derotation_transfer * vertebra.direct
+        + lag
     )
     below = 0.0 if growing else max(0.0, (rib.number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS))
     above = 0.0 if growing else max(0.0, (_TRUE_RIBS - rib.number) / (_TRUE_RIBS - 1))
-    tilt = shares.recovery * shares.tilt + below * shares.floating + above * shares.upper
+    tilt = shares.reversible_part * shares.lateral_bending + below * shares.floating + above * shares.upper
     rotation = vertebra.share(turn=turn, tilt=tilt)
     facet = vertebra.motion.apply(rib.head)
-    behind = vertebra.without((1.0 - shares.direct) * vertebra.direct, rib.head) - facet
+    behind = vertebra.without((1.0 - shares.derotation_transfer) * vertebra.direct, rib.head) - facet
     goal = facet + behind * min(1.0, _FACET / max(float(np.linalg.norm(behind)), 1e-9))
     return RigidTransform.from_components(goal - rotation.apply(rib.head), rotation)
 

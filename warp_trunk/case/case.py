@@ -16,7 +16,7 @@ from .landmarks import Landmarks, bone_of
 from .layers import Layers
 from .motions import Motion, rigid_motions
 from .points import Points
-from .rib_shares import RibShares
+from .rib_coupling import RibCoupling
 from .study import Study
 from .uncertainty import Uncertainty
 
@@ -51,7 +51,7 @@ class Case:
     """Bones known after surgery, by name; each has the vertices of the one before, moved rigidly."""
     layers: Layers | None = None
     """Skin, fat and muscle, if the case describes them."""
-    rib_shares: RibShares = dataclasses.field(default_factory=RibShares)
+    rib_coupling: RibCoupling = dataclasses.field(default_factory=RibCoupling)
     """Fractions of the motion of a vertebra that its ribs take (`--bones follow`)."""
     posture: str = "standing"
     """Posture during the scan, one of `POSTURES`; curves are smaller and the back is flatter when lying."""

@@ -88,7 +88,7 @@ def read_checked_case(
         posture=header.posture,
         uncertainty=header.uncertainty,
         study=header.study,
-        rib_shares=header.ribs,
+        rib_coupling=header.ribs,
         bones_after={name: files.surface(f"bones_after/{name}", path) for name, path in bones_after.items()},
         motions=moved,
         points=files.followed(),

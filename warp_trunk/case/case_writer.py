@@ -75,7 +75,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         tissue=case.tissue,
         uncertainty=case.uncertainty,
         study=case.study,
-        ribs=case.rib_shares,
+        ribs=case.rib_coupling,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )
     write_whole(folder / HEADER, header_text(header))

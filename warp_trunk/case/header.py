@@ -14,7 +14,7 @@ from .axes import MILLIMETRES, Axes
 from .keys import changed, converted, read_toml, refuse_unknown, table_lines, toml
 from .landmarks import COLUMNS
 from .layers import LayerTable, layer_lines
-from .rib_shares import RibShares
+from .rib_coupling import RibCoupling, with_present_keys
 from .study import Study
 from .uncertainty import Uncertainty
 
@@ -40,7 +40,7 @@ class CaseHeader:
     """Constants of the soft tissue, from the table [tissue]."""
     layers: LayerTable | None = None
     """Skin, fat and muscle, from the table [layers]."""
-    ribs: RibShares = dataclasses.field(default_factory=RibShares)
+    ribs: RibCoupling = dataclasses.field(default_factory=RibCoupling)
     """How ribs follow the spine, from the table [ribs]."""
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
     """Uncertainty of the case, from the table [uncertainty]."""
@@ -53,7 +53,7 @@ _KINDS = {
     "landmark_columns": tuple[str, str, str, str],
     "tissue": Tissue,
     "layers": LayerTable,
-    "ribs": RibShares,
+    "ribs": RibCoupling,
     "uncertainty": Uncertainty,
     "study": Study,
 }
@@ -69,6 +69,8 @@ def read_header(path: Path) -> CaseHeader:
     """
     table = read_toml(path, "a case needs this file, which may be empty")
     refuse_unknown(path, table, list(_KINDS), "")
+    if "ribs" in table:
+        table["ribs"] = with_present_keys(table["ribs"])
     values: dict[str, Any] = {"name": path.resolve().parent.name}
     values |= {key: converted(path, value, _KINDS[key], key) for key, value in table.items()}
     for key, allowed in (("units", MILLIMETRES), ("posture", POSTURES)):

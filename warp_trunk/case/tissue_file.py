@@ -12,7 +12,7 @@ from warp_trunk.io.atomic_write import write_whole
 
 from .keys import converted, names_of, read_toml, refuse_unknown, table_lines
 from .layers import NAMES, Layers
-from .rib_shares import RibShares
+from .rib_coupling import RibCoupling, with_present_keys
 
 if TYPE_CHECKING:
     from .case import Case
@@ -21,17 +21,17 @@ RIBS = "ribs"
 CONSTANT_NAMES = (
     *names_of(Tissue),
     *(f"{layer}.{name}" for layer in NAMES for name in names_of(Tissue)),
-    *(f"{RIBS}.{name}" for name in names_of(RibShares)),
+    *(f"{RIBS}.{name}" for name in names_of(RibCoupling)),
 )
 """Every constant: of the uniform tissue (`poisson_ratio`; of layers too, where they give none of their own), of a
-layer (`fat.youngs_modulus`), and the shares of the ribs (`ribs.recovery`)."""
+layer (`fat.youngs_modulus`), and the shares of the ribs (`ribs.reversible_part`)."""
 
 
 def constant_of(case: Case, name: str) -> float:
     """The value of a constant in a case, given there or by default."""
     of, _, constant = name.rpartition(".")
     if of == RIBS:
-        return float(getattr(case.rib_shares, constant))
+        return float(getattr(case.rib_coupling, constant))
     if of:
         layers = case.layers or Layers()
         return float(getattr(layers.tissues(case.tissue)[NAMES.index(of)], constant))
@@ -48,7 +48,7 @@ def with_constants(case: Case, constants: Mapping[str, float]) -> Case:
     for name, value in constants.items():
         of, _, constant = name.rpartition(".")
         tables.setdefault(of, {})[constant] = float(value)
-    shares = dataclasses.replace(case.rib_shares, **tables.pop(RIBS, {}))
+    shares = dataclasses.replace(case.rib_coupling, **tables.pop(RIBS, {}))
     tissue = dataclasses.replace(case.tissue, **tables.pop("", {}))
     layers = case.layers
     if tables:
@@ -56,7 +56,7 @@ def with_constants(case: Case, constants: Mapping[str, float]) -> Case:
         given = {name: {**layers.constants.get(name, {}), **tables.get(name, {})} for name in NAMES}
         layers = dataclasses.replace(layers, constants={name: values for name, values in given.items() if values})
         layers.tissues(tissue)  # checks the values
-    return dataclasses.replace(case, tissue=tissue, rib_shares=shares, layers=layers)
+    return dataclasses.replace(case, tissue=tissue, rib_coupling=shares, layers=layers)
 
 
 def read_tissue_file(path: Path) -> dict[str, float]:
@@ -69,11 +69,13 @@ def read_tissue_file(path: Path) -> dict[str, float]:
     """
     table = read_toml(path, "give a file that `calibrate` wrote")
     refuse_unknown(path, table, ["tissue", "layers", RIBS], "")
+    if RIBS in table:
+        table[RIBS] = with_present_keys(table[RIBS])
     layers = converted(path, table.pop("layers", {}), dict[str, Any], "layers")
     refuse_unknown(path, layers, list(NAMES), "layers.")
     found = {}
     for name, values in (*table.items(), *((f"layers.{name}", values) for name, values in layers.items())):
-        checked = converted(path, values, RibShares if name == RIBS else Tissue, name)
+        checked = converted(path, values, RibCoupling if name == RIBS else Tissue, name)
         prefix = f"{name}.".removeprefix("tissue.").removeprefix("layers.")
         found |= {f"{prefix}{constant}": float(getattr(checked, constant)) for constant in values}
     return found

@@ -73,7 +73,7 @@ class Calibrate(SimulationArguments):
     folder: Positional[Path]
     """Folder of case folders, each with an actual skin."""
     free: tuple[str, ...]
-    """Constants to fit: poisson_ratio, epsilon, theta, fat.youngs_modulus, ribs.recovery, ..."""
+    """Constants to fit: poisson_ratio, epsilon, theta, fat.youngs_modulus, ribs.reversible_part, ..."""
     out: Path
     """File to write, such as tissue.toml; a page and a JSON file are written beside it."""
     pose: Literal["all", "surgery", "bending"] = "all"

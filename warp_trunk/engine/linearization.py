@@ -106,10 +106,10 @@ class Linearization:
         return self.adjoints_and_follow(weights, none, none)[0]
 
     def adjoints_and_follow(
-        self, weights: np.ndarray, bones: np.ndarray, pulls: np.ndarray
+        self, weights: np.ndarray, bones: np.ndarray, force_derivatives: np.ndarray
     ) -> tuple[Adjoints, np.ndarray]:
         """`adjoints` and `follow` in one."""
-        moved, force = bones[:, self.model.order], -self._of_free(pulls)
+        moved, force = bones[:, self.model.order], -self._of_free(force_derivatives)
         if self.model.free_nodes:
             force -= self._coupling.times(moved[:, self.model.prescribed])
         right = np.empty((len(weights) + len(force), self.model.free_nodes, 3), dtype=self.model.precision)
@@ -121,7 +121,7 @@ class Linearization:
         of_numbers = (self._in_mesh_order(each[: len(weights)]) for each in (found, left))
         return Adjoints(*of_numbers), self._in_mesh_order(moved)
 
-    def by_places(self, adjoints: Adjoints) -> np.ndarray:
+    def position_derivatives(self, adjoints: Adjoints) -> np.ndarray:
         """The derivatives of numbers in the places of prescribed nodes, dN/db, shape (numbers, nodes, 3).
 
         On free nodes they are what the adjoints left: to be multiplied with a guess of how these follow.
@@ -132,15 +132,15 @@ class Linearization:
             derivative[:, model.order[model.prescribed]] = by_bones
         return derivative
 
-    def pull(self, constant: Constant) -> np.ndarray:
+    def force_derivative(self, constant: Constant) -> np.ndarray:
         """dF/dc, what a constant adds to the gradient of every free node by its unit, shape (nodes, 3).
 
         dN/dc is therefore -l . dF/dc. It is 0 on prescribed nodes. A rest state that was found for the constants
         (`sag_free`) moves with them, which counts.
         """
-        return self.pulls([weight_derivative(self.model, constant)])[0]
+        return self.force_derivatives([weight_derivative(self.model, constant)])[0]
 
-    def pulls(self, derivatives: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
+    def force_derivatives(self, derivatives: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
         """The same of several changes of the weights, shape (changes, nodes, 3).
 
         See `weight_derivative`, and `parts_derivative` where parts of tissues change in a mixture.
@@ -149,16 +149,16 @@ class Linearization:
         if not derivatives or not model.free_nodes:
             return np.zeros((len(derivatives), model.nodes, 3))
         end = self._state.displacement.numpy().copy()
-        found = np.array([self._pull(each, end) for each in derivatives])
+        found = np.array([self._force_derivative(each, end) for each in derivatives])
         if scan is not None:
             self._relaxer.assemble_true(model.array(scan, model.vec3))
-            there = np.array([self._pull(each, scan) for each in derivatives])
+            there = np.array([self._force_derivative(each, scan) for each in derivatives])
             moved = rest_motions(model, there, self._solve, self._accuracy)
             self._relaxer.assemble_true(model.array(end, model.vec3))
             found += [pull_of_rest(model, end.astype(np.float64), each) for each in moved]
         return self._in_mesh_order(found)
 
-    def _pull(self, derivative: Mapping[str, np.ndarray], displacement: np.ndarray) -> np.ndarray:
+    def _force_derivative(self, derivative: Mapping[str, np.ndarray], displacement: np.ndarray) -> np.ndarray:
         """The gradient of the energy with the derivative of its weights in their place, (free, 3)."""
         model = self.model
         elements, skin = model.elements, model.skin
@@ -175,14 +175,16 @@ class Linearization:
         state.evaluate()
         return state.gradient.numpy()[model.free].astype(np.float64)
 
-    def follow(self, bones: np.ndarray, pulls: np.ndarray | None = None) -> np.ndarray:
-        """How all nodes move when bones move by a little (their nodes count), and F changes by `pulls` [mm].
+    def follow(self, bones: np.ndarray, force_derivatives: np.ndarray | None = None) -> np.ndarray:
+        """How all nodes move when bones move by a little (their nodes count) and F by `force_derivatives` [mm].
 
         The values of `bones` at free nodes are where the solves start: the nearer to the answer, the sooner
         they end.
         """
         none = np.zeros((0, *bones.shape[1:]))
-        return self.adjoints_and_follow(none, bones, np.zeros_like(bones) if pulls is None else pulls)[1]
+        return self.adjoints_and_follow(
+            none, bones, np.zeros_like(bones) if force_derivatives is None else force_derivatives
+        )[1]
 
     def _solve(
         self, force: np.ndarray, relative: float, guess: np.ndarray | None = None

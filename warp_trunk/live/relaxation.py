@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warp_trunk.bone_motion.bone_path import BonePath, colliding_bones, rigid_displacement
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, colliding_bones, rigid_displacement
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
@@ -109,7 +109,7 @@ class LiveRelaxation:
             added = displacement.astype(self._scalar) - self._carried
             added[patient.trunk.prescribed] = 0.0
             self._added.learn(self._case.planned_landmarks.points, added)
-        held = colliding_bones(patient.trunk, BonePath(self._bones)) if confirm or self._lost else []
+        held = colliding_bones(patient.trunk, PrescribedMotion(self._bones)) if confirm or self._lost else []
         return Relaxed(
             patient.case.skin.vertices + displacement[patient.trunk.skin_nodes],
             self._motions,
@@ -121,7 +121,7 @@ class LiveRelaxation:
             ),
         )
 
-    def _path(self) -> BonePath:
+    def _path(self) -> PrescribedMotion:
         return find_path(self._case, self._patient.trunk, self._patient.options)
 
     @property

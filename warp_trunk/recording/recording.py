@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.case import Case
 from warp_trunk.engine.simulation import Increment
 from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -34,7 +34,7 @@ class Recording:
         case: Case,
         trunk: TrunkMesh,
         before: TrunkMeasures,
-        bone_path: BonePath,
+        bone_path: PrescribedMotion,
         *,
         unit: str = "its own unit",
         live: str | None = None,

@@ -44,7 +44,7 @@ def fingerprint_of(case: Case, parameters: Mapping[str, Any]) -> Fingerprint:
     found["device"] = device
     found["threads"] = 1 if device.startswith("cuda") else choose_threads(parameters["threads"])
     found |= anatomy_of(case)
-    found["shares of the ribs"] = dataclasses.asdict(case.rib_shares)
+    found["shares of the ribs"] = dataclasses.asdict(case.rib_coupling)
     found |= {f"bone after {name}": surface_digest(surface) for name, surface in case.bones_after.items()}
     found["motions"] = motions_text(case.motions)
     for name, marks in (("before", case.landmarks_before), ("after", case.planned_landmarks)):

@@ -27,10 +27,10 @@ from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
 from warp_trunk.results import predicted_skin
 from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
 
-from .draws import draw_errors, proportion, skin_deviation
+from .draws import draw_errors, linearity, skin_deviation
 from .options import RunOptions
 from .patient import Prepared
-from .sensitivities import from_adjoints, numbers_of, on_nodes, pulls_of
+from .sensitivities import force_derivatives_of, from_adjoints, numbers_of, on_nodes
 from .sources import ErrorSource, sources_of
 
 if TYPE_CHECKING:
@@ -76,22 +76,41 @@ def find_bands(
     sources = sources_of(case, prepared, options)
     skin = predicted_skin(case, trunk, increment.displacement)
     numbers, normals = numbers_of(case, prepared, increment), vertex_normals(skin)
-    pulls = pulls_of(case, prepared, options, linear)
+    force_derivatives = force_derivatives_of(case, prepared, options, linear)
     seen = response, _ = spline_response(case.landmarks_before.points, trunk.nodes), normals
     sizes = draws, np.random.default_rng(SEED)
     drawn = draw_errors(
-        case, prepared, options, sources, pulls=pulls, seen=seen, numbers=len(numbers), sizes=sizes
+        case,
+        prepared,
+        options,
+        sources,
+        force_derivatives=force_derivatives,
+        seen=seen,
+        numbers=len(numbers),
+        sizes=sizes,
     )
-    adjoints, followed = linear.adjoints_and_follow(on_nodes(prepared, numbers), drawn.bones, drawn.pulls)
-    solved = numbers, adjoints, linear.by_places(adjoints)
-    found = apart = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
+    adjoints, followed = linear.adjoints_and_follow(
+        on_nodes(prepared, numbers), drawn.bones, drawn.force_derivatives
+    )
+    solved = numbers, adjoints, linear.position_derivatives(adjoints)
+    found = apart = from_adjoints(
+        case, prepared, options, response, solved=solved, force_derivatives=force_derivatives
+    )
     if options.bones == "follow" and given.landmark_sd:  # their motion is smoothed against errors of landmarks
         error = math.sqrt(2.0) * given.landmark_sd
-        apart = from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls, expected_error=error)
+        apart = from_adjoints(
+            case,
+            prepared,
+            options,
+            response,
+            solved=solved,
+            force_derivatives=force_derivatives,
+            expected_error=error,
+        )
 
     # the effect of one standard deviation of each source on each number, shape (numbers,) each
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
-    others = iter((_changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.pulls[own])).T)
+    others = iter((_changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.force_derivatives[own])).T)
     effects = {
         source.name: next(others)
         if (moved := source.landmarks_after) is None
@@ -108,7 +127,7 @@ def find_bands(
     mesh = np.where(rotation, given.mesh_rotation, given.mesh_length)
 
     followed = followed[:, trunk.skin_nodes]
-    ratio, linear_ones = proportion(drawn, followed, numbers, skin, case.planned_landmarks)
+    ratio, linear_ones = linearity(drawn, followed, numbers, skin, case.planned_landmarks)
 
     def bands_of(effects: Mapping[str, np.ndarray], linear_ones: np.ndarray) -> dict[str, Band]:
         sds = np.sqrt(sum(np.square(effect * ratio) for effect in effects.values()) + mesh**2)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.bone_path import rigid_displacement
+from warp_trunk.bone_motion.prescribed_motion import rigid_displacement
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import back_surface_rotation
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from warp_trunk.measures.derivatives import Derivative
 
 
-PROPORTION = 0.3
-"""A number changes in proportion where draws stray from it by less than this part of their size."""
+MOST_NONLINEAR = 0.3
+"""A number is linear where draws differ from what its derivatives predict by less than this part of their size."""
 
 MOST_SOLVES = 32
 """Linear solves for the spline's bands in all: more patterns of errors would need more of them."""
@@ -45,13 +45,13 @@ class Draws:
 
     bones: np.ndarray
     """Motion of the nodes on bone in each field, with a guess of how others follow [mm], (fields, nodes, 3)."""
-    pulls: np.ndarray
+    force_derivatives: np.ndarray
     """The contribution of each field to the forces on free nodes, likewise."""
     shares: np.ndarray
     """The weight of each field in each draw, shape (draws, fields)."""
     variance: np.ndarray
     """Variance of the share of each field, shape (fields,)."""
-    left: np.ndarray
+    residual_variance: np.ndarray
     """Variance of each vertex of the skin along its normal by what is in no field [mm^2], shape (vertices,)."""
     after: np.ndarray
     """Error of each landmark after surgery in each draw [mm], shape (draws, landmarks, 3)."""
@@ -63,7 +63,7 @@ def draw_errors(
     options: RunOptions,
     sources: Sequence[ErrorSource],
     *,
-    pulls: Mapping[str, np.ndarray],
+    force_derivatives: Mapping[str, np.ndarray],
     seen: tuple[np.ndarray, np.ndarray],
     numbers: int,
     sizes: tuple[int, np.random.Generator],
@@ -75,7 +75,7 @@ def draw_errors(
         prepared: what `prepare` made of it.
         options: those that `prepare` was given.
         sources: all sources but the landmarks.
-        pulls: what constants add to forces (`pulls_of`).
+        force_derivatives: what constants add to forces (`force_derivatives_of`).
         seen: what each landmark adds to the displacement of each node by the spline (`spline_response`), and the
             normals of the predicted skin, shape (vertices, 3).
         numbers: how many adjoints are solved for beside; as many fields are taken as fit in the same passes.
@@ -98,11 +98,11 @@ def draw_errors(
         if source.bones is not None:
             bones[row] = source.bones
         for name, change in source.constants.items():
-            forces[row] += change * pulls[name]
+            forces[row] += change * force_derivatives[name]
     return replace(
         draws,
         bones=np.concatenate([draws.bones, bones]),
-        pulls=np.concatenate([draws.pulls, forces]),
+        force_derivatives=np.concatenate([draws.force_derivatives, forces]),
         shares=np.hstack([draws.shares, size[:, ~of_landmarks]]),
         variance=np.append(draws.variance, np.ones(len(others))),
     )
@@ -117,10 +117,10 @@ def skin_deviation(draws: Draws, followed: np.ndarray, normals: np.ndarray) -> n
         normals: of the skin, shape (vertices, 3).
     """
     along = np.einsum("fvi,vi->fv", followed, normals)
-    return np.sqrt(draws.variance @ np.square(along) + draws.left)
+    return np.sqrt(draws.variance @ np.square(along) + draws.residual_variance)
 
 
-def proportion(
+def linearity(
     draws: Draws,
     followed: np.ndarray,
     numbers: Mapping[str, Derivative],
@@ -155,7 +155,7 @@ def proportion(
     spread, wanted = seen.std(axis=0), predicted.std(axis=0)
     ratio = np.divide(spread, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
     stray = np.sqrt(np.square(seen - predicted).mean(axis=0))
-    return ratio, known.all(axis=0) & (stray <= PROPORTION * np.maximum(wanted, 1e-9))
+    return ratio, known.all(axis=0) & (stray <= MOST_NONLINEAR * np.maximum(wanted, 1e-9))
 
 
 def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) -> list[float]:
@@ -237,10 +237,10 @@ def spline_draws(
     bones = (by_pattern @ response.T).transpose(0, 2, 1)
     return Draws(
         bones=bones,
-        pulls=np.zeros_like(bones),
+        force_derivatives=np.zeros_like(bones),
         shares=_by_axis(errors[1] - errors[0]) @ products @ patterns.T / squares[kept],
         variance=np.ones(len(bones)),
-        left=np.maximum(every - _variance(skin, by_pattern, normals), 0.0),
+        residual_variance=np.maximum(every - _variance(skin, by_pattern, normals), 0.0),
         after=errors[1],
     )
 
@@ -252,7 +252,7 @@ def rigid_draws(case: Case, trunk: TrunkMesh, errors: np.ndarray) -> Draws:
     bones = np.array([rigid_displacement(trunk, motions_of(there)) - here for there in moved])
     count, nothing = len(moved), np.zeros(len(trunk.skin_nodes))
     variance = np.full(count, 1.0 / count)
-    return Draws(bones, np.zeros_like(bones), np.eye(count), variance, left=nothing, after=errors[1])
+    return Draws(bones, np.zeros_like(bones), np.eye(count), variance, nothing, after=errors[1])
 
 
 def moved_case(case: Case, before: np.ndarray, after: np.ndarray) -> Case:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.bone_motion.articulation import bone_motions, given_motions
-from warp_trunk.bone_motion.bone_path import BonePath, rigid_path, spline_path
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, rigid_path, spline_path
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.motions import rigid_motions
 from warp_trunk.engine.build import build_model
@@ -177,7 +177,7 @@ class Prepared:
     """The mesh, with the tissue of its tetrahedra and with free joints where bones move each on its own."""
     model: Model
     """The mesh on its device, at rest."""
-    bone_path: BonePath
+    bone_path: PrescribedMotion
     """Where its bones go."""
 
 
@@ -217,7 +217,7 @@ def prepare_plan(patient: Patient, case: Case, progress: Progress | None = None)
         return Prepared(patient.trunk, patient.model, find_path(case, patient.trunk, patient.options))
 
 
-def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> BonePath:
+def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> PrescribedMotion:
     """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
     device = choose_device(options.device)
     if options.bones == "follow":
@@ -240,7 +240,7 @@ def motions_of(
         case.landmarks_before,
         case.landmarks_after,
         {**case.bones_after, **known},
-        case.rib_shares,
+        case.rib_coupling,
         pose=case.study.pose,
         steps=steps,
         expected_error=expected_error,

@@ -85,10 +85,10 @@ def sensitivities(
     numbers = numbers_of(case, prepared, increment, all_humps=all_humps)
     linear = linear or Linearization(prepared.model, increment)
     adjoints = linear.adjoints(on_nodes(prepared, numbers))
-    pulls = pulls_of(case, prepared, options, linear)
-    solved = numbers, adjoints, linear.by_places(adjoints)
+    force_derivatives = force_derivatives_of(case, prepared, options, linear)
+    solved = numbers, adjoints, linear.position_derivatives(adjoints)
     response = spline_response(case.landmarks_before.points, prepared.trunk.nodes)
-    return from_adjoints(case, prepared, options, response, solved=solved, pulls=pulls)
+    return from_adjoints(case, prepared, options, response, solved=solved, force_derivatives=force_derivatives)
 
 
 def numbers_of(
@@ -123,7 +123,7 @@ def from_adjoints(
     response: np.ndarray,
     *,
     solved: tuple[Mapping[str, Derivative], Adjoints, np.ndarray],
-    pulls: Mapping[str, np.ndarray],
+    force_derivatives: Mapping[str, np.ndarray],
     expected_error: float | None = None,
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of numbers.
@@ -136,8 +136,8 @@ def from_adjoints(
         prepared: what `prepare` made of it.
         options: those that `prepare` was given.
         response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
-        solved: the numbers, their adjoints, and their derivatives in all places (`Linearization.by_places`).
-        pulls: what constants add to forces (`pulls_of`).
+        solved: the numbers, their adjoints, and their `Linearization.position_derivatives`.
+        force_derivatives: what constants add to forces (`force_derivatives_of`).
         expected_error: see `bone_motions`.
     """
     numbers, adjoints, places = solved
@@ -153,7 +153,9 @@ def from_adjoints(
             landmarks_before=before[i] - carried[i],
             landmarks_after=after[i] + carried[i] + number.landmarks,
             bones=by_bones[i],
-            constants={constant: -float(np.vdot(adjoints.fields[i], pull)) for constant, pull in pulls.items()},
+            constants={
+                constant: -float(np.vdot(adjoints.fields[i], pull)) for constant, pull in force_derivatives.items()
+            },
         )
         for i, (name, number) in enumerate(numbers.items())
     )
@@ -180,8 +182,10 @@ def constant_names(prepared: Prepared) -> dict[str, Constant]:
     }  # fmt: skip
 
 
-def pulls_of(case: Case, prepared: Prepared, options: RunOptions, linear: Linearization) -> dict[str, np.ndarray]:
-    """dF/dc by the name of each constant, see `Linearization.pull`, shape (nodes, 3).
+def force_derivatives_of(
+    case: Case, prepared: Prepared, options: RunOptions, linear: Linearization
+) -> dict[str, np.ndarray]:
+    """dF/dc by the name of each constant, see `Linearization.force_derivative`, shape (nodes, 3).
 
     Layers by depth have their thickness in mm too, of skin and of fat, everywhere alike.
     """
@@ -190,4 +194,4 @@ def pulls_of(case: Case, prepared: Prepared, options: RunOptions, linear: Linear
     if layers_from(case, options) == "depth":
         for name, change in thickness_derivatives(trunk, case.layers or Layers()).items():
             changes[name.replace("_", ".")] = parts_derivative(model, trunk.tets, change)
-    return dict(zip(changes, linear.pulls(list(changes.values())), strict=True))
+    return dict(zip(changes, linear.force_derivatives(list(changes.values())), strict=True))

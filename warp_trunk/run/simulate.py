@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, overload
 import warp as wp
 
 from warp_trunk.bone_motion.articulation import unknown_bones
-from warp_trunk.bone_motion.bone_path import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner, plan_text
 from warp_trunk.bone_motion.plan.plan_file import planned_case
+from warp_trunk.bone_motion.prescribed_motion import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.vertebra_smoothing import smoothing_warnings
 from warp_trunk.case import Case, check_case
 from warp_trunk.case.motions import check_passing

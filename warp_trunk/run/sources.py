@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.bone_path import rigid_displacement, spline_path
-from warp_trunk.case.rib_shares import RANGES
+from warp_trunk.bone_motion.prescribed_motion import rigid_displacement, spline_path
+from warp_trunk.case.rib_coupling import RANGES
 from warp_trunk.case.uncertainty import FACTORS, REFERENCES
 from warp_trunk.engine.constants import value_of
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
@@ -128,11 +128,11 @@ def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[Error
 def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[ErrorSource]:
     """For each share that moves a bone of this case, half of what it does over its range."""
     for name, ends in RANGES.items():
-        shares = [replace(case.rib_shares, **{name: end}) for end in ends]
-        low, high = (rigid_displacement(trunk, motions_of(replace(case, rib_shares=one))) for one in shares)
+        shares = [replace(case.rib_coupling, **{name: end}) for end in ends]
+        low, high = (rigid_displacement(trunk, motions_of(replace(case, rib_coupling=one))) for one in shares)
         if (high != low).any():
             spread = f"half of {ends[0]:g} to {ends[1]:g}"
-            yield ErrorSource(f"ribs' share of {name}", spread, "docs/ribs.md", bones=0.5 * (high - low))
+            yield ErrorSource(f"ribs: {name.replace('_', ' ')}", spread, "docs/ribs.md", bones=0.5 * (high - low))
 
 
 def _tissue(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[ErrorSource]:

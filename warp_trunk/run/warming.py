@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 import warp_trunk.kernels
-from warp_trunk.bone_motion.bone_path import BonePath
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.tissue import Tissue
@@ -85,7 +85,7 @@ def _relax_ball(settings: dict[str, Any], *, layered: bool) -> None:
     if layered:
         trunk = replace(trunk, tissue=(np.arange(len(trunk.tets)) % 2).astype(np.int8))
         tissues = (Tissue(), Tissue())
-    path = BonePath(np.full(trunk.nodes.shape, [1.0, 0.0, 0.0]))
+    path = PrescribedMotion(np.full(trunk.nodes.shape, [1.0, 0.0, 0.0]))
     for _ in simulate(build_model(trunk, tissues, **settings), path, SimulationOptions(increments=2)):
         pass
 

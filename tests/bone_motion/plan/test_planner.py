@@ -8,7 +8,7 @@ from scipy import optimize
 from support.known_spine import known_spine
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.plan.least_motion import least_motion, limits_of, segments
-from warp_trunk.bone_motion.plan.posture import Placed, posture_of
+from warp_trunk.bone_motion.plan.spine_chain import Placed, spine_chain_of
 from warp_trunk.bone_motion.plan.targets import targets_of
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
@@ -33,12 +33,12 @@ PLANS = (
 
 def test_least_motion_is_that_of_sequential_quadratic_programming() -> None:
     """The sum of s^2 / b over T4 to L4 under targets without a proportional part."""
-    posture = posture_of(SPINE)
-    free = np.array([level in SPINE.vertebrae()[3:15] for level in posture.levels])
+    chain = spine_chain_of(SPINE)
+    free = np.array([level in SPINE.vertebrae()[3:15] for level in chain.levels])
     plan = Plan(uiv="T4", liv="L4", unfused="fixed", kyphosis_T5_T12=40.0, sva_after=5.0)
-    targets = targets_of(posture, plan, ())
-    mine = least_motion(limits_of(posture), targets, free)
-    still = posture.angles - posture.angles[-1] * [0.0, 1.0, 0.0]
+    targets = targets_of(chain, plan, ())
+    mine = least_motion(limits_of(chain), targets, free)
+    still = chain.angles - chain.angles[-1] * [0.0, 1.0, 0.0]
     bend = np.abs(segments(still)[free]) + 1.0
     bend[:, 1] = 3.0
 
@@ -51,7 +51,7 @@ def test_least_motion_is_that_of_sequential_quadratic_programming() -> None:
         return float((s**2 / bend.ravel()).sum() + (100.0 * change(s)[0, 2]) ** 2)
 
     def off(s: np.ndarray) -> np.ndarray:
-        return np.array([target.off(Placed(posture, change(s))) for target in targets])
+        return np.array([target.off(Placed(chain, change(s))) for target in targets])
 
     met = {"type": "eq", "fun": off}
     theirs = optimize.minimize(

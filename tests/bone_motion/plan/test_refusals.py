@@ -8,7 +8,7 @@ import pytest
 from support.known_spine import known_spine
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.plan.least_motion import rim_gaps
-from warp_trunk.bone_motion.plan.posture import Placed, posture_of
+from warp_trunk.bone_motion.plan.spine_chain import Placed, spine_chain_of
 from warp_trunk.case import Case
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -55,9 +55,9 @@ def test_target_of_segments_that_stay() -> None:
 
 def test_height_of_a_disc_at_its_rim() -> None:
     """Against the least height over points on both rims."""
-    posture = posture_of(SPINE)
-    change = np.random.default_rng(3).normal(scale=6.0, size=posture.angles.shape)
-    placed = Placed(posture, change)
+    chain = spine_chain_of(SPINE)
+    change = np.random.default_rng(3).normal(scale=6.0, size=chain.angles.shape)
+    placed = Placed(chain, change)
     circle = np.linspace(0.0, 2.0 * np.pi, 20000)
     for row, gap in enumerate(rim_gaps(placed)):
         upper, lower, disc = placed.axes[row], placed.axes[row + 1], placed.discs[row]

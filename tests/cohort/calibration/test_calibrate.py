@@ -58,7 +58,10 @@ def test_file_and_page(tmp_path: Path) -> None:
 
 
 def test_what_is_believed_is_that_of_bands() -> None:
-    free = [FreeConstant(name="fat.youngs_modulus", start=2.5), FreeConstant(name="ribs.recovery", start=0.8)]
+    free = [
+        FreeConstant(name="fat.youngs_modulus", start=2.5),
+        FreeConstant(name="ribs.reversible_part", start=0.8),
+    ]
     prior = prior_of(free, True)
     assert prior.mean == pytest.approx([np.log(2.5), 0.8])
     assert prior.sd == pytest.approx([np.log(1.6), 0.15])  # 0.7 to 1.0

@@ -25,7 +25,7 @@ CONTINUUM: dict[str, Any] = {"bones": "spline", "energy": "neo-hookean"}
         (("youngs_modulus",), CONTINUUM, "give --gravity 9.81, or free the ratio of layers"),
         (("epsilon",), {}, "simulated with neo-hookean; give --energy itmsm"),
         (("poisson_ratio",), PAPERS, "give --energy neo-hookean"),
-        (("ribs.recovery",), PAPERS, "give --bones follow"),
+        (("ribs.reversible_part",), PAPERS, "give --bones follow"),
         (("fat.youngs_modulus",), {}, "give --layers depth"),
         (
             ("skin.youngs_modulus", "fat.youngs_modulus", "muscle.youngs_modulus"),
@@ -43,7 +43,9 @@ def test_what_no_skin_tells_is_refused(names: tuple[str, ...], options: dict[str
 def test_constants_that_move_the_skin_are_accepted() -> None:
     check_free(("epsilon", "theta"), small_case(), RunOptions(**PAPERS))
     check_free(("youngs_modulus", "density"), small_case(), RunOptions(gravity=9.81))
-    check_free(("ribs.turn", "poisson_ratio", "fat.youngs_modulus"), small_case(), RunOptions(layers="depth"))
+    check_free(
+        ("ribs.axial_rotation", "poisson_ratio", "fat.youngs_modulus"), small_case(), RunOptions(layers="depth")
+    )
 
 
 @pytest.mark.parametrize("name", ["poisson_ratio", "fat.youngs_modulus", "theta", "density", "ribs.scapula"])

@@ -17,7 +17,7 @@ from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 
-FREE = ("poisson_ratio", "fat.youngs_modulus", "ribs.recovery", "ribs.turn")
+FREE = ("poisson_ratio", "fat.youngs_modulus", "ribs.reversible_part", "ribs.axial_rotation")
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from support.small_trunk import small_case
-from warp_trunk.bone_motion.bone_path import spline_path
+from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.engine import multigrid
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName

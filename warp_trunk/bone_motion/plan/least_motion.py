@@ -10,12 +10,12 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .posture import AXIAL, SAGITTAL, Placed
+from .spine_chain import AXIAL, SAGITTAL, Placed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from .posture import Posture
+    from .spine_chain import SpineChain
     from .targets import Target
 
 MOST_SEGMENT = 25.0
@@ -56,9 +56,9 @@ class Limits:
         return np.concatenate([*over, self.gap - rim_gaps(placed)], axis=-1)
 
 
-def limits_of(posture: Posture) -> Limits:
+def limits_of(chain: SpineChain) -> Limits:
     """The limits of a spine: what is past them before surgery may stay as it is."""
-    still, turned = Placed(posture, posture.still), segments(_against_pelvis(posture))
+    still, turned = Placed(chain, chain.still), segments(_against_pelvis(chain))
     return Limits(still, turned, np.maximum(_length(turned), MOST_SEGMENT), np.minimum(rim_gaps(still), 0.0))
 
 
@@ -77,7 +77,7 @@ def rim_gaps(placed: Placed) -> np.ndarray:
     """
     upper, lower, discs = placed.axes[..., :-1, :], placed.axes[..., 1:, :], placed.discs[..., :-1, :]
     height = np.minimum((upper * discs).sum(axis=-1), (lower * discs).sum(axis=-1))
-    width = np.linalg.norm(placed.posture.across, axis=1)
+    width = np.linalg.norm(placed.chain.across, axis=1)
     radii = 0.25 * (width[:-1] + width[1:])
     return height - 0.5 * radii * _length(upper - lower) * _length(upper + lower)
 
@@ -138,18 +138,18 @@ def _solved(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> Plac
     """By Levenberg and Marquardt's method of MINPACK, with derivatives by differences of all unknowns at once."""
     from scipy.optimize import least_squares  # heavy
 
-    posture = limits.still.posture
-    modes = _modes(posture, targets, free)
+    chain = limits.still.chain
+    modes = _modes(chain, targets, free)
     moves = np.cumsum(modes[:, ::-1], axis=1)[:, ::-1].reshape(len(modes), -1)
     weight = np.ones(len(modes))
     weight[: len(modes) - 3 * int(free.sum())] = 0.0
 
     def placed(x: np.ndarray) -> Placed:
-        return Placed(posture, (x @ moves).reshape(*x.shape[:-1], *posture.angles.shape))
+        return Placed(chain, (x @ moves).reshape(*x.shape[:-1], *chain.angles.shape))
 
     def rows(x: np.ndarray) -> np.ndarray:
         here = placed(x)
-        facing = here.change[..., posture.top, AXIAL, None] / _FACING
+        facing = here.change[..., chain.top, AXIAL, None] / _FACING
         off = np.stack([_TARGET * target.off(here) for target in targets], axis=-1)
         return np.concatenate([weight * x, off, facing, _LIMIT * limits.excess(here)], axis=-1)
 
@@ -170,9 +170,9 @@ def _solved(limits: Limits, targets: Sequence[Target], free: np.ndarray) -> Plac
     return placed(least_squares(residuals, np.zeros(len(weight)), **exact).x)
 
 
-def _modes(posture: Posture, targets: Sequence[Target], free: np.ndarray) -> np.ndarray:
+def _modes(chain: SpineChain, targets: Sequence[Target], free: np.ndarray) -> np.ndarray:
     """How the segments turn with each unknown: parts in proportion, then each segment alone, (k, n, 3)."""
-    bend = segments(_against_pelvis(posture)) * free[:, None]
+    bend = segments(_against_pelvis(chain)) * free[:, None]
     parts = []
     for target in targets:
         if target.part is not None:
@@ -187,8 +187,8 @@ def _modes(posture: Posture, targets: Sequence[Target], free: np.ndarray) -> np.
     return np.concatenate([np.array(parts).reshape(-1, *bend.shape), alone[free].reshape(-1, *bend.shape)])
 
 
-def _against_pelvis(posture: Posture) -> np.ndarray:
+def _against_pelvis(chain: SpineChain) -> np.ndarray:
     """Angles of the vertebrae, less the lean of the lowest, of which nothing is to be thought."""
-    angles = posture.angles.copy()
+    angles = chain.angles.copy()
     angles[:, SAGITTAL] -= angles[-1, SAGITTAL]
     return angles

@@ -15,8 +15,8 @@ from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after, verte
 from warp_trunk.measures.spine import asis_axis, spine_of
 
 from .least_motion import least_motion, limits_of, segments
-from .posture import Placed, posture_of
 from .record import rank
+from .spine_chain import Placed, spine_chain_of
 from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
 from .targets import curves_of_plan, targets_of
 
@@ -59,9 +59,9 @@ class Planner:
     def __init__(self, case: Case) -> None:
         """Reads the spine; InputError as `plan_surgery`, for a faulty case."""
         self._before = before = case.landmarks_before
-        posture = posture_of(before)
-        self._posture, self._films = posture, bending_films(case)
-        self._limits = limits_of(posture)
+        chain = spine_chain_of(before)
+        self._posture, self._films = chain, bending_films(case)
+        self._limits = limits_of(chain)
         self._curves = cobb_angles(before)
         self._flexibility = flexibility_of(self._curves, self._films)
         self._spine, self._across = spine_of(before), asis_axis(before)
@@ -73,14 +73,14 @@ class Planner:
         Raises:
             InputError: as `plan_surgery`, for a faulty plan.
         """
-        before, posture = self._before, self._posture
-        upper, lower = posture.row(plan.uiv), posture.row(plan.liv)
-        curves = curves_of_plan(self._curves, posture.levels, plan, self._flexibility)
-        change = posture.still
+        before, chain = self._before, self._posture
+        upper, lower = chain.row(plan.uiv), chain.row(plan.liv)
+        curves = curves_of_plan(self._curves, chain.levels, plan, self._flexibility)
+        change = chain.still
         if plan.moves:
-            free = np.full(len(posture.levels), plan.unfused == "follow")
+            free = np.full(len(chain.levels), plan.unfused == "follow")
             free[upper:lower] = True
-            change = least_motion(self._limits, targets_of(posture, plan, curves), free)
+            change = least_motion(self._limits, targets_of(chain, plan, curves), free)
         after = self._carried(change)
         there = spine_of(after)
         rotation = axial_rotation(there, self._across)

@@ -12,14 +12,14 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from .posture import AXIAL, CORONAL, Placed
 from .record import rank
+from .spine_chain import AXIAL, CORONAL, Placed
 
 if TYPE_CHECKING:
     from warp_trunk.measures.cobb import CobbAngle
 
-    from .posture import Posture
     from .record import CurvePlan, Plan
+    from .spine_chain import SpineChain
 
 HALF = 0.5
 """Share of an unfused curve that corrects by itself where nothing is known of it: lumbar curves went from 43.9 to
@@ -115,10 +115,10 @@ def _curve_at(apex: str, curves: tuple[CobbAngle, ...], levels: tuple[str, ...])
     return min(around, key=lambda c: abs(levels.index(c.apex) - row))
 
 
-def targets_of(posture: Posture, plan: Plan, curves: tuple[Curve, ...]) -> list[Target]:
+def targets_of(chain: SpineChain, plan: Plan, curves: tuple[Curve, ...]) -> list[Target]:
     """Every target of a plan, those of what is kept included; see docs/planning.md."""
-    still = Placed(posture, posture.still)
-    apices = [posture.row(curve.before.apex) for curve in curves]
+    still = Placed(chain, chain.still)
+    apices = [chain.row(curve.before.apex) for curve in curves]
     targets: list[Target] = []
     corrects = any(curve.corrects for curve in curves)
     for number, curve in enumerate(curves):
@@ -127,7 +127,7 @@ def targets_of(posture: Posture, plan: Plan, curves: tuple[Curve, ...]) -> list[
             tilt = methodcaller("coronal", before.upper, before.lower)
             targets.append(Target(f"curve {before.apex} kept, an angle of", "degrees", float(tilt(still)), tilt))
         if curve.plan is not None:
-            around = [0, *apices][number], [*apices[1:], len(posture.levels) - 1][number]
+            around = [0, *apices][number], [*apices[1:], len(chain.levels) - 1][number]
             targets += _of_curve(still, curve.plan, before, around)
         elif plan.unfused == "follow" and corrects:
             targets += _outside(still, plan, curve)
@@ -137,17 +137,17 @@ def targets_of(posture: Posture, plan: Plan, curves: tuple[Curve, ...]) -> list[
         ("coronal balance", "mm", None if plan.balance == "keep" else 0.0, methodcaller("plumb", 0)),
         ("sva_after", "mm", plan.sva_after, methodcaller("plumb", 1)),
     ):
-        if wanted is not None or unit == "mm" or set(name.split("_")[1:]) <= set(posture.levels):
+        if wanted is not None or unit == "mm" or set(name.split("_")[1:]) <= set(chain.levels):
             targets.append(Target(name, unit, float(read(still)) if wanted is None else wanted, read))
     return targets
 
 
 def _of_curve(still: Placed, asked: CurvePlan, curve: CobbAngle, around: tuple[int, int]) -> list[Target]:
     """Cobb angle and rotation of a curve, each positive before; `around` are the next apices."""
-    posture, apex = still.posture, still.posture.row(asked.apex)
-    turned, (first, last) = np.abs(posture.angles[:, AXIAL]), around
+    chain, apex = still.chain, still.chain.row(asked.apex)
+    turned, (first, last) = np.abs(chain.angles[:, AXIAL]), around
     neutral = first + int(np.argmin(turned[first : apex + 1])), apex + int(np.argmin(turned[apex : last + 1]))
-    ends = posture.row(curve.upper), posture.row(curve.lower)
+    ends = chain.row(curve.upper), chain.row(curve.lower)
     targets = []
     for name, read, share, after, part in (
         ("Cobb angle", methodcaller("coronal", curve.upper, curve.lower), asked.correction, asked.cobb_after,
@@ -167,7 +167,7 @@ def _outside(still: Placed, plan: Plan, curve: Curve) -> list[Target]:
     """The part of an unplanned curve above and below the fusion, which corrects by itself."""
     if curve.spontaneous == 0.0:
         return []
-    levels = still.posture.levels
+    levels = still.chain.levels
     first, last = levels.index(curve.before.upper), levels.index(curve.before.lower)
     targets = []
     for upper, lower in ((first, min(last, levels.index(plan.uiv))), (max(first, levels.index(plan.liv)), last)):

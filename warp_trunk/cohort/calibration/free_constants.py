@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.layers import CONSTANTS, NAMES
-from warp_trunk.case.rib_shares import LIMITS, RANGES
+from warp_trunk.case.rib_coupling import LIMITS, RANGES
 from warp_trunk.case.tissue_file import CONSTANT_NAMES, RIBS
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.errors import InputError, nearest
@@ -98,7 +98,9 @@ def values_of(free: Sequence[FreeConstant], counted: np.ndarray) -> dict[str, fl
 def check_free(names: Sequence[str], case: Case, options: RunOptions) -> None:
     """Raise InputError for constants that no skin depends on, with the reason."""
     if not names:
-        raise InputError("--free: is missing; give constants to find, such as --free poisson_ratio ribs.recovery")
+        raise InputError(
+            "--free: is missing; give constants to find, such as --free poisson_ratio ribs.reversible_part"
+        )
     for number, name in enumerate(names):
         if name not in CONSTANT_NAMES:
             hint = nearest(name, CONSTANT_NAMES)

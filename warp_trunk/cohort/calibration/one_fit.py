@@ -13,7 +13,7 @@ import numpy as np
 
 from warp_trunk.case import read_checked_case
 from warp_trunk.case.layers import NAMES
-from warp_trunk.case.rib_shares import LIMITS
+from warp_trunk.case.rib_coupling import LIMITS
 from warp_trunk.case.study import Study
 from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
 from warp_trunk.engine.constants import Constant
@@ -136,8 +136,10 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     if job.derivative:
         none = np.zeros_like(prepared.trunk.nodes)
         bones = [_bones_moved(case, prepared.trunk, options, one) if one.of == RIBS else none for one in job.free]
-        pulls = [none if one.of == RIBS else _pull(case, linear, prepared, one) for one in job.free]
-        moved = linear.follow(np.stack(bones), np.stack(pulls))[:, skin_nodes][:, kept.places]
+        force_derivatives = [
+            none if one.of == RIBS else _force_derivative(case, linear, prepared, one) for one in job.free
+        ]
+        moved = linear.follow(np.stack(bones), np.stack(force_derivatives))[:, skin_nodes][:, kept.places]
         derivative = scale * np.einsum("vi,cvi->vc", direction, moved)
     judged = compare_skins(skin, kept.actual, case.planned_landmarks)
     back, rotation = judged.distance["back"], judged.bsr_error["T3-L5"]
@@ -187,7 +189,7 @@ def _distance(points: np.ndarray, actual: Surface) -> tuple[np.ndarray, np.ndarr
 
 def _bones_moved(case: Case, trunk: TrunkMesh, options: RunOptions, free: FreeConstant) -> np.ndarray:
     """Change of the places of bones with a share of the ribs [mm], shape (nodes, 3)."""
-    value, step = getattr(case.rib_shares, free.constant), STEP * free.believed
+    value, step = getattr(case.rib_coupling, free.constant), STEP * free.believed
     low, high = max(value - step, LIMITS[free.constant][0]), min(value + step, LIMITS[free.constant][1])
     lower, upper = (
         find_path(with_constants(case, {free.name: end}), trunk, options).at(1.0) for end in (low, high)
@@ -195,13 +197,13 @@ def _bones_moved(case: Case, trunk: TrunkMesh, options: RunOptions, free: FreeCo
     return (upper - lower) / (high - low)
 
 
-def _pull(case: Case, linear: Linearization, prepared: Prepared, free: FreeConstant) -> np.ndarray:
+def _force_derivative(case: Case, linear: Linearization, prepared: Prepared, free: FreeConstant) -> np.ndarray:
     """Derivative of the gradient of every free node by a constant, in the scale in which it is fitted."""
     tissues = [0] if len(prepared.model.tissues) == 1 else _without_own(case, free.constant)
     if free.of:
         tissues = [NAMES.index(free.of)]
     nothing = np.zeros_like(prepared.trunk.nodes)
-    pull = sum((linear.pull(Constant(free.constant, tissue)) for tissue in tissues), start=nothing)
+    pull = sum((linear.force_derivative(Constant(free.constant, tissue)) for tissue in tissues), start=nothing)
     return free.slope(constant_of(case, free.name)) * pull
 
 

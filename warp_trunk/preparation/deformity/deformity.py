@@ -11,7 +11,7 @@ from warp_trunk.bone_motion.rib_cage import follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebra
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.rib_shares import RibShares
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import Spline, fit_spline
 from warp_trunk.geometry.surface import Surface
@@ -257,7 +257,7 @@ def _behind(skin: Surface, centre: np.ndarray) -> list[np.ndarray]:
     return found
 
 
-GROWTH = RibShares(recovery=1.0)
+GROWTH = RibCoupling(reversible_part=1.0)
 """A curve grows with all of the shares that surgery takes back in part."""
 PELVIS = ("hip_left", "hip_right", "sacrum")
 _POINTS_PER_BONE = 5

@@ -46,7 +46,7 @@ class RigidBones:
 
 
 @dataclass(frozen=True, eq=False)
-class BonePath:
+class PrescribedMotion:
     """The motion that carries all nodes, and at which the nodes on bone are held."""
 
     displacement: np.ndarray
@@ -61,16 +61,18 @@ class BonePath:
             moved[self.rigid_bones.nodes] = self.rigid_bones.at(load_factor)
         return moved
 
-    def of(self, nodes: np.ndarray) -> BonePath:
+    def of(self, nodes: np.ndarray) -> PrescribedMotion:
         """The path of some nodes alone, shape (k,), none of them twice, in their order."""
         place = np.full(len(self.displacement), -1)
         place[nodes] = np.arange(len(nodes))
-        return BonePath(self.displacement[nodes], None if self.rigid_bones is None else self.rigid_bones.of(place))
+        return PrescribedMotion(
+            self.displacement[nodes], None if self.rigid_bones is None else self.rigid_bones.of(place)
+        )
 
 
 def spline_path(
     nodes: np.ndarray, landmarks_before: Landmarks, landmarks_after: Landmarks, device: str = "cpu"
-) -> BonePath:
+) -> PrescribedMotion:
     """phi_t of eq. 4.5 of [2] for landmarks that move straight: node X goes to X + t (F(X) - X).
 
     A spline is linear in its targets. With landmarks at L(t) = L0 + t (L1 - L0), the one fitted on the trunk
@@ -89,10 +91,10 @@ def spline_path(
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
     spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
-    return BonePath(spline.displacement(nodes, device))
+    return PrescribedMotion(spline.displacement(nodes, device))
 
 
-def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: str = "cpu") -> BonePath:
+def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: str = "cpu") -> PrescribedMotion:
     """Every bone moves rigidly, on the shortest screw to its place after surgery.
 
     The papers' spline is fitted on landmarks and bends what lies between them; here a bone keeps its shape at
@@ -107,13 +109,13 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: 
     rigid_bones = _rigid_bones(trunk, motions)
     held = np.flatnonzero(trunk.prescribed)
     moved = rigid_displacement(trunk, motions)[held]
-    smooth = BonePath(extended_displacement(trunk.nodes, held, moved, device), rigid_bones)
-    return BonePath(smooth.at(1.0), rigid_bones)
+    smooth = PrescribedMotion(extended_displacement(trunk.nodes, held, moved, device), rigid_bones)
+    return PrescribedMotion(smooth.at(1.0), rigid_bones)
 
 
 def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> np.ndarray:
     """How far each node on bone moves with its bone, 0 for all others, shape (nodes, 3) [mm]."""
-    return BonePath(np.zeros_like(trunk.nodes), _rigid_bones(trunk, motions)).at(1.0)
+    return PrescribedMotion(np.zeros_like(trunk.nodes), _rigid_bones(trunk, motions)).at(1.0)
 
 
 def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> RigidBones:
@@ -162,7 +164,7 @@ def extended_displacement(
     return displacement + np.einsum("nk,nki->ni", weight, left[near])
 
 
-def colliding_bones(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
+def colliding_bones(trunk: TrunkMesh, bone_path: PrescribedMotion) -> list[str]:
     """Where tetrahedra whose corners all lie on bone end inside out, in words; whatever the tissue does.
 
     Between two bones they are inside out because the bones have passed through each other, on one bone because
@@ -171,13 +173,13 @@ def colliding_bones(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
     return _places(trunk, _inverted(trunk, bone_path) & trunk.prescribed[trunk.tets].all(axis=1), "bones collide")
 
 
-def folded_tissue(trunk: TrunkMesh, bone_path: BonePath) -> list[str]:
+def folded_tissue(trunk: TrunkMesh, bone_path: PrescribedMotion) -> list[str]:
     """Where the path, which carries all nodes, turns tetrahedra inside out, in words; relaxation may repair
     them."""
     return _places(trunk, _inverted(trunk, bone_path), "the path of the bones folds tissue")
 
 
-def _inverted(trunk: TrunkMesh, bone_path: BonePath) -> np.ndarray:
+def _inverted(trunk: TrunkMesh, bone_path: PrescribedMotion) -> np.ndarray:
     """Tetrahedra that the path turns inside out at its end, shape (tets,)."""
     return tet_volumes(trunk.nodes + bone_path.at(1.0), trunk.tets) <= 0.0
 

@@ -6,8 +6,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from support.synthetic import shell_trunk
-from warp_trunk.bone_motion.bone_path import (
-    BonePath,
+from warp_trunk.bone_motion.prescribed_motion import (
+    PrescribedMotion,
     colliding_bones,
     extended_displacement,
     folded_tissue,
@@ -95,10 +95,10 @@ TWO_TETS = TrunkMesh(
 )
 
 
-def moved(node: int, by: float) -> BonePath:
+def moved(node: int, by: float) -> PrescribedMotion:
     path = np.zeros_like(FIVE)
     path[node, 2] = by
-    return BonePath(path)
+    return PrescribedMotion(path)
 
 
 def test_bones_that_pass_through_each_other_are_named():

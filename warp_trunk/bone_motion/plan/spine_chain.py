@@ -24,7 +24,7 @@ positive to +y (back); the turn about the axis, positive from +x to +y, which is
 
 
 @dataclass(frozen=True, eq=False)
-class Posture:
+class SpineChain:
     """The vertebrae that are planned, top to bottom, as a chain of rigid bodies and discs on a foot that stays."""
 
     levels: tuple[str, ...]
@@ -64,20 +64,20 @@ class Posture:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A posture after a change of its angles, or after many changes at once.
+    """A spine after a change of its angles, or after many changes at once.
 
     A vertebra turns about its own axis, then leans, then tilts; a disc, which has no turn, follows the mean of the
     changes of its two vertebrae, the lowest by half that of its own.
     """
 
-    posture: Posture
+    chain: SpineChain
     change: np.ndarray
     """Of the vertebrae's angles [degrees], shape (..., n, 3)."""
 
     @cached_property
     def frames(self) -> np.ndarray:
         """Rotations from each vertebra's own frame to its present attitude, shape (..., n, 3, 3)."""
-        return _frames(self.posture.angles * [1.0, 1.0, 0.0] + self.change)
+        return _frames(self.chain.angles * [1.0, 1.0, 0.0] + self.change)
 
     @property
     def axes(self) -> np.ndarray:
@@ -89,41 +89,41 @@ class Placed:
         """Each disc, shape (..., n, 3) [mm]; its length is kept."""
         mean = 0.5 * self.change[..., :AXIAL]
         mean[..., :-1, :] += 0.5 * self.change[..., 1:, :AXIAL]
-        tilt = np.concatenate([self.posture.disc_angles + mean, np.zeros_like(mean[..., :1])], axis=-1)
-        return self.posture.heights[:, None] * _frames(tilt)[..., 2]
+        tilt = np.concatenate([self.chain.disc_angles + mean, np.zeros_like(mean[..., :1])], axis=-1)
+        return self.chain.heights[:, None] * _frames(tilt)[..., 2]
 
     @cached_property
     def endplates(self) -> np.ndarray:
         """Superior and inferior endplate centres, shape (..., n, 2, 3) [mm]."""
-        bodies = self.posture.lengths[:, None] * self.axes
-        superior = self.posture.foot + np.cumsum((bodies + self.discs)[..., ::-1, :], axis=-2)[..., ::-1, :]
+        bodies = self.chain.lengths[:, None] * self.axes
+        superior = self.chain.foot + np.cumsum((bodies + self.discs)[..., ::-1, :], axis=-2)[..., ::-1, :]
         return np.stack([superior, superior - bodies], axis=-2)
 
     def coronal(self, upper: str, lower: str) -> np.ndarray:
         """Tilt of one vertebra less that of another [degrees], shape (...)."""
-        tilt = self.posture.angles[:, CORONAL] + self.change[..., CORONAL]
-        return tilt[..., self.posture.row(upper)] - tilt[..., self.posture.row(lower)]
+        tilt = self.chain.angles[:, CORONAL] + self.change[..., CORONAL]
+        return tilt[..., self.chain.row(upper)] - tilt[..., self.chain.row(lower)]
 
     def sagittal(self, upper: str, lower: str) -> np.ndarray:
         """Lean of one vertebra less that of another from the side [degrees], positive to the back, shape (...)."""
         lean = np.degrees(np.arctan2(self.axes[..., 1], self.axes[..., 2]))
-        return lean[..., self.posture.row(upper)] - lean[..., self.posture.row(lower)]
+        return lean[..., self.chain.row(upper)] - lean[..., self.chain.row(lower)]
 
     def rotation(self, level: str) -> np.ndarray:
         """Pedicles against the pelvis from above [degrees], positive with the right side behind, shape (...)."""
-        row, (x, y) = self.posture.row(level), self.posture.pelvis.across
-        u, v, _ = np.moveaxis(self.frames[..., row, :, :] @ self.posture.across[row], -1, 0)
+        row, (x, y) = self.chain.row(level), self.chain.pelvis.across
+        u, v, _ = np.moveaxis(self.frames[..., row, :, :] @ self.chain.across[row], -1, 0)
         return -np.degrees(np.arctan2(x * v - y * u, x * u + y * v))
 
     def plumb(self, column: int) -> np.ndarray:
         """How far T1 stands to the right (column 0) or in front (1) of the sacrum [mm], shape (...)."""
-        row, (x, y) = self.posture.top, self.posture.pelvis.across
-        top = self.endplates[..., row, 1, :] + self.frames[..., row, :, :] @ self.posture.centroids[row]
-        return (top[..., :2] - self.posture.pelvis.point) @ np.array([[-x, -y], [y, -x]][column])
+        row, (x, y) = self.chain.top, self.chain.pelvis.across
+        top = self.endplates[..., row, 1, :] + self.frames[..., row, :, :] @ self.chain.centroids[row]
+        return (top[..., :2] - self.chain.pelvis.point) @ np.array([[-x, -y], [y, -x]][column])
 
 
-def posture_of(landmarks: Landmarks) -> Posture:
-    """The posture of the vertebrae that have landmarks.
+def spine_chain_of(landmarks: Landmarks) -> SpineChain:
+    """The vertebrae that have landmarks.
 
     Raises:
         InputError: fewer than two, a level left out between them, one of the six landmarks missing, or no ASIS.
@@ -143,7 +143,7 @@ def posture_of(landmarks: Landmarks) -> Posture:
     frames, top = _frames(angles), top_of_spine(spine)
     across = np.einsum("nji,nj->ni", frames, pedicles[:, 0] - pedicles[:, 1])
     angles[:, AXIAL] = np.degrees(np.arctan2(across[:, 1], across[:, 0]))
-    return Posture(
+    return SpineChain(
         levels=levels,
         angles=angles,
         lengths=lengths,
