@@ -51,6 +51,26 @@ def test_grooved_section_turns_with_its_rotation(degrees):
     assert angle(touching) == pytest.approx(supports[0] + degrees, abs=1e-9)
 
 
+def lumbar(count=200, apart=30.0, radius=55.0):
+    """Two round muscles of one size with a groove between: their common tangent is parallel to the line through
+    their centres, at (±apart, 0), and touches them there."""
+    t = np.linspace(0.0, math.pi, count)
+    right = np.column_stack([apart + radius * np.cos(t), radius * np.sin(t)])
+    left = right * [-1.0, 1.0]
+    keep = right[:, 0] > 0.0
+    front = np.column_stack([-(apart + radius) * np.cos(t), -120.0 * np.sin(t)])[1:-1]
+    return np.vstack([right[keep], left[keep][::-1], front])
+
+
+@pytest.mark.parametrize("degrees", [0.0, -5.4, 12.0])
+@pytest.mark.parametrize("aside", [-34.0, 0.0, 34.0])
+def test_deep_vertebra_beside_a_narrow_groove_does_not_lose_it(degrees, aside):
+    """The muscles are rounder (55 mm) than the vertebra is deep (100 mm): its perpendicular has no fixed point."""
+    turn = rotation(degrees)
+    touching = dual_tangent(lumbar() @ turn.T, turn @ [aside, -45.0], LEFT)
+    assert angle(touching) == pytest.approx(degrees, abs=0.001)
+
+
 def test_a_flat_back_gives_its_rotation_however_rounding_falls():
     """All of the back's points lie on one line, but for the last bit."""
     x = np.linspace(-150.0, 150.0, 9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,9 +28,11 @@ class Contacts(NamedTuple):
     """Where a line touches the back: each point lies on an edge of the section's convex hull, or at its end."""
 
     points: np.ndarray
-    """Left and right point from the spine [mm], shape (2, 2)."""
+    """Left and right point [mm], shape (2, 2)."""
     edges: np.ndarray
-    """The ends, left and right, of the edge that each lies on, from the spine [mm], shape (2, 2, 2)."""
+    """The ends, left and right, of the edge that each lies on [mm], shape (2, 2, 2)."""
+    nearest: np.ndarray
+    """The ends of the edge nearest to the spine [mm], shape (2, 2); the one edge where a single one bridges it."""
 
 
 @dataclass(frozen=True)
@@ -106,50 +108,84 @@ def tangent_of(outline: np.ndarray, centroid: np.ndarray, across: np.ndarray) ->
 def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> np.ndarray | None:
     """Where the common tangent of the two sides of the back touches a section.
 
-    With a groove along the spine it is the edge of the section's convex hull that bridges the spine, that is,
-    the one met by the perpendicular from the spine. Where no edge of `SPAN` length bridges it, the back is
-    convex there and every line of support touches it once; then it is the line through the points of the hull
-    that lie `SPAN`/2 to either side of that perpendicular. So a section that is symmetric about an axis
+    With a groove along the spine it is the edge of the section's convex hull that bridges the spine: of the edges
+    of `SPAN` length or more the one that the perpendicular from the spine meets or misses by the least, by
+    `SPAN`/2 at most. A spinous process stands so far beside the perpendicular from a turned vertebra; no other
+    edge of a back comes near it. Each edge is judged by its own perpendicular: one that is followed from tangent
+    to tangent, from a vertebra 100 mm in front of the skin, runs away to the flank on real lumbar backs.
+
+    Where no edge bridges the spine, the back is convex there and every line of support touches it once; then it is
+    the line through the points of the hull that lie `SPAN`/2 to either side of its perpendicular from the spine,
+    which may leave the hull's point nearest to the spine by `SPAN`/2. So a section that is symmetric about an axis
     through the spine gives exactly the perpendicular of that axis, groove or not.
 
     Args:
-        outline: closed loop without its first point repeated, shape (points, 2) [mm].
-        spine: where the vertebra lies, shape (2,) [mm].
-        across: unit vector from the patient's right to left, where the search for the perpendicular starts.
+        outline: closed loop without its first point repeated, or the back alone, shape (points, 2) [mm].
+        spine: where the vertebra or its spinous process lies, shape (2,) [mm].
+        across: unit vector from the patient's right to left; it says which side of the section is the back.
 
     Returns:
         Left and right points of contact, shape (2, 2), or None where there is no such line.
     """
-    found = find_contacts(outline - spine, across)
-    return None if found is None else found.points + spine
+    found = find_contacts(outline, spine, across)
+    return None if found is None else found.points
 
 
-def find_contacts(outline: np.ndarray, across: np.ndarray) -> Contacts | None:
-    """The contacts of `dual_tangent`, of an outline (points, 2) whose origin is the spine [mm]."""
+def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> Contacts | None:
+    """The contacts of `dual_tangent`; arguments as there."""
     hull = _back_of_hull(outline, across)
-    return None if hull is None else contacts_of(hull, across)
+    if hull is None:
+        return None
+    from_spine = hull - spine
+    edges = np.stack([hull[:-1], hull[1:]], axis=1)  # each from left to right
+    way = hull[:-1] - hull[1:]
+    length = np.hypot(*way.T)
+    way /= length[:, None]
+    left, right = (np.einsum("ij,ij->i", end, way) for end in (from_spine[:-1], from_spine[1:]))
+    missed = np.where(length >= SPAN, np.maximum(np.maximum(-left, right), 0.0), np.inf)
+    away = np.hypot(*(from_spine[:-1] - np.clip(left, 0.0, length)[:, None] * way).T)
+    if missed.min() <= SPAN / 2.0:
+        bridge = edges[np.lexsort([away, missed])[0]]
+        return Contacts(bridge, np.stack([bridge, bridge]), bridge)
+
+    def beside(along: np.ndarray, places: np.ndarray) -> np.ndarray | None:
+        aside = from_spine @ along  # positive to the left; along the back the hull runs from left to right
+        crossed = [np.flatnonzero((aside[:-1] > x) & (aside[1:] <= x)) for x in places]
+        return np.array([edges[found[0]] for found in crossed]) if all(map(len, crossed)) else None
+
+    return contacts_beside(spine, edges[away.argmin()], beside)
 
 
-def contacts_of(hull: np.ndarray, across: np.ndarray, start: np.ndarray | None = None) -> Contacts | None:
-    """The contacts of a hull's corners (n, 2) along the back, from left to right, from the spine [mm].
+def contacts_beside(
+    spine: np.ndarray, nearest: np.ndarray, beside: Callable[[np.ndarray, np.ndarray], np.ndarray | None]
+) -> Contacts | None:
+    """The contacts of a convex back, `SPAN`/2 to either side of the perpendicular from the spine (2,) [mm].
 
-    `start` is a unit vector near the tangent; the search starts at `across` when it is left out.
+    Args:
+        spine: where the vertebra lies, shape (2,) [mm].
+        nearest: left and right end of the edge of the hull nearest to it, shape (2, 2) [mm].
+        beside: the edges that are crossed, shape (2, 2, 2), from a unit vector along the tangent and the places
+            along it where they are, from the spine, shape (2,) [mm]; None where the back ends before them.
     """
-    direction = across if start is None else start
-    touching = None
+    along = nearest[0] - nearest[1]
+    length = math.hypot(*along)
+    along = along / length
+    place = nearest[1] + min(max((spine - nearest[1]) @ along, 0.0), length) * along
     for _ in range(100):  # the perpendicular depends on the tangent: a fixed point, reached in a few steps
-        touching = _touching(hull, direction)
-        if touching is None:
+        straight = (place - spine) @ along
+        places = min(max(0.0, straight - SPAN / 2.0), straight + SPAN / 2.0) + np.array([SPAN / 2.0, -SPAN / 2.0])
+        edges = beside(along, places)
+        if edges is None:
             return None
-        tangent = touching.points[0] - touching.points[1]
-        tangent = tangent / math.hypot(*tangent)
-        turned = turn(direction, tangent)
-        direction = tangent
-        if abs(turn(across, direction)) > STEEPEST:
-            return None
+        start, end = edges[:, 0], edges[:, 1]
+        share = ((start - spine) @ along - places) / ((start - end) @ along)
+        points = start + share[:, None] * (end - start)
+        tangent = (points[0] - points[1]) / math.dist(*points)
+        turned = turn(along, tangent)
+        along = tangent
         if abs(turned) < 1e-10:
             break
-    return touching
+    return Contacts(points, edges, nearest)
 
 
 def turn(a: np.ndarray, b: np.ndarray) -> float:
@@ -175,27 +211,3 @@ def _back_of_hull(points: np.ndarray, across: np.ndarray) -> np.ndarray | None:
             chain.pop()
         chain.append(i)
     return points[chain]
-
-
-def _touching(hull: np.ndarray, across: np.ndarray) -> Contacts | None:
-    """Where a line touches, the spine being the origin and the back perpendicular to `across`."""
-    aside = hull @ across  # positive to the left; along the back the hull runs from left to right
-    edge = _crossed(aside, 0.0)
-    if edge is not None and math.dist(*hull[edge : edge + 2]) >= SPAN:
-        ends = hull[edge : edge + 2]
-        return Contacts(ends, np.stack([ends, ends]))
-    edges, points = [], []
-    for x in (SPAN / 2.0, -SPAN / 2.0):
-        edge = _crossed(aside, x)
-        if edge is None:
-            return None
-        start, end = hull[edge : edge + 2]
-        edges.append((start, end))
-        points.append(start + (aside[edge] - x) / (aside[edge] - aside[edge + 1]) * (end - start))
-    return Contacts(np.array(points), np.array(edges))
-
-
-def _crossed(aside: np.ndarray, x: float) -> int | None:
-    """The edge of the back's side of the hull that crosses `aside` = x, by its left end; None if none does."""
-    left = aside > x
-    return next(iter(np.flatnonzero(left[:-1] & ~left[1:]).tolist()), None)

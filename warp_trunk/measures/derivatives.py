@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -12,7 +13,7 @@ import numpy as np
 from warp_trunk.geometry.section import section, trunk_loop
 from warp_trunk.geometry.surface import Surface
 
-from .back_rotation import DualTangent, contacts_of, find_contacts, tangent_of, turn
+from .back_rotation import DualTangent, contacts_beside, find_contacts, tangent_of, turn
 from .hump import hump_height, hump_top
 from .shoulders import DEEP, shoulder_heights, upper_outline
 from .spine import asis_axis, spine_of
@@ -51,21 +52,23 @@ def rotation_derivative(skin: Surface, landmarks: Landmarks, level: str, tangent
     """
     from scipy.spatial import KDTree  # heavy
 
-    contacts = find_contacts(tangent.outline - tangent.spine, tangent.across)
+    contacts = find_contacts(tangent.outline, tangent.spine, tangent.across)
     assert contacts is not None  # where there is a tangent there are contacts
     bridge, rows = np.array_equal(*contacts.edges), _rows(landmarks, level)
     kept, edges, cuts = _cut(skin, landmarks.points[rows, 2].mean())
-    touched = edges[KDTree(cuts).query(contacts.edges.reshape(-1, 2) + tangent.spine)[1]]
+    corners = np.concatenate([*contacts.edges, contacts.nearest])
+    touched = edges[KDTree(cuts).query(corners)[1]]
     used = np.unique(skin.faces[kept])
-    along = (tangent.left - tangent.right) / np.linalg.norm(tangent.left - tangent.right)
 
     def angle(part: Surface, marks: Landmarks) -> float:
-        centroid, across = marks.points[rows].mean(axis=0), asis_axis(marks)
-        ends = part.vertices[np.searchsorted(used, touched)]
-        points = _at_height(ends, centroid[2]) - centroid[:2]
-        chain = points[:2] if bridge else np.insert(points, 2, points[1:3].mean(axis=0), axis=0)
-        found = contacts_of(chain, across, along)
-        return np.nan if found is None else -np.degrees(turn(across, found.points[0] - found.points[1]))
+        centroid = marks.points[rows].mean(axis=0)
+        left, right, nearest = _at_height(part.vertices[np.searchsorted(used, touched)], centroid[2]).reshape(
+            3, 2, 2
+        )
+        beside = np.stack([left, right])
+        found = None if bridge else contacts_beside(centroid[:2], nearest, lambda *_: beside)
+        points = left if bridge else np.full((2, 2), np.nan) if found is None else found.points
+        return -math.degrees(turn(asis_axis(marks), points[0] - points[1]))
 
     return _by_differences(angle, skin, landmarks, kept, touched.ravel(), rows)
 
