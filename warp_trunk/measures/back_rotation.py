@@ -171,6 +171,7 @@ def contacts_beside(
     length = math.hypot(*along)
     along = along / length
     place = nearest[1] + min(max((spine - nearest[1]) @ along, 0.0), length) * along
+    found = None
     for _ in range(100):  # the perpendicular depends on the tangent: a fixed point, reached in a few steps
         straight = (place - spine) @ along
         places = min(max(0.0, straight - SPAN / 2.0), straight + SPAN / 2.0) + np.array([SPAN / 2.0, -SPAN / 2.0])
@@ -179,13 +180,13 @@ def contacts_beside(
             return None
         start, end = edges[:, 0], edges[:, 1]
         share = ((start - spine) @ along - places) / ((start - end) @ along)
-        points = start + share[:, None] * (end - start)
-        tangent = (points[0] - points[1]) / math.dist(*points)
+        found = Contacts(start + share[:, None] * (end - start), edges, nearest)
+        tangent = (found.points[0] - found.points[1]) / math.dist(*found.points)
         turned = turn(along, tangent)
         along = tangent
         if abs(turned) < 1e-10:
             break
-    return Contacts(points, edges, nearest)
+    return found
 
 
 def turn(a: np.ndarray, b: np.ndarray) -> float:
