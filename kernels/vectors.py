@@ -191,13 +191,12 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         end: int,
         slab: int,
         gradient: wp.array(dtype=vec3),
-        keep: wp.array(dtype=wp.float64),
         direction: wp.array(dtype=vec3),
     ):
-        """direction = -gradient + keep * direction (the one minus sign of the gradient methods)."""
+        """direction = -gradient (the one minus sign of the gradient method)."""
         i = first + wp.tid()
         if i < end:
-            direction[i] = scalar(keep[0]) * direction[i] - gradient[i]
+            direction[i] = -gradient[i]
 
     @wp.kernel(module=module, enable_backward=False)
     def extrapolate_kernel(

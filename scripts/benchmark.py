@@ -37,7 +37,7 @@ from warp_trunk.engine.parallel import choose_device
 Add = Callable[[str, object, str], argparse.ArgumentParser]
 """Adds a command: its name, what it calls with what is given, and what it does in words."""
 PRECISIONS = ("float32", "float64")
-METHODS = ("newton", "conjugate", "gradient", outside.OUTSIDE)
+METHODS = ("newton", "gradient", outside.OUTSIDE)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

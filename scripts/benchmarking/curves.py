@@ -112,7 +112,7 @@ def points(
         yield relax, model_seconds, timed
         # what a run costs follows its steps: the last one is made to take just the limit
         growth = min(GROWTH, limit / timed.seconds)
-        if timed.converged or growth < 1.2:
+        if timed.last.status is not RelaxStatus.STEP_LIMIT or growth < 1.2:
             return
         steps = int(steps * growth)
 

@@ -16,7 +16,6 @@ COLOURS = {
     "newton": "#0072B2",
     "newton, neo-hookean": "#CC79A7",
     "newton, neo-hookean, follow": "#E69F00",
-    "conjugate": "#D55E00",
     "gradient": "#009E73",
     OUTSIDE: "#000000",
 }
@@ -25,7 +24,6 @@ NAMES = {
     "newton": "Newton, papers' energy",
     "newton, neo-hookean": "Newton, neo-Hookean",
     "newton, neo-hookean, follow": "Newton, ribs that follow",
-    "conjugate": "conjugate gradients",
     "gradient": "spectral gradient",
     OUTSIDE: "SciPy L-BFGS-B",
 }

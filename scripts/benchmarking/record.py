@@ -24,7 +24,7 @@ class Setting:
     """By what a curve is made."""
 
     method: str
-    """newton, conjugate, gradient or scipy-lbfgsb."""
+    """newton, gradient or scipy-lbfgsb."""
     threads: int
     """CPU threads; 1 on CUDA."""
     precision: str

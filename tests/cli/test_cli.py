@@ -70,12 +70,12 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
 
 
 def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., int], tmp_path: Path) -> None:
-    flags = ("--precision=float64", "--method=conjugate", "--tolerance=50", "--theta=7", "--no-record")
+    flags = ("--precision=float64", "--method=gradient", "--tolerance=50", "--theta=7", "--no-record")
     assert commands(tmp_path, *flags) == OK
     parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
     assert parameters | {
         "tets": 8000, "increments": 2, "device": "cpu", "precision": "float64", "threads": 1,
-        "method": "conjugate", "tolerance": 50.0, "theta": 7.0, "record": False,
+        "method": "gradient", "tolerance": 50.0, "theta": 7.0, "record": False,
         "epsilon": small_case().tissue.epsilon,
     } == parameters  # fmt: skip
     assert not (tmp_path / "recording.rrd").exists()

@@ -146,15 +146,12 @@ def test_the_preconditioner_is_symmetric_and_positive(
 
 
 @PRECISIONS
-@pytest.mark.parametrize("method", ["newton", "conjugate", "gradient", "continuum"])
-def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, method: str) -> None:
-    tissue, energy, path = Tissue(poisson_ratio=0.49), "itmsm", turned()
-    reference: Reference = Reference(TRUNK, tissue)
-    if method == "continuum":
-        method, energy, reference = "newton", "neo-hookean", Continuum(TRUNK, tissue)
-    tolerance = 0.1 if method == "gradient" else 0.01
+@pytest.mark.parametrize("energy", ["itmsm", "neo-hookean"])
+def test_ends_at_an_equilibrium_that_numpy_confirms(precision: str, energy: str) -> None:
+    tissue, path, tolerance = Tissue(poisson_ratio=0.49), turned(), 0.01
+    reference = (Reference if energy == "itmsm" else Continuum)(TRUNK, tissue)
     model = model_of(TRUNK, tissue, device="cuda:0", energy=energy, precision=precision)
-    found = settle(model, path, 2, method=method, tolerance=tolerance, max_steps=5000).displacement
+    found = settle(model, path, 2, tolerance=tolerance).displacement
     assert np.abs(reference.downhill(found, 2000) - found).max() < 2.0 * tolerance
     held = TRUNK.prescribed
     assert np.array_equal(found[held], path[held].astype(precision))

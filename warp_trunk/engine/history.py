@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from .line_search import Trial
 from .relaxation import Energy, Relaxation, RelaxStatus, RelaxStep
 
+ROUNDING = {"float32": 1e-7, "float64": 1e-14}
+"""Relative change of the energy that the precision does not resolve."""
 PATIENCE = 8
 """Estimates in a row that are no smaller, once the energy no longer resolves a step, before the loop gives up."""
 
@@ -55,14 +57,15 @@ class History:
         self._history.append(step)
         return step
 
-    def stagnated(self, estimated_error: float, steps: int) -> bool:
-        """Adds an estimate after a number of steps; returns whether neither the estimates nor the energy fall
-        any more."""
+    def falls(self, steps: int) -> bool:
+        """Whether the energy has fallen by more than it rounds over the last steps."""
+        return min(self._energies[:-steps], default=math.inf) - min(self._energies[-steps:]) > self.rounding
+
+    def stagnated(self, estimated_error: float) -> bool:
+        """Adds an estimate; returns whether neither the estimates nor the energy fall any more."""
         self._waited = 0 if estimated_error < 0.9 * self._least else self._waited + 1
         self._least = min(self._least, estimated_error)
-        recent = PATIENCE * steps
-        fall = min(self._energies[:-recent], default=math.inf) - min(self._energies[-recent:])
-        return self._waited >= PATIENCE and fall <= self.rounding
+        return self._waited >= PATIENCE and not self.falls(PATIENCE)
 
     def end(self, status: RelaxStatus, estimated_error: float) -> Relaxation:
         """How it ended."""

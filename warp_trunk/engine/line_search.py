@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from .relaxation import Energy
-from .state import Products
+from .state import ProductReader, Products, State
 
 DECREASE = 1e-4
 """Armijo: the part of the decrease that the slope promises which a step must give."""
@@ -42,6 +42,13 @@ class Trial:
     products: Products
     """Products of the gradient there with the direction and the gradient at the start."""
 
+    @classmethod
+    def read(cls, length: float, state: State, products: ProductReader) -> Trial:
+        """Reads what was evaluated at a length."""
+        energy, inverted, newly_inverted = state.read()
+        forbidden = 0 if state.model.elements.rights_inverted else newly_inverted
+        return cls(length, energy, inverted, forbidden, products.read())
+
     @property
     def allowed(self) -> bool:
         """Finite, and no tetrahedron inverted that must not be."""
@@ -53,7 +60,7 @@ def search(
     length: float,
     reference: float,
     slope: float,
-    slope_ratio: float | None,
+    slope_ratio: float | None = None,
     *,
     rounding: float = 1e-9,
 ) -> tuple[Trial | None, int]:

@@ -17,8 +17,7 @@ from warp_trunk.kernels.assembly import COLUMNS
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .certify import ACCURACY, SLOWEST, Certificate, Step
-from .gradient_methods import ConjugateDescent, SpectralDescent
-from .history import History
+from .history import ROUNDING, History
 from .line_search import Proposal, Trial, search
 from .linear import BlockMatrix, ConjugateGradient, LinearSolution
 from .model import Model
@@ -27,10 +26,6 @@ from .parallel import Launch, Readback
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import ProductReader, Products, State, longest
 
-ESTIMATE_EVERY = 50
-"""Steps of a gradient method between two Newton solves that estimate how far the equilibrium is."""
-ROUNDING = {"float32": 1e-7, "float64": 1e-14}
-"""Relative change of the energy that the precision does not resolve."""
 ROUNDING_STEPS = 10.0
 """Roundings of the largest displacement that a force summed over a node's tetrahedra may hide."""
 
@@ -51,10 +46,6 @@ class Relaxer:
         self._trial = State(model, start=self.state)
         self._newton = Newton(self.state)
         direction = self._newton.direction
-        methods = {"newton": lambda *_: self._newton, "conjugate": ConjugateDescent, "gradient": SpectralDescent}
-        self._method: Newton | ConjugateDescent | SpectralDescent = methods[self.options.method](
-            self.state, direction
-        )
         self._products = ProductReader(self.state, direction, self.state.gradient)
         self._trial_products = ProductReader(self._trial, direction, self.state.gradient)
         self._length = model.zeros(wp.float64, 1)
@@ -95,19 +86,19 @@ class Relaxer:
     ) -> Relaxation:
         """Relaxes `state` until it is known to be nearer to an equilibrium, no saddle, than the tolerance [mm].
 
-        The energy falls at every accepted step (over ten for `gradient`), no tetrahedron is inverted that was not
-        inverted at the start unless the energy rights inverted ones, and the number of steps is bounded. `watch`
-        is called after each accepted step with the state, to read and not to change. Without `confirm` it ends,
-        NEAR, as soon as the distance before the last step is estimated to be below the tolerance: increments on
-        the way need not be known so well. `near` promises that the state is likely some tolerances from its end,
+        The energy falls at every accepted step, no tetrahedron is inverted that was not inverted at the start
+        unless the energy rights inverted ones, and the number of steps is bounded. `watch` is called after each
+        accepted step with the state, to read and not to change. Without `confirm` it ends, NEAR, as soon as the
+        distance before the last step is estimated to be below the tolerance: increments on the way need not be
+        known so well. `near` promises that the state is likely some tolerances from its end,
         which saves work where it is so; `reuse`, that it is near the one whose Hessian was assembled last.
         `meanwhile` is called while a device is at work."""
         tolerance = self.options.tolerance if tolerance is None else tolerance
-        newton, method = (self._newton, self._method) if self.model.free_nodes else (None, None)
-        if newton is not None and method is not None:
+        newton = self._newton if self.model.free_nodes else None
+        if newton is not None:
             self._evaluate()
             newton.begin(tolerance, confirm=confirm, near=near, reuse=reuse)
-            self._launch_step(method, None, 0.0)
+            self._launch_step(newton, None, 0.0)
         else:
             self.state.evaluate()
         if meanwhile is not None:
@@ -116,22 +107,16 @@ class Relaxer:
         history = History(energy, inverted, ROUNDING[self.model.precision])
         if not math.isfinite(energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
-        if newton is None or method is None:
+        if newton is None:
             return history.end(RelaxStatus.CONVERGED, 0.0)
         newton.floor = self._floor()
         products, length = None, 0.0
-        for step in range(self.options.max_steps):
+        for _step in range(self.options.max_steps):
             # Solve: the direction to the equilibrium, and the length to try first.
-            estimates, spent = method is newton or step % ESTIMATE_EVERY == 0, 0
-            if estimates and method is not newton:
-                spent = self._estimate(tolerance, confirm=confirm)
-                products = None  # the estimate has overwritten the direction
-                if newton.distance <= tolerance:
-                    method = newton  # to the end
-            proposal = method.propose(products, length)
-            spent += proposal.iterations
+            proposal = newton.propose(products, length)
+            spent = proposal.iterations
             history.linear_iterations += spent
-            if estimates and history.stagnated(newton.distance, 1 if self._method is newton else ESTIMATE_EVERY):
+            if history.stagnated(newton.distance):
                 return history.end(RelaxStatus.STALLED, newton.distance)
             # Line search: a length that lowers the energy and inverts nothing that must not be inverted.
             if not proposal.is_solution:
@@ -140,9 +125,9 @@ class Relaxer:
             trial, attempts = search(
                 self._attempt,
                 proposal.length,
-                history.largest_energy(method.memory),
+                history.energy.total,
                 here.slope,
-                method.slope_ratio,
+                newton.slope_ratio,
                 rounding=history.rounding,
             )
             history.evaluations += attempts
@@ -150,10 +135,8 @@ class Relaxer:
                 self._accept()
                 products, length = trial.products, trial.length
             # Judge: how far the equilibrium can be from here.
-            arrived, more = False, 0
-            if method is newton:
-                arrived, more = newton.judge(trial.length, trial.products) if trial else newton.judge(0.0, here)
-                arrived = arrived and (not confirm or self._resolves(tolerance))
+            arrived, more = newton.judge(trial.length, trial.products) if trial else newton.judge(0.0, here)
+            arrived = arrived and (not confirm or self._resolves(tolerance))
             history.linear_iterations += more
             if trial is not None:
                 accepted = history.add(trial, newton.distance, spent + more)
@@ -162,26 +145,28 @@ class Relaxer:
             if arrived:
                 return history.end(RelaxStatus.CONVERGED if confirm else RelaxStatus.NEAR, newton.distance)
             if trial is None or newton.exhausted:
-                if method is not newton or newton.exhausted or not newton.retry():
+                if newton.exhausted or not newton.retry():
                     return history.end(RelaxStatus.STALLED, newton.distance)
                 products = None
             # Evaluate, assemble and precondition at the accepted state.
-            self._launch_step(method, products, length)
+            self._launch_step(newton, products, length)
         return history.end(RelaxStatus.STEP_LIMIT, newton.distance)
 
-    def _launch_step(
-        self, method: Newton | ConjugateDescent | SpectralDescent, products: Products | None, length: float
-    ) -> None:
-        """Assembles, preconditions and launches the solve of a Newton step; on CUDA with the trial at its end."""
-        if method is self._newton and self._newton.launch(products, length) and self.model.parallel.is_cuda:
-            self._ahead.launch()
+    def estimate_distance(self) -> tuple[float, int]:
+        """Solves for the Newton step at the state as it was evaluated, of a model with free nodes.
 
-    def _estimate(self, tolerance: float, *, confirm: bool) -> int:
-        """Estimates the distance to equilibrium by a Newton direction; returns the linear iterations spent."""
+        Returns:
+            Its length, which estimates how far the equilibrium is [mm], and the linear iterations.
+        """
         newton = self._newton
-        newton.begin(tolerance, newton.floor, confirm=confirm)
-        newton.launch(None, 1.0)
-        return newton.propose(None, 1.0).iterations
+        newton.begin(0.0, 0.0)
+        iterations = newton.propose(None, 1.0).iterations
+        return newton.distance, iterations
+
+    def _launch_step(self, newton: Newton, products: Products | None, length: float) -> None:
+        """Assembles, preconditions and launches the solve of a step; on CUDA with the trial at its end."""
+        if newton.launch(products, length) and self.model.parallel.is_cuda:
+            self._ahead.launch()
 
     def _resolves(self, tolerance: float) -> bool:
         """Whether the distance is within the tolerance also with the rounding of where the nodes are now."""
@@ -209,9 +194,7 @@ class Relaxer:
             self._step()
             self._trial.evaluate()
             self._trial_products.launch()
-        energy, inverted, newly_inverted = self._trial.read()
-        forbidden = 0 if self.model.elements.rights_inverted else newly_inverted
-        return Trial(length, energy, inverted, forbidden, self._trial_products.read())
+        return Trial.read(length, self._trial, self._trial_products)
 
 
 class SpeculativeTrial:
@@ -284,8 +267,6 @@ class Newton:
     true one takes over near it. If that is negative along some direction, the step descends along it (Steihaug
     1983)."""
 
-    memory = 1
-    """Energies the line search looks back on: the last one, so the energy falls at every step."""
     distance: float
     """How far the equilibrium is estimated to be [mm]; infinite where a direction leads down from a saddle."""
     negative_curvature: bool

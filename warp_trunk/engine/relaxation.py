@@ -9,7 +9,7 @@ from typing import Literal
 
 from warp_trunk.errors import InputError
 
-Method = Literal["newton", "conjugate", "gradient"]
+Method = Literal["newton", "gradient"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +17,8 @@ class RelaxOptions:
     """How far and by which method the tissue is relaxed."""
 
     method: Method = "newton"
-    """newton (truncated Newton), conjugate (nonlinear conjugate gradients) or gradient (spectral projected)."""
+    """newton (truncated Newton, to the tolerance), or gradient (the papers' projected gradient, which ends where
+    the energy no longer falls; the tolerance has no effect on it)."""
     tolerance: float = 0.1
     """Largest estimated distance of a node from its equilibrium at the end [mm]. The mesh is worth 0.3 to 0.7 mm,
     and at 0.1 mm no rotation of the back moves by 0.00001 degrees; benchmarks of the solver take 0.01."""
@@ -25,8 +26,8 @@ class RelaxOptions:
     """Most steps of one relaxation."""
 
     def __post_init__(self) -> None:
-        if self.method not in ("newton", "conjugate", "gradient"):
-            raise InputError(f"method: must be newton, conjugate or gradient, not '{self.method}'")
+        if self.method not in ("newton", "gradient"):
+            raise InputError(f"method: must be newton or gradient, not '{self.method}'")
         if not (math.isfinite(self.tolerance) and self.tolerance > 0.0):
             raise InputError(f"tolerance: must be a positive number of mm, not {self.tolerance}")
         if self.max_steps < 1:
@@ -54,6 +55,7 @@ class RelaxStatus(Enum):
     CONVERGED = "the distance to equilibrium is below the tolerance"
     NEAR = "the distance to equilibrium is estimated to be below the tolerance, on the way to the next increment"
     STALLED = "the energy no longer falls, and the distance to equilibrium is not known to be below the tolerance"
+    STOPPED = "the energy no longer falls along the gradient; the distance to equilibrium is only estimated"
     STEP_LIMIT = "the most steps allowed were taken before the tolerance was reached"
     NOT_FINITE = "the energy at the start is not a finite number; check the input and the size of the increment"
 

@@ -14,6 +14,7 @@ import warp as wp
 from warp_trunk.errors import InputError, expect
 from warp_trunk.kernels.vectors import vector_kernels
 
+from .descent import ProjectedGradient
 from .model import Model
 from .newton import Relaxer
 from .relaxation import Relaxation, RelaxOptions, RelaxStep
@@ -110,9 +111,10 @@ def simulate(
     Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
     (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to
     `ON_THE_WAY` tolerances, by an estimate, and end NEAR; that of the last is confirmed. `watch` is called after
-    every accepted step of every relaxation, see `Relaxer.relax`. `relaxer` is one that an earlier simulation of
-    this model used, for another plan for the same patient: its set-up is most of what a simulation costs beside
-    its increments, and changes nothing in them.
+    every accepted step of every relaxation, see `Relaxer.relax`. By the method `gradient` each ends STOPPED, where
+    the energy no longer falls. `relaxer` is one that an earlier simulation of this model used, for another plan
+    for the same patient: its set-up is most of what a simulation costs beside its increments, and changes nothing
+    in them.
 
     Raises:
         InputError: the path does not belong to the model's mesh, or `relaxer` is of another model or other
@@ -127,17 +129,21 @@ def simulate(
             "relaxer: is of another model or of other options; make one of this model, or leave it out"
         )
     predictor = Predictor(relaxer.state, bone_path)
+    descent = ProjectedGradient(relaxer) if options.relax.method == "gradient" else None
     for number in range(1, options.increments + 1):
         start = time.perf_counter()
         load_factor, final = number / options.increments, number == options.increments
         predictor.move(load_factor)  # phi_t of eq. 4.5
-        relaxation = relaxer.relax(  # phi~ of eq. 4.3
-            options.relax.tolerance * (1.0 if final else ON_THE_WAY),
-            watch,
-            confirm=final,
-            near=number > 1,
-            meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
-        )
+        if descent is not None:
+            relaxation = descent.relax(watch)
+        else:
+            relaxation = relaxer.relax(  # phi~ of eq. 4.3
+                options.relax.tolerance * (1.0 if final else ON_THE_WAY),
+                watch,
+                confirm=final,
+                near=number > 1,
+                meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
+            )
         predictor.record(relaxation)
         displacement = wp.clone(relaxer.state.displacement)
         seconds = time.perf_counter() - start

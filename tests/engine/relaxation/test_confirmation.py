@@ -14,9 +14,8 @@ from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 
 
-@pytest.mark.parametrize("method", ["newton", "conjugate", "gradient"])
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_a_saddle_is_left_although_no_force_points_away_from_it(precision: str, method: str) -> None:
+def test_a_saddle_is_left_although_no_force_points_away_from_it(precision: str) -> None:
     """A corner held by three edges lies in the plane of their ends: there it is pressed, but not out of it."""
     trunk, edges = single_tet(), Tissue(epsilon=0.0, theta=0.0)
     start = np.zeros_like(trunk.nodes)
@@ -24,9 +23,7 @@ def test_a_saddle_is_left_although_no_force_points_away_from_it(precision: str, 
     reference = Reference(trunk, edges)
     assert reference.gradient(start)[3, 2] == 0.0
     model = model_of(trunk, edges, precision=precision)
-    ended, found = relax(model, start, method=method, tolerance=0.01, max_steps=300)
-    if method != "newton" and ended.status is RelaxStatus.STALLED:
-        return  # it sees no way down, and claims nothing
+    ended, found = relax(model, start, tolerance=0.01, max_steps=300)
     assert ended.status is RelaxStatus.CONVERGED
     assert abs(trunk.nodes[3, 2] + found[3, 2]) > 5.0
     assert np.linalg.eigvalsh(reference.hessian(found))[0] > 0.0
