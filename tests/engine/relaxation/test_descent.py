@@ -34,7 +34,7 @@ def test_ends_stopped_with_an_honest_distance_and_bones_in_place(precision: str,
 
 def test_inverts_nothing_and_stops_at_its_bound() -> None:
     relaxer = Relaxer(model_of(TRUNK), RelaxOptions(method="gradient", max_steps=3))
-    relaxer.state.set_displacement(MOVED + np.random.default_rng(10).normal(size=MOVED.shape))
+    relaxer.state.set_displacement(MOVED + np.random.default_rng(10).normal(scale=2.5, size=MOVED.shape))
     before = volumes(TRUNK.nodes + relaxer.state.host_displacement(), TRUNK.tets) <= 0.0
     seen = []
     ended = ProjectedGradient(relaxer).relax(lambda step, _: seen.append(step))
