@@ -8,7 +8,7 @@ from .engine.tissue import Tissue
 from .errors import InputError
 from .geometry.surface import Surface
 from .io.surface_files import read_surface, write_surface
-from .measures import compare_skins, measure
+from .measures import compare_skins, measure, measure_back
 from .preparation.deformity import SpineCurve, make_case
 from .preparation.landmark_finder import find_landmarks
 from .preparation.phantom import phantom_case
@@ -38,6 +38,7 @@ __all__ = [
     "fit_atlas",
     "make_case",
     "measure",
+    "measure_back",
     "phantom_case",
     "plan_surgery",
     "read_case",

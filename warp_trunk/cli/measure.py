@@ -8,14 +8,19 @@ import numpy as np
 from tyro.conf import Positional
 
 from warp_trunk.case import Case, read_case
+from warp_trunk.case.axes import MILLIMETRES
 from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.case.header import read_header
+from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
+from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import make_writable
+from warp_trunk.io.point_files import read_points
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
 from warp_trunk.io.surface_files import read_surface
+from warp_trunk.measures.back import measure_back
 from warp_trunk.results import read_result, read_summary
 from warp_trunk.results.judging import judged, write_record
 from warp_trunk.run.progress import Progress
@@ -25,27 +30,37 @@ from .output import OK
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """Measure a simulated or scanned skin, and compare it with the actual one."""
+    """Measure a simulated or scanned skin, and compare it with the actual one; with --spine, a back alone."""
 
     skin: Positional[Path]
-    """A closed surface in mm and LPS axes (in those of the case if it lies in its folder), or a result folder."""
+    """A closed surface in mm and LPS axes (in those of the case if it lies in its folder), or a result folder;
+    with --spine an open surface, or points, of the back."""
     case: Path | None = None
     """Case folder with the landmarks. A result has its own landmarks and needs no case."""
     against: Path | None = None
     """The actual skin after surgery, closed; it may have other triangles."""
     when: Literal["before", "after"] | None = None
     """Landmarks of the skin; by default before surgery for the case's own skin, otherwise after."""
+    spine: Path | None = None
+    """The spine of a back that was scanned alone: landmarks (name,x,y,z), or a line of spinous processes or of
+    vertebral bodies (x,y,z). Levels along a line are at their usual heights between C7 and the pelvis."""
+    markers: Path | None = None
+    """Its markers (name,x,y,z): ASIS_left and ASIS_right, or PSIS; C7, and `lower` at the lower end of L5."""
+    units: Literal["mm", "cm", "m"] = "mm"
+    """Of a back, its spine and its markers."""
     out: Path | None = None
     """Folder for measures.json and measures.csv, or their name without ending; by default beside the skin."""
 
     def run(self, arguments: list[str]) -> int:
         """Prints the measures and writes them."""
-        file = skin_file(self.skin, finished=self.case is None)
+        file = skin_file(self.skin, finished=self.case is None and self.spine is None)
         stem = self.out or file.with_name(f"{file.stem}_measures")
         stem = stem / "measures" if stem.is_dir() else stem
         if self.out is not None:
             refuse_case(self.out)
         make_writable(stem.parent, "measures")
+        if self.spine is not None:
+            return self._back(file, self.spine, stem)
         with Progress() as progress:
             with progress.stage("load", f"reading {file}"):
                 case = patient_of(file, self.case)
@@ -61,6 +76,37 @@ class Measure:
             print(f"\nMap of distances: {write_distances(stem.with_name(f'{stem.name}.png'), skin, actual)}")
         print(f"\nWritten to {stem}.json and {stem}.csv")
         return OK
+
+    def _back(self, file: Path, spine: Path, stem: Path) -> int:
+        for name in ("case", "against", "when"):
+            if getattr(self, name) is not None:
+                raise InputError(f"--{name}: does not go with --spine, which measures a back alone; leave one out")
+        size = MILLIMETRES[self.units]
+        with Progress() as progress, progress.stage("measure", f"measuring {file}"):
+            back, line = _read_back(file), _read_spine(spine)
+            markers = None if self.markers is None else read_landmarks(self.markers, units=self.units)
+            back = Surface(size * back.vertices, back.faces) if isinstance(back, Surface) else size * back
+            line = Landmarks(line.names, size * line.points) if isinstance(line, Landmarks) else size * line
+            found = measure_back(back, line, markers)
+        print(found.text())
+        write_record(stem, {"back": file.name} | found.record())
+        print(f"\nWritten to {stem}.json and {stem}.csv")
+        return OK
+
+
+def _read_back(file: Path) -> Surface | np.ndarray:
+    """An open surface, or points where the file has no triangles."""
+    try:
+        return read_surface(file)
+    except InputError:
+        return read_points(file)  # its error names the fault where there are no points
+
+
+def _read_spine(path: Path) -> Landmarks | np.ndarray:
+    """Landmarks where the points have names, else the points of a line."""
+    titles = read_text(path, "a line (x,y,z) or landmarks (name,x,y,z) of the spine were expected").split("\n")[0]
+    named = path.suffix.lower() in (".json", ".fcsv") or "name" in titles.lower()
+    return read_landmarks(path) if named else read_points(path)
 
 
 def skin_file(path: Path, *, finished: bool) -> Path:

@@ -1,4 +1,4 @@
-"""Horizontal sections of a closed surface."""
+"""Horizontal sections of a surface."""
 
 from __future__ import annotations
 
@@ -41,6 +41,28 @@ def sections(surface: Surface, heights: Sequence[float]) -> list[list[np.ndarray
         if len(kept) >= 3:
             loops[order[plane[cycle[0]]]].append(points[kept])
     return loops
+
+
+def pieces(surface: Surface, height: float) -> list[np.ndarray]:
+    """The connected pieces of the cut of a surface, open or closed, by the plane z = height [mm].
+
+    Returns the segments of each piece, x and y [mm], shape (segments, 2, 2), in no order; none where the plane
+    misses the surface.
+    """
+    from .surface_checks import linked_parts
+
+    z = surface.vertices[:, 2]
+    faces = surface.faces[(z[surface.faces].min(axis=1) < height) & (z[surface.faces].max(axis=1) >= height)]
+    if not len(faces):
+        return []
+    sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)  # (faces, 3, 2)
+    sides = np.sort(sides[(z[sides[:, :, 0]] < height) != (z[sides[:, :, 1]] < height)].astype(np.int64), axis=1)
+    edges, segments = np.unique(sides, axis=0, return_inverse=True)
+    segments = segments.reshape(-1, 2)  # a triangle is cut at two of its sides
+    start, way = surface.vertices[edges[:, 0]], np.diff(surface.vertices[edges], axis=1)[:, 0]
+    points = (start + ((height - start[:, 2]) / way[:, 2])[:, None] * way)[:, :2]
+    part = linked_parts(segments[:, 0], segments[:, 1], len(edges))[segments[:, 0]]
+    return [points[segments[part == number]] for number in range(part.max() + 1)]
 
 
 def trunk_loop(loops: list[np.ndarray], spine: np.ndarray) -> np.ndarray | None:
