@@ -43,9 +43,14 @@ def test_help_shows_what_people_set_and_the_whole_help_the_rest(capsys: pytest.C
         assert end.value.code == 0
         said[word] = capsys.readouterr().out
     short, whole = flags(said["--help"]), flags(said["--help-all"])
-    assert 10 <= len(short) <= 15
+    assert 10 <= len(short) <= 17
     assert short < whole
-    assert {f"--{name.replace('_', '-')}" for name in COMMON} | {"--out", "--plan", "--align-pelvis"} <= short
+    assert {f"--{name.replace('_', '-')}" for name in COMMON} | {
+        "--out",
+        "--plan",
+        "--align-pelvis",
+        "--papers",
+    } <= short
     options = {field.name for kind in (RunOptions, MeshOptions, RelaxOptions, Tissue) for field in fields(kind)}
     shown = {flag.removeprefix("--").replace("-", "_") for flag in whole}
     assert options - {"mesh", "simulation"} - shown == ONLY_IN_PYTHON
@@ -70,13 +75,20 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
 
 
 def test_flags_reach_the_run_and_the_rest_is_the_cases(commands: Callable[..., int], tmp_path: Path) -> None:
-    flags = ("--precision=float64", "--method=gradient", "--tolerance=50", "--theta=7", "--no-record")
+    flags = (
+        "--precision=float64",
+        "--max-steps=400",
+        "--tolerance=50",
+        "--density=900",
+        "--gravity=9.81",
+        "--no-record",
+    )
     assert commands(tmp_path, *flags) == OK
     parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
     assert parameters | {
         "tets": 8000, "increments": 2, "device": "cpu", "precision": "float64", "threads": 1,
-        "method": "gradient", "tolerance": 50.0, "theta": 7.0, "record": False,
-        "epsilon": small_case().tissue.epsilon,
+        "max_steps": 400, "tolerance": 50.0, "density": 900.0, "record": False,
+        "poisson_ratio": small_case().tissue.poisson_ratio,
     } == parameters  # fmt: skip
     assert not (tmp_path / "recording.rrd").exists()
     assert commands(tmp_path / "short", "--max-steps=1", "--tolerance=1e-4", "--no-record") == NOT_CONVERGED

@@ -89,7 +89,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
     changed = dataclasses.replace(cohort_options(threads=1), refine=_softer)
     done = do_case(cases / "a", out, changed)
     assert not done.kept
-    assert done.notice == "'theta' was 17.0 and is 5.0"
+    assert done.notice == "'youngs_modulus' was 17.0 and is 5.0"
     moved = tmp_path / "case"
     write_case(moved, turned_case("first", 2.0, None))
     again = do_case(moved, out, changed)
@@ -97,7 +97,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
 
 
 def _softer(case: Any) -> Any:
-    return dataclasses.replace(case, tissue=dataclasses.replace(case.tissue, theta=5.0))
+    return dataclasses.replace(case, tissue=dataclasses.replace(case.tissue, youngs_modulus=5.0))
 
 
 def test_only_this_machine_is_listened_to(client: Client) -> None:

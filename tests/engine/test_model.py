@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from support.meshes import block, block_with_bone, grid, single_tet, trunk
-from support.models import model_of
+from support.models import half_and_half, model_of
+from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.itmsm import Itmsm
-from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.tissue import EARTH_GRAVITY, Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
 
@@ -127,9 +128,9 @@ def test_alpha_by_hand() -> None:
     tissue = Tissue(density=900.0, youngs_modulus=20.0)
     cubic_metres = 0.01**3 / 6.0
     k_d = 5.0 * 20e3 * cubic_metres / 6.0
-    alpha = itmsm(single_tet(), tissue, gravity=9.81).alpha
+    alpha = itmsm(single_tet(), tissue, gravity=9.81).constants.alpha
     assert alpha == pytest.approx(2.0 * 9.81 * 900.0 * cubic_metres * 0.01 / k_d, rel=1e-12)
-    assert itmsm(single_tet(), tissue).alpha == 0.0
+    assert itmsm(single_tet(), tissue).constants.alpha == 0.0
 
 
 @pytest.mark.parametrize("tissue", [Tissue(), Tissue(epsilon=0.0), Tissue(theta=0.0)])
@@ -138,3 +139,22 @@ def test_terms_follow_the_scene(tissue: Tissue, gravity: float) -> None:
     model: Any = model_of(BLOCK, tissue, gravity=gravity)
     used = {"area": tissue.epsilon, "volume": tissue.theta, "gravity": gravity}
     assert model.elements.terms == ("distance", *(name for name in used if used[name]))
+
+
+def test_alpha_in_place_of_gravity_and_stiffness_is_the_one_given() -> None:
+    """Two tissues keep the proportion of their Young's moduli."""
+    tissues = (Tissue(youngs_modulus=8.0), Tissue(youngs_modulus=24.0))
+    trunk = half_and_half(BLOCK)
+    model = build_model(
+        trunk, tissues, energy="itmsm", skin_rigidity=0.0, alpha=0.3, device="cpu", precision="float64"
+    )
+    assert isinstance(model.elements, Itmsm)
+    assert model.elements.constants.alpha == pytest.approx(0.3, rel=1e-12)
+    assert model.gravity == EARTH_GRAVITY
+    assert model.tissues[1].youngs_modulus == pytest.approx(3.0 * model.tissues[0].youngs_modulus, rel=1e-12)
+    for wrong, said in (
+        ({"gravity": 9.81}, "leave it or gravity"),
+        ({"energy": "neo-hookean"}, "constant of itmsm"),
+    ):
+        with pytest.raises(InputError, match=said):
+            build_model(BLOCK, **{"energy": "itmsm", "alpha": 0.3, **wrong})

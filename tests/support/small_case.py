@@ -29,7 +29,7 @@ def small_case() -> Case:
         bones={name: bones[name] for name in sorted(BONES)},
         landmarks_before=before,
         landmarks_after=Landmarks(before.names, before.points + shift),
-        tissue=Tissue(epsilon=1.0 / 3.0, theta=17.0),
+        tissue=Tissue(poisson_ratio=1.0 / 3.0, youngs_modulus=17.0),
     )
 
 

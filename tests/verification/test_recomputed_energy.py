@@ -84,7 +84,7 @@ def test_no_force_and_no_torque_but_the_weight() -> None:
         if gravity:
             elements, volume = state.model.elements, Reference(trunk).rest_volumes
             assert isinstance(elements, Itmsm)
-            share = elements.alpha / (volume.mean() * np.ptp(trunk.nodes[:, 2]))
+            share = elements.constants.alpha / (volume.mean() * np.ptp(trunk.nodes[:, 2]))
             assert gradient[:, 2].sum() == pytest.approx(share * volume.sum(), rel=1e-10)
             np.add.at(weight[:, 2], trunk.tets.ravel(), np.repeat(share * volume / 4.0, 4))
         scale, points = np.abs(gradient).max(), trunk.nodes + displacement

@@ -20,7 +20,7 @@ from tyro.constructors import (
 
 from warp_trunk.errors import InputError
 
-ONLY_IN_PYTHON = frozenset({"weights", "rest", "radius_edge_ratio"})
+ONLY_IN_PYTHON = frozenset({"radius_edge_ratio"})
 """Fields that only studies need; they are no options of a command."""
 
 

@@ -46,7 +46,7 @@ class Cohort(SimulationArguments):
         if self.tissue_file is not None:
             read_tissue_file(self.tissue_file)  # refused here, and not by every case
         refine = partial(refined_by, self, arguments)
-        options = CohortOptions(run=self.options, align_pelvis=self.align_pelvis, refine=refine)
+        options = CohortOptions(run=self.chosen(arguments), align_pelvis=self.align_pelvis, refine=refine)
         with Progress() as progress:
             for name in left_over:
                 progress.message(f"{self.out / name}: is of no case in {self.folder}, and left out")
@@ -89,7 +89,8 @@ class Calibrate(SimulationArguments):
         """Finds the constants and writes them."""
         refuse_case(self.out)
         check_file(self.out)
-        options = CohortOptions(run=replace(self.options, threads=self.options.threads or CPU_THREADS))
+        run = self.chosen(arguments)
+        options = CohortOptions(run=replace(run, threads=run.threads or CPU_THREADS))
         with Progress() as progress:
             cases = self._cases(options, arguments, progress)
             with connected(self.workers, self.scheduler, self.options.device) as client:

@@ -21,10 +21,11 @@ from warp_trunk.meshing import CrossingError, MeshOptions
 from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
-from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import patient_of
+from warp_trunk.run.options import PAPERS, RunOptions
+from warp_trunk.run.patient import layers_from, patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
+from warp_trunk.run.unread_options import refuse_unread
 
 from .arguments import parse
 from .output import NOT_CONVERGED, OK, next_command
@@ -40,6 +41,9 @@ class SimulationArguments:
     common: ClassVar[frozenset[str]] = COMMON
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
     """How the case is simulated."""
+    papers: bool = False
+    """Simulate as the papers do: --bones spline --energy itmsm --rest scan --weights count --skin-rigidity 0; what
+    is given beside it stays."""
     align_pelvis: bool = False
     """Move the data after surgery onto the pelvis before it, if they are in another frame."""
     tissue_file: Path | None = None
@@ -47,15 +51,32 @@ class SimulationArguments:
     tissue: Tissue = field(default_factory=Tissue)
     """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
 
+    def chosen(self, arguments: list[str]) -> RunOptions:
+        """How the cases are simulated, by the words of the command."""
+        if not self.papers:
+            return self.options
+        return replace(self.options, **{name: PAPERS[name] for name in PAPERS.keys() - _given(arguments).keys()})
+
     def refined(self, case: Case, arguments: list[str]) -> Case:
-        """A case with the constants of the tissue file, and over them those that the words of the command give."""
+        """A case with the constants of the tissue file, and over them those that the words of the command give.
+
+        Raises:
+            InputError: a word gives an option that the model does not read.
+        """
         if self.tissue_file is not None:
             case = with_constants(case, read_tissue_file(self.tissue_file))
-        options = {word.partition("=")[0].removeprefix("--").replace("-", "_") for word in arguments}
-        if options.isdisjoint(constant.name for constant in fields(Tissue)):
+        options, named = self.chosen(arguments), _given(arguments)
+        refuse_unread(named, options, layered=layers_from(case, options) != "none")
+        if named.keys().isdisjoint(constant.name for constant in fields(Tissue)):
             return case
         given = parse(type(self), arguments, replace(self, tissue=case.tissue))
         return replace(case, tissue=given.tissue)
+
+
+def _given(arguments: list[str]) -> dict[str, str]:
+    """The options among the words of a command by their names in Python, and as they were written."""
+    words = (word.partition("=")[0] for word in arguments if word.startswith("--"))
+    return {word.removeprefix("--").replace("-", "_"): word for word in words}
 
 
 def report_ending(result: Result, name: str = "") -> int:
@@ -112,7 +133,7 @@ class Simulate(SimulationArguments):
         if len(files) < len(self.motions):
             raise InputError("--motions: results are called after the files; give each file a name of its own")
         plans = {name: read_plan(file) for name, file in plan_files(self.plan).items()}
-        options, ends = self.options, list[int]()
+        options, ends = self.chosen(arguments), list[int]()
         with Progress() as progress, crossings_written(out):
             with progress.stage("load", f"reading {self.case}"):
                 read = {

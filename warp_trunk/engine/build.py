@@ -9,12 +9,13 @@ import numpy as np
 
 from .checks import check_arguments, check_mesh, check_tissues
 from .energies.by_name import ENERGIES, EnergyName, WeightsName
+from .energies.itmsm import with_alpha
 from .model import Model
 from .ordering import order_corners, order_nodes, order_tets, places
 from .parallel import Parallel
 from .rest_mesh import PRECISIONS, RestMesh
 from .skin import make_skin
-from .tissue import ENERGY, SKIN_RIGIDITY, Tissue
+from .tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY, Tissue
 from .topology import square_pattern
 from .trunk_mesh import TrunkMesh
 
@@ -27,6 +28,7 @@ def build_model(
     weights: WeightsName = "count",
     skin_rigidity: float = SKIN_RIGIDITY,
     gravity: float = 0.0,
+    alpha: float | None = None,
     device: str | Parallel = "auto",
     precision: str = "float32",
     threads: int = 0,
@@ -41,6 +43,8 @@ def build_model(
         weights: how itmsm weights its features: by their 'count' (the papers) or by rest 'volume'.
         skin_rigidity: flexural rigidity of the skin [N mm]; 0 leaves its bending out, and costs nothing.
         gravity: acceleration [m/s^2]; 0 leaves the term out of the kernels.
+        alpha: that of eq. 4.6, for itmsm alone, in place of `gravity`, which is then the Earth's, and of the
+            Young's moduli: tissues get those that give it, in their proportion.
         device: 'auto', 'cpu' or 'cuda:N'; or where several models run, with its threads.
         precision: 'float32' or 'float64', of the device arrays; the host measures in float64.
         threads: CPU threads; 0 is all cores.
@@ -50,12 +54,15 @@ def build_model(
             tissue that is not given, or a piece of free tissue that no bone holds.
     """
     tissues = (tissue or Tissue(),) if isinstance(tissue, Tissue | None) else tuple(tissue)
-    check_arguments(energy, weights, precision, skin_rigidity, gravity)
+    check_arguments(energy, weights, precision, skin_rigidity, gravity, alpha)
     parallel = device if isinstance(device, Parallel) else Parallel(device, threads)
     check_mesh(trunk)
     check_tissues(trunk, tissues)
     order = order_nodes(trunk)
     rest = _in_order(trunk, order, tissues, PRECISIONS[precision], parallel)
+    if alpha:
+        gravity = EARTH_GRAVITY
+        rest = with_alpha(rest, alpha, gravity)
     elements = ENERGIES[energy](rest, gravity, weights)
     skin = None
     if skin_rigidity:
@@ -66,7 +73,7 @@ def build_model(
     return Model(
         parallel=parallel,
         scalar=rest.scalar,
-        tissues=tissues,
+        tissues=rest.tissues,
         gravity=gravity,
         order=order,
         free_nodes=free_nodes,

@@ -15,7 +15,9 @@ from .tissue import Tissue
 from .trunk_mesh import TrunkMesh, tet_volumes
 
 
-def check_arguments(energy: str, weights: str, precision: str, skin_rigidity: float, gravity: float) -> None:
+def check_arguments(
+    energy: str, weights: str, precision: str, skin_rigidity: float, gravity: float, alpha: float | None = None
+) -> None:
     """InputError where an argument of `build_model` that no mesh is needed for is out of its range."""
     _check_choice("precision", precision, PRECISIONS)
     _check_choice("energy", energy, get_args(EnergyName))
@@ -24,6 +26,13 @@ def check_arguments(energy: str, weights: str, precision: str, skin_rigidity: fl
         raise InputError(f"skin_rigidity: must be a finite number of N mm, 0 or more, not {skin_rigidity}")
     if not np.isfinite(gravity):
         raise InputError(f"gravity: must be a finite acceleration in m/s^2, not {gravity}")
+    if alpha is not None:
+        if not (np.isfinite(alpha) and alpha >= 0.0):
+            raise InputError(f"alpha: must be a finite number, 0 or more, not {alpha}")
+        if energy != "itmsm":
+            raise InputError(f"alpha: is a constant of itmsm (eq. 4.6), not of {energy}; give gravity")
+        if gravity:
+            raise InputError(f"alpha: is gravity against stiffness; leave it or gravity = {gravity:g} m/s^2 out")
 
 
 def _check_choice(name: str, value: str, choices: Iterable[str]) -> None:

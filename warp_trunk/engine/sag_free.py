@@ -97,13 +97,13 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
             raise InputError(
                 f"gravity: from the only rest state that was found, {sag:.0f} mm away, tissue of "
                 f"{softest(model):g} kPa does not come to rest in the scan but buckles under its weight; "
-                'raise youngs_modulus, or take the scan as the rest state (RunOptions(rest="scan") in Python)'
+                "raise youngs_modulus or lower alpha, or take the scan as the rest state (--rest scan)"
             )
         newton.begin(tolerance, 0.0)
     raise InputError(
         f"gravity: no rest state was found from which {model.gravity:g} m/s^2 pulls the tissue into the scan; "
         f"with a Young's modulus of {softest(model):g} kPa it would sag by {np.abs(scan - rest).max():.0f} mm or "
-        'more: raise youngs_modulus, or take the scan as the rest state (RunOptions(rest="scan") in Python)'
+        "more: raise youngs_modulus or lower alpha, or take the scan as the rest state (--rest scan)"
     )
 
 

@@ -10,6 +10,8 @@ from warp_trunk.errors import InputError
 
 ENERGY: Literal["neo-hookean"] = "neo-hookean"
 """The energy of tissue where none is asked for: the continuum, which rigid ribs do not crumple."""
+EARTH_GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
 SKIN_RIGIDITY = 0.4
 """Flexural rigidity of skin [N mm], E h^3 / 9 where it keeps its volume: 2 mm of 0.42 MPa give 0.37.
 

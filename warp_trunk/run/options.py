@@ -17,6 +17,12 @@ from warp_trunk.meshing.layers import LayersFrom
 
 MOST_RIGIDITY = 1000.0
 """That of 25 mm of skin [N mm]; a larger number is in another unit."""
+PAPERS: dict[str, Any] = {
+    "bones": "spline", "energy": "itmsm", "weights": "count", "rest": "scan", "skin_rigidity": 0.0,
+}  # fmt: skip
+"""The options that make the papers' model."""
+MOST_ALPHA = 1e6
+"""Far more than tissue that flows away."""
 MOST_GRAVITY = 1000.0
 """A hundred times that of the Earth [m/s^2]."""
 
@@ -51,6 +57,9 @@ class RunOptions:
     """CPU threads; 0 is one for each core."""
     gravity: float = 0.0
     """Gravity [m/s^2], pulling down; 0 is off."""
+    alpha: float | None = None
+    """Gravity against stiffness in itmsm, 2 g M_0 H_0 / k_D (eq. 4.6 of the papers), in place of --gravity and
+    --youngs-modulus; 0 is off."""
     rest: Literal["sag-free", "scan"] = "sag-free"
     """Rest state under gravity: sag-free, the shape that gravity pulls into the scan, so that nothing moves
     without surgery; or the scan itself, which then sags (the papers)."""
@@ -72,8 +81,20 @@ class RunOptions:
     """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
     boundary replaces the skin, and `--layers mesh` uses the labels of its cell data `tissue`."""
 
+    @classmethod
+    def of_papers(cls, **changes: Any) -> RunOptions:
+        """What the papers say: one spline through the landmarks, eq. 4.6, weights by count, the scan at rest, no
+        bending of the skin. `changes` are single options by name, as in `simulate`.
+
+        >>> wt.RunOptions.of_papers(alpha=0.3).rest
+        'scan'
+        """
+        return with_changes(cls(**PAPERS), changes)
+
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
+        if self.alpha is not None:
+            check_ranges(self, "options", "", alpha=(0.0, MOST_ALPHA))
         if self.skin_rigidity is not None:
             check_ranges(self, "options", " N mm", skin_rigidity=(0.0, MOST_RIGIDITY))
         check_ranges(self, "options", " m/s^2, pulling down", gravity=(0.0, MOST_GRAVITY))

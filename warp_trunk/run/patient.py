@@ -153,10 +153,11 @@ def _model(
             weights=options.weights,
             skin_rigidity=options.rigidity_of_skin,
             gravity=options.gravity,
+            alpha=options.alpha,
             device=Parallel(options.device, options.threads),
             precision=options.precision,
         )
-    if options.gravity != 0.0 and options.rest == "sag-free":
+    if model.gravity != 0.0 and options.rest == "sag-free":
         with stage_of(progress, "rest", "finding the rest state that gravity pulls into the scan"):
             model = sag_free(model).model
     return model

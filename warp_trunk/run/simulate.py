@@ -36,8 +36,9 @@ from warp_trunk.results.summary_text import markdown
 
 from .bands import find_bands
 from .options import RunOptions, parameters, with_changes
-from .patient import Patient, Prepared, motions_of, patient_of, prepare_plan
+from .patient import Patient, Prepared, layers_from, motions_of, patient_of, prepare_plan
 from .progress import Progress
+from .unread_options import given_in, refuse_unread
 from .warnings import curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
@@ -95,6 +96,8 @@ def simulate(
     """
     progress, folder = progress or Progress(), None if folder is None else Path(folder)
     options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
+    layered = layers_from(case, options) != "none"
+    refuse_unread(given_in(case, options), options, layered=layered)
     if plan is None:
         return _Simulation(case, options, progress, patient, warnings).result(folder)
     if isinstance(plan, Plan):

@@ -60,7 +60,7 @@ class CompilationAhead:
 
 def _settings(options: RunOptions) -> dict[str, Any]:
     """The options that kernels depend on, as arguments of `build_model`."""
-    names = ("weights", "gravity", "device", "precision", "threads")
+    names = ("weights", "gravity", "alpha", "device", "precision", "threads")
     own = {"energy": options.energy_of_tissue, "skin_rigidity": options.rigidity_of_skin}
     return own | {name: getattr(options, name) for name in names}
 

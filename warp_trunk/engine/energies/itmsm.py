@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -49,8 +49,8 @@ class Itmsm:
     """theta of eq. 4.6 or by volume, likewise, shape (1,), or (tets,) where tetrahedra differ."""
     gravity_weight: wp.array
     """Energy for each mm^3 of a tetrahedron and mm of height of a corner, alpha m_i / (M_0 H_0 V_T); as theta."""
-    alpha: float
-    """2 g M_0 H_0 / k_D of eq. 4.6, from gravity, density and Young's modulus; 0 without gravity."""
+    constants: Constants
+    """Those of eq. 4.6."""
     gravity_at_rest: float
     """The gravity term of the trunk at rest, which the displacement's part adds to."""
     shares: Shares
@@ -67,7 +67,7 @@ class Itmsm:
 
     def weights(self, rest: RestMesh, gravity: float) -> dict[str, np.ndarray]:
         """Values of the arrays of these names for the tissues of a mesh; see `TetEnergy`."""
-        return weights(rest, gravity, self.shares)[0]
+        return weights(rest, gravity, self.shares)
 
     def per_millijoule(self, rest: RestMesh) -> float:
         """2 / k_D, from Young's modulus; see `TetEnergy` and `k_d`."""
@@ -95,7 +95,7 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
     adds its own tissue's share of an edge or face; a tissue is stiffer than the first by their Young's moduli.
     """
     scalar, shares = rest.scalar, shares_of(rest, by_volume=weights_by == "volume")
-    weight, alpha = weights(rest, gravity, shares)
+    weight = weights(rest, gravity, shares)
     used = {
         "distance": True,
         "area": bool((weight["face_weight"] > 0.0).any()),
@@ -112,10 +112,28 @@ def make_itmsm(rest: RestMesh, gravity: float, weights_by: str) -> Itmsm:
         face_weight=rest.upload(weight["face_weight"] if used["area"] else np.empty((0, 4)), vec4),
         theta=rest.upload(weight["theta"], scalar),
         gravity_weight=rest.upload(weight["gravity_weight"], scalar),
-        alpha=alpha,
+        constants=constants_of(rest, gravity, shares.edges),
         gravity_at_rest=rest.height_energy(weight["gravity_weight"]),
         shares=shares,
     )
+
+
+@dataclass(frozen=True)
+class Constants:
+    """The constants of eq. 4.6 of [2], those of stiffness of the first tissue."""
+
+    epsilon: float
+    """k_A / k_D."""
+    theta: float
+    """k_V / k_D."""
+    alpha: float
+    """2 g M_0 H_0 / k_D; 0 without gravity."""
+    k_d: float
+    """k_D, the stiffness of an edge [J]; see `k_d`."""
+    mean_mass: float
+    """M_0, the mean mass of a tetrahedron [kg]."""
+    height: float
+    """H_0, the height of the trunk [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,19 +161,21 @@ def shares_of(rest: RestMesh, *, by_volume: bool) -> Shares:
     return Shares(edge, face, part * len(part), edges)
 
 
-def weights(rest: RestMesh, gravity: float, shares: Shares) -> tuple[dict[str, np.ndarray], float]:
-    """The weights of the features as the fields of `Itmsm`, with epsilon and theta, and alpha of eq. 4.6."""
+def weights(rest: RestMesh, gravity: float, shares: Shares) -> dict[str, np.ndarray]:
+    """The weights of the features as the fields of `Itmsm`, with epsilon, theta and alpha."""
     tissues = rest.tissues
     relative = [tissue.youngs_modulus / tissues[0].youngs_modulus for tissue in tissues]
     epsilon = rest.by_tissue([r * tissue.epsilon for r, tissue in zip(relative, tissues, strict=True)])
     theta = shares.tet * rest.by_tissue([r * tissue.theta for r, tissue in zip(relative, tissues, strict=True)])
-    alpha, gravity_weight = gravity_weights(rest, gravity, shares.edges)
+    known = constants_of(rest, gravity, shares.edges)
+    density = rest.by_tissue([tissue.density for tissue in tissues])
+    gravity_weight = known.alpha * 0.25 * density * 1e-9 / (known.mean_mass * known.height * 1e3)
     return {
         "edge_weight": rest.by_tissue(relative)[:, None] * shares.edge,
         "face_weight": epsilon[:, None] * shares.face,
         "theta": theta,
         "gravity_weight": np.broadcast_to(gravity_weight, theta.shape),
-    }, alpha
+    }
 
 
 def measures(rest: RestMesh, area: bool) -> dict[str, wp.array]:
@@ -170,15 +190,21 @@ def measures(rest: RestMesh, area: bool) -> dict[str, wp.array]:
     }
 
 
-def gravity_weights(rest: RestMesh, gravity: float, edges: float) -> tuple[float, np.ndarray]:
-    """alpha of eq. 4.6, and the weight of gravity per mm^3 and mm, shape (1,) or (tets,)."""
+def constants_of(rest: RestMesh, gravity: float, edges: float) -> Constants:
+    """The constants of eq. 4.6 for a gravity [m/s^2] and a number of edges."""
     density = rest.by_tissue([tissue.density for tissue in rest.tissues])
-    if gravity == 0.0:
-        return 0.0, np.zeros(len(density))
-    mean_mass = (density * rest.volume).mean() * 1e-9
-    height_m = np.ptp(rest.nodes[:, 2]) * 1e-3
-    alpha = 2.0 * gravity * mean_mass * height_m / k_d(rest, edges)
-    return float(alpha), alpha * 0.25 * density * 1e-9 / (mean_mass * height_m * 1e3)
+    mass, height = float((density * rest.volume).mean()) * 1e-9, float(np.ptp(rest.nodes[:, 2])) * 1e-3
+    stiffness, first = k_d(rest, edges), rest.tissues[0]
+    alpha = 2.0 * gravity * mass * height / stiffness
+    return Constants(first.epsilon, first.theta, alpha, stiffness, mass, height)
+
+
+def with_alpha(rest: RestMesh, alpha: float, gravity: float) -> RestMesh:
+    """The mesh with the Young's moduli, in their proportion, that give alpha of eq. 4.6, gravity in m/s^2."""
+    edges = float((1.0 / edges_shared(rest.corners)).sum())
+    softer = constants_of(rest, gravity, edges).alpha / alpha
+    tissues = (replace(tissue, youngs_modulus=tissue.youngs_modulus * softer) for tissue in rest.tissues)
+    return replace(rest, tissues=tuple(tissues))
 
 
 def k_d(rest: RestMesh, edges: float) -> float:
