@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.engine.tissue import Tissue
+from warp_trunk.results.summary_text import spring_lines
 
 if TYPE_CHECKING:
     from warp_trunk.results import Summary
@@ -29,6 +30,7 @@ def modelled(summary: Summary) -> list[str]:
         f"Bones: {BONES.get(bones, bones)}, in {len(summary.increments)} equal parts.",
         f"Skin: {_skin(terms)}.",
         f"Gravity: {_gravity(options)}.",
+        *([] if summary.springs is None else spring_lines(summary.springs)),
         f"Inverted tetrahedra at the end: {summary.inverted_tets}.",
     ]
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.engine.energies.itmsm import Itmsm
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
@@ -20,7 +21,16 @@ from warp_trunk.measures.points import follow_points
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 
 from .result import Result, predicted_skin
-from .summary import CobbSummary, IncrementSummary, RotationSummary, StepSummary, Summary, Terms, as_read
+from .summary import (
+    CobbSummary,
+    IncrementSummary,
+    RotationSummary,
+    SpringSummary,
+    StepSummary,
+    Summary,
+    Terms,
+    as_read,
+)
 from .versions import versions
 
 if TYPE_CHECKING:
@@ -110,6 +120,7 @@ def result_of(
         warnings=(*warnings, *quality.faults),
         skin_quality=quality,
         bands=None if found is None else found.bands,
+        springs=_springs(model, last.energy),
         virtual=case.study.virtual,
         points=follow_points(case, skin.vertices, motion_of),
         chest=_chest(case, trunk, skin, motion_of),
@@ -127,6 +138,26 @@ def result_of(
     )
     result.measures_before, result.measures, result.tissue = before, after, (trunk, displacement)
     return result
+
+
+def _springs(model: Model, energy: Energy) -> SpringSummary | None:
+    """Constants and terms of eq. 4.6, where the energy is itmsm; the engine's terms hold their factors."""
+    if not isinstance(model.elements, Itmsm):
+        return None
+    known, terms = model.elements.constants, energy.terms
+    factors = {"gravity": known.alpha, "area": known.epsilon, "volume": known.theta}
+    bare = {name: terms[name] / factor if name in terms else None for name, factor in factors.items()}
+    return SpringSummary(
+        epsilon=known.epsilon,
+        theta=known.theta,
+        alpha=known.alpha,
+        k_d_joule=known.k_d,
+        mean_mass_kg=known.mean_mass,
+        height_m=known.height,
+        distance=terms["distance"],
+        total=energy.total,
+        **bare,
+    )
 
 
 def _chest(

@@ -94,6 +94,34 @@ class CobbSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SpringSummary:
+    """The constants and energies of eq. 4.6 of [2] at the end; energies are without unit, as there."""
+
+    epsilon: float
+    """k_A / k_D."""
+    theta: float
+    """k_V / k_D."""
+    alpha: float
+    """2 g M_0 H_0 / k_D; 0 without gravity."""
+    k_d_joule: float
+    """k_D [J], the stiffness of an edge."""
+    mean_mass_kg: float
+    """M_0 [kg], the mean mass of a tetrahedron."""
+    height_m: float
+    """H_0 [m], the height of the trunk."""
+    gravity: float | None
+    """E_G, eq. 4.7, with the sign of physics; None without gravity."""
+    distance: float
+    """E_D, eq. 4.8."""
+    area: float | None
+    """E_A, eq. 4.9; None without its term."""
+    volume: float | None
+    """E_V, eq. 4.10; None without its term."""
+    total: float
+    """W, their sum with alpha, epsilon and theta, and the bending of the skin; times k_D / 2 it is in J."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Summary:
     """How a run ended, with which options, and what was measured; a number that is not known is None."""
 
@@ -141,6 +169,8 @@ class Summary:
     """Whether the trunk is synthetic."""
     bands: Bands | None = None
     """95 % intervals; None without `--bands`."""
+    springs: SpringSummary | None = None
+    """Eq. 4.6, where the energy is itmsm."""
     points: tuple[FollowedPoint, ...] = ()
     """How far the points of the case move."""
     chest: dict[str, tuple[float, float]] = field(default_factory=dict)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
 
     from .result import Result
-    from .summary import Summary
+    from .summary import SpringSummary, Summary
 
 
 def plain(result: Result, name: str = "") -> str:
@@ -33,6 +33,8 @@ def plain(result: Result, name: str = "") -> str:
         f"{summary.tets} tetrahedra, {summary.inverted_tets} of them inverted, "
         f"in {summary.seconds['total']:.1f} s",
     ]
+    if summary.springs is not None:
+        lines += spring_lines(summary.springs)
     lines += [
         f"{point.name} ({point.on}) moves by {np.linalg.norm(point.way):.1f} mm"
         + ("" if point.ratio is None else f", {point.ratio:.2f} of the way of {point.bone_point}")
@@ -45,6 +47,17 @@ def plain(result: Result, name: str = "") -> str:
         lines.append(_levels(summary, before, result.measures))
     files = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     return "\n".join([*lines, "", f"{of}Written to {folder}: {', '.join(files)}", RESEARCH])
+
+
+def spring_lines(springs: SpringSummary) -> list[str]:
+    """The constants and energies of eq. 4.6, in two lines."""
+    terms = {"E_G": springs.gravity, "E_D": springs.distance, "E_A": springs.area, "E_V": springs.volume}
+    energies = [f"{name} {value:.6g}" for name, value in terms.items() if value is not None]
+    return [
+        f"Eq. 4.6: epsilon {springs.epsilon:g}, theta {springs.theta:g}, alpha {springs.alpha:.4g}; "
+        f"k_D {springs.k_d_joule:.4g} J, M_0 {springs.mean_mass_kg:.4g} kg, H_0 {springs.height_m:.4g} m",
+        f"Energies: {', '.join(energies)}; W {springs.total:.6g}",
+    ]
 
 
 def markdown(

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
-from warp_trunk.engine.tissue import ENERGY, SKIN_RIGIDITY
+from warp_trunk.engine.tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY
 from warp_trunk.errors import InputError, check_ranges, nearest
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
@@ -100,6 +100,11 @@ class RunOptions:
         check_ranges(self, "options", " m/s^2, pulling down", gravity=(0.0, MOST_GRAVITY))
 
     @property
+    def acting_gravity(self) -> float:
+        """`gravity`, or the Earth's where alpha gives its weight [m/s^2]."""
+        return EARTH_GRAVITY if self.alpha else self.gravity
+
+    @property
     def rigidity_of_skin(self) -> float:
         """`skin_rigidity`, or what is taken where it is left out [N mm]."""
         if self.skin_rigidity is not None:
@@ -146,5 +151,9 @@ def parameters(options: RunOptions) -> dict[str, Any]:
     mesh = nested.pop("mesh") if options.from_mesh is None else {}
     relax = simulation.pop("relax")
     given = {} if options.from_mesh is None else {"from_mesh": str(options.from_mesh)}
-    taken = {"energy": options.energy_of_tissue, "skin_rigidity": options.rigidity_of_skin}
+    taken = {
+        "energy": options.energy_of_tissue,
+        "skin_rigidity": options.rigidity_of_skin,
+        "gravity": options.acting_gravity,
+    }
     return {**mesh, **simulation, **relax, **nested, **given, **taken}

@@ -31,11 +31,6 @@ class Scene:
         return self.options.energy_of_tissue == "itmsm"
 
     @property
-    def heavy(self) -> bool:
-        """Whether gravity acts."""
-        return bool(self.options.gravity or self.options.alpha)
-
-    @property
     def weighed(self) -> bool:
         """Whether a stiffness is weighed against another; with bones alone that move, only ratios count."""
         weight = self.layered or self.options.gravity or self.options.rigidity_of_skin
@@ -66,7 +61,7 @@ _NEWTON = Reader(lambda scene: scene.options.simulation.relax.method == "newton"
 READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("epsilon", "theta", "weights", "alpha"), _SPRINGS),
     "poisson_ratio": Reader(lambda scene: not scene.springs, ("energy", "neo-hookean")),
-    "rest": Reader(lambda scene: scene.heavy, ("gravity", "9.81")),
+    "rest": Reader(lambda scene: bool(scene.options.acting_gravity), ("gravity", "9.81")),
     "density": Reader(lambda scene: bool(scene.options.gravity or scene.mass_weighed), ("gravity", "9.81")),
     "gravity": Reader(lambda scene: scene.options.alpha is None, without="alpha"),
     "youngs_modulus": Reader(lambda scene: scene.weighed, ("gravity", "9.81"), without="alpha"),
