@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from support.small_trunk import small_case
-from warp_trunk.case.rib_shares import RibShares
+from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
@@ -70,7 +70,7 @@ REFUSED = [
     ({"alpha": 0.3, "energy": "itmsm"}, "--gravity", "--gravity: is not used with --alpha"),
     ({}, "--rest", "--rest: used by --gravity 9.81"),
     ({"from_mesh": Path("a.vtu")}, "--bone-voxel", "--bone-voxel: is not used with --from-mesh"),
-    ({"bones": "spline"}, "[ribs] turn", "[ribs] turn: used by --bones follow"),
+    ({"bones": "spline"}, "[ribs] axial_rotation", "[ribs] axial_rotation: used by --bones follow"),
     ({"method": "gradient"}, "bands", "bands: used by method newton; add it, or leave bands out"),
 ]
 
@@ -87,7 +87,7 @@ def test_the_refusal_names_what_makes_an_option_count(options: dict[str, Any], c
     ("change", "options", "said"),
     [
         ({"tissue": Tissue(theta=50.0)}, {}, "[tissue] theta"),
-        ({"rib_shares": RibShares(recovery=0.5)}, {"bones": "spline"}, "[ribs] recovery"),
+        ({"rib_coupling": RibCoupling(reversible_part=0.5)}, {"bones": "spline"}, "[ribs] reversible_part"),
         ({}, {"weights": "volume", "energy": "neo-hookean"}, "weights"),
     ],
 )

@@ -96,7 +96,7 @@ def given_in(case: Case, options: RunOptions) -> dict[str, str]:
     """The names of options and of constants of a case that are not those by default, and what they are called."""
     named = {name: name for name in _changed(options, RunOptions())}
     named |= {name: f"[tissue] {name}" for name in _changed(case.tissue, Tissue())}
-    for name in _changed(case.rib_shares, type(case.rib_shares)()):
+    for name in _changed(case.rib_coupling, type(case.rib_coupling)()):
         named["ribs"] = f"[ribs] {name}"
     return named
 
