@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scene:
-    """What decides which options are read."""
+    """The choices that decide which options are read."""
 
     options: RunOptions
     """How the case is simulated."""
