@@ -83,8 +83,9 @@ class RunOptions:
 
     @classmethod
     def of_papers(cls, **changes: Any) -> RunOptions:
-        """The options of the papers: one spline through the landmarks, eq. 4.6, weights by count, the scan at rest, no
-        bending of the skin. `changes` are single options by name, as in `simulate`.
+        """The papers' options: one spline, eq. 4.6, weights by count, the scan at rest, no bending of the skin.
+
+        `changes` are single options by name, as in `simulate`.
 
         >>> wt.RunOptions.of_papers(alpha=0.3).rest
         'scan'
