@@ -10,7 +10,7 @@ from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
 from warp_trunk.io.file_access import check_within
-from warp_trunk.io.surface_files import read_surface, surface_files
+from warp_trunk.io.surface_files import surface_files
 
 from .axes import MILLIMETRES
 from .case import Case
@@ -100,7 +100,7 @@ def read_checked_case(
         case = replace(case, layers=layers)
     if align:
         case = align_pelvis(case)
-    warnings = list(check_case(case, source))
+    warnings = [*files.notes, *check_case(case, source)]
     if case.skin is not scanned:
         thin = slivers(scanned)
         place = f"the first number {thin[0]} near {place_of(scanned, thin)}"
@@ -121,13 +121,16 @@ class _Files:
             raise InputError(f"{folder}: {what}; a case folder with case.toml was expected")
         check_within(folder, folder / "case.toml")
         self.folder, self.header = folder, read_header(folder / "case.toml")
+        self.notes: list[str] = []
         self.names = {"case": folder / "case.toml"}
         """The files that were read, for messages."""
 
     def surface(self, key: str, path: Path) -> Surface:
         self.names[key] = path
         check_within(self.folder, path)
-        return self.header.axes.surface_to_lps(read_surface(path), self.header.units)
+        surface, note = self.header.surface(path)
+        self.notes += [] if note is None else [note]
+        return surface
 
     def there(self, key: str, path: Path) -> bool:
         """Whether a file is there, also as a link, and lies in the folder."""

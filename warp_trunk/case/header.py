@@ -9,6 +9,8 @@ from typing import Any
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files import in_lps, read_stated
 
 from .axes import MILLIMETRES, Axes
 from .keys import changed, converted, read_toml, refuse_unknown, table_lines, toml
@@ -46,6 +48,18 @@ class CaseHeader:
     """Uncertainty of the case, from the table [uncertainty]."""
     study: Study = dataclasses.field(default_factory=Study)
     """Data for a study of several cases, from the table [study]."""
+
+    def surface(self, path: Path) -> tuple[Surface, str | None]:
+        """A surface of the folder in LPS [mm], and a sentence where its header states other axes than are used.
+
+        Axes other than LPS in case.toml hold for all files; else the header of a file does.
+        """
+        surface, space = read_stated(path)
+        if self.axes.code == "LPS":
+            return self.axes.surface_to_lps(in_lps(surface, space), self.units), None
+        note = f'{path}: its header says SPACE={space}; axes = "{self.axes.code}" of case.toml is used.'
+        differs = space not in (None, self.axes.code)
+        return self.axes.surface_to_lps(surface, self.units), note if differs else None
 
 
 _KINDS = {

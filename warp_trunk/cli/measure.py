@@ -148,10 +148,8 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
         InputError: it cannot be read, is open or inside out, lies elsewhere than the skin of the case, or is of
             another size.
     """
-    surface = read_surface(path)
-    if case_folder is not None and case_folder.resolve() in path.resolve().parents:
-        header = read_header(case_folder / "case.toml")
-        surface = header.axes.surface_to_lps(surface, header.units)
+    inside = case_folder is not None and case_folder.resolve() in path.resolve().parents
+    surface = read_header(case_folder / "case.toml").surface(path)[0] if inside else read_surface(path)
     fault = manifold_fault(surface)
     if fault is None and (volume := enclosed_volume(surface)) <= 0.0:
         fault = f"it encloses {volume / 1000.0:.3g} cm3"

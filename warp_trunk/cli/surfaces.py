@@ -18,7 +18,14 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import enclosed_volume
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import check_place
-from warp_trunk.io.surface_files import check_written, read_surface, surface_files, write_surface
+from warp_trunk.io.surface_files import (
+    check_written,
+    in_lps,
+    read_stated,
+    read_surface,
+    surface_files,
+    write_surface,
+)
 from warp_trunk.io.transform_file import read_transform
 from warp_trunk.preparation.deformity import MeasuredSpine, SpineCurve, make_case, read_measured_spine
 from warp_trunk.preparation.deformity.published_curves import KYPHOSIS
@@ -63,7 +70,8 @@ class Close:
             raise InputError(f"--transforms: {counts}; give one for each")
         with Progress() as progress:
             with progress.stage("load", "reading the scans"):
-                parts = {str(path): read_surface(path) for path in self.parts}
+                stated = {str(path): read_stated(path) for path in self.parts}
+                parts = {name: in_lps(part, space) for name, (part, space) in stated.items()}
                 if len(parts) < len(self.parts):
                     raise InputError("parts: a file is given twice; give each once")
                 for name, path in zip(parts, self.transforms, strict=False):
@@ -79,7 +87,8 @@ class Close:
                     )
             with progress.stage("close", "closing the skin"):
                 closed = close_skin(parts, cuts, self.options)
-            write_surface(self.out, closed.surface)
+            known = any(space is not None for _, space in stated.values())
+            write_surface(self.out, closed.surface, "LPS" if known else None)
         for opening in closed.openings:
             what, place = "end, flat" if opening.is_end else "hole", "({:.0f}, {:.0f}, {:.0f}) mm"
             print(f"Closed: {what}, {opening.area / 100.0:.1f} cm2 at {place.format(*opening.centre)}")
@@ -217,7 +226,10 @@ class Cut:
         size, file = MILLIMETRES[header.units], files[self.bone]
         x, y, z, a, b, c = self.plane
         plane = CutPlane((x / size, y / size, z / size), (a, b, c), self.radius / size)
-        parts = cut_bone(read_surface(file), plane, str(file))
+        surface, space = read_stated(file)
+        if header.axes.code == "LPS" and space is not None:  # the header holds, and the plane is in LPS
+            surface, space = in_lps(surface, space), "LPS"
+        parts = cut_bone(surface, plane, str(file))
         if len(parts) != len(self.names) or len(set(self.names)) < len(self.names):
             raise InputError(f"--names: {len(parts)} parts need as many different names, not {len(self.names)}")
         whole = self.case / "bones_uncut" / file.name
@@ -227,7 +239,7 @@ class Cut:
         else:
             file.rename(whole)
         for name, part in zip(self.names, parts, strict=True):
-            write_surface(file.with_name(f"{name}.ply"), part)
+            write_surface(file.with_name(f"{name}.ply"), part, space)
             print(f"{name}: {enclosed_volume(part) * size**3 / 1000.0:.2f} cm3")
         print(f"Written to {file.parent}; the whole bone is {whole}")
         return OK

@@ -13,6 +13,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import FARTHEST
 
 from .file_access import MOST_SURFACE, limited_memory, read_bytes, reason
+from .surface_files.space import stated_space
+from .surface_files.vtk import read_vtk_grid
 
 ENDINGS = (".vtu", ".vtk", ".xdmf", ".msh", ".inp")
 """Endings of the files that are read."""
@@ -34,7 +36,7 @@ def read_mesh(path: Path) -> Any:
     # meshio.read would end the program on a file that is damaged
     readers: dict[str, Callable[[str], Any]] = {
         ".vtu": meshio.vtu.read,
-        ".vtk": meshio.vtk.read,
+        ".vtk": _read_vtk,
         ".xdmf": meshio.xdmf.read,
         ".msh": meshio.gmsh.read,
         ".inp": meshio.abaqus.read,
@@ -51,6 +53,7 @@ def read_mesh(path: Path) -> Any:
     try:
         with limited_memory(len(content)):
             mesh = readers[ending](str(path))
+            space = stated_space(ending, content)
     except (Exception, SystemExit) as error:  # meshio fails in many ways on a damaged file
         raise InputError(f"{path}: cannot be read as a mesh ({reason(error)}); write it again") from error
     points = np.asarray(mesh.points)
@@ -59,4 +62,28 @@ def read_mesh(path: Path) -> Any:
             f"{path}: nodes must have three finite coordinates within {FARTHEST:g} (there are {points.shape}); "
             "write it again"
         )
+    if space == "RAS":
+        mesh.points = points * (-1.0, -1.0, 1.0)
     return mesh
+
+
+def _read_vtk(path: str) -> Any:
+    """The points, data and cells of the first order of a legacy file of VTK, as a meshio.Mesh."""
+    import meshio  # heavy
+
+    grid = read_vtk_grid(Path(path).read_bytes())
+    sizes = np.diff(grid.ends, prepend=0)
+    cells: list[Any] = []
+    numbers: list[np.ndarray] = []
+    tables: Any = meshio
+    for kind in np.unique(grid.types):
+        these = np.flatnonzero(grid.types == kind)
+        name = tables._vtk_common.vtk_to_meshio_type.get(int(kind), "")
+        size = tables._mesh.num_nodes_per_cell.get(name)
+        if size is None or (sizes[these] != size).any():
+            raise ValueError(f"its cells of type {kind} are not read; mesh with tetrahedra")
+        cells.append((name, grid.corners[(grid.ends[these] - size)[:, None] + np.arange(size)]))
+        numbers.append(these)
+    cell_data: Any = {name: [values[some] for some in numbers] for name, values in grid.cell_data.items()}
+    data: Any = grid.point_data
+    return meshio.Mesh(grid.points, cells, point_data=data, cell_data=cell_data)

@@ -12,7 +12,7 @@ from trimesh.visual import TextureVisuals
 from support.audited import audited
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import read_surface, write_surface
+from warp_trunk.io.surface_files import read_stated, read_surface, write_surface
 
 VTK_FILES = sorted((Path(__file__).parents[2] / "support" / "vtk_files").iterdir())
 PYRAMID = Surface(
@@ -142,3 +142,101 @@ def test_no_file_is_opened_but_the_surface(tmp_path, name, content):
     assert {event for event, _ in events} == {"open"}
     assert {Path(path).name for _, path in events} == {name}
     assert (refused is None) == (name in ("a.obj", "a.ply"))
+
+
+def states(space: str) -> dict[str, bytes]:
+    """The pyramid as 3D Slicer writes it in these axes, which the header states, by ending."""
+    points = [f"{x:g} {y:g} {z:g}" for x, y, z in PYRAMID.vertices * ([-1, -1, 1] if space == "RAS" else 1)]
+    corners = [" ".join(map(str, face)) for face in PYRAMID.faces]
+    from_one = [" ".join(map(str, face + 1)) for face in PYRAMID.faces]
+    said = f"3D Slicer output. SPACE={space}"
+    facets = np.zeros(6, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    facets["corners"] = [[points[c].split() for c in face] for face in PYRAMID.faces]
+    loops = ["\n".join(f"vertex {points[c]}" for c in face) for face in PYRAMID.faces]
+    vtk = f"DATASET POLYDATA\n{{}}POINTS 5 float\n{' '.join(points)}\nPOLYGONS 6 24\n3 " + "\n3 ".join(corners)
+    field = f"FIELD FieldData 2\nTimeValue 1 1 double\n0.5\nSPACE 1 1 string\n{space}\n"
+    letters = " ".join(str(letter) for letter in space.encode())
+    texts = {
+        "ply": f"ply\nformat ascii 1.0\ncomment {said}\nelement vertex 5\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 6\nproperty list uchar int vertex_indices\nend_header\n"
+        + "\n".join([*points, *(f"3 {c}" for c in corners)]),
+        "obj": f"# {said}\nv " + "\nv ".join(points) + "\nf " + "\nf ".join(from_one),
+        "text.stl": f"solid a; {said}\n"
+        + "".join(f"facet normal 0 0 1\nouter loop\n{loop}\nendloop\nendfacet\n" for loop in loops)
+        + "endsolid a\n",
+        "title.vtk": f"# vtk DataFile Version 3.0\n{said}\nASCII\n" + vtk.format(""),
+        "field.vtk": "# vtk DataFile Version 4.2\nvtk output\nASCII\n" + vtk.format(field),
+        "vtp": '<VTKFile type="PolyData"><PolyData><FieldData><Array type="String" Name="SPACE" format="ascii" '
+        f'NumberOfTuples="1">{letters} 0</Array></FieldData><Piece NumberOfPoints="5" NumberOfPolys="6"><Points>'
+        f'<DataArray type="Float32" NumberOfComponents="3" format="ascii">{" ".join(points)}</DataArray></Points>'
+        f'<Polys><DataArray type="Int64" Name="connectivity" format="ascii">{" ".join(corners)}</DataArray>'
+        '<DataArray type="Int64" Name="offsets" format="ascii">3 6 9 12 15 18</DataArray></Polys></Piece>'
+        "</PolyData></VTKFile>",
+    }  # fmt: skip
+    stl = f"a; {said}".encode().ljust(80) + struct.pack("<I", 6) + facets.tobytes()
+    return {name: text.encode() for name, text in texts.items()} | {"stl": stl}
+
+
+@pytest.mark.parametrize("space", ["RAS", "LPS"])
+def test_the_axes_that_a_header_states_are_converted(tmp_path, space):
+    for name, content in states(space).items():
+        path = tmp_path / f"a.{name}"
+        path.write_bytes(content)
+        back = read_surface(path)
+        np.testing.assert_allclose(
+            back.vertices[back.faces], PYRAMID.vertices[PYRAMID.faces], atol=1e-5, err_msg=name
+        )
+
+
+def test_other_axes_in_a_header_are_refused(tmp_path):
+    (tmp_path / "a.obj").write_bytes(states("RAS")["obj"].replace(b"SPACE=RAS", b"SPACE=ASR"))
+    with pytest.raises(InputError, match=r"a\.obj.*SPACE=ASR, and LPS or RAS"):
+        read_surface(tmp_path / "a.obj")
+
+
+@pytest.mark.parametrize("ending", ["ply", "stl", "obj", "off"])
+def test_written_surfaces_state_their_axes(tmp_path, ending):
+    for space in ("LPS", "RAS", None):
+        write_surface(tmp_path / f"a.{ending}", PYRAMID, space)
+        assert read_stated(tmp_path / f"a.{ending}")[1] == space
+
+
+def test_what_vtk_writes_with_a_space_is_read(tmp_path):
+    vtk = pytest.importorskip("vtk")
+    source = vtk.vtkCubeSource()
+    source.SetCenter(10.0, 20.0, 30.0)
+    source.Update()
+    data, space = source.GetOutput(), vtk.vtkStringArray()
+    space.SetName("SPACE")
+    space.InsertNextValue("RAS")
+    data.GetFieldData().AddArray(space)
+    for version, binary in ((42, 0), (42, 1), (51, 0), (51, 1)):
+        writer = vtk.vtkPolyDataWriter()
+        writer.SetFileVersion(version)
+        writer.SetFileType(2 if binary else 1)
+        written(writer, tmp_path / f"{version}{binary}.vtk", data)
+    for mode in ("Ascii", "Binary", "Appended"):
+        writer = vtk.vtkXMLPolyDataWriter()
+        getattr(writer, f"SetDataModeTo{mode}")()
+        written(writer, tmp_path / f"{mode}.vtp", data)
+    for path in sorted(tmp_path.iterdir()):
+        back = read_surface(path).vertices
+        np.testing.assert_allclose(back.mean(axis=0), [-10.0, -20.0, 30.0], err_msg=path.name)
+
+
+def written(writer, path: Path, data) -> None:
+    writer.SetFileName(str(path))
+    writer.SetInputData(data)
+    assert writer.Write()
+
+
+@pytest.mark.parametrize("ending", ["ply", "obj", "off"])
+def test_vertices_doubled_along_a_seam_are_one(tmp_path, ending):
+    """As meshes with a texture atlas come: closed to look at, open by its numbers; two touching boxes stay two."""
+    faces = PYRAMID.faces.copy()
+    faces[:2][faces[:2] == 4] = 5
+    write_surface(tmp_path / f"a.{ending}", Surface(np.vstack([PYRAMID.vertices, PYRAMID.vertices[4]]), faces))
+    assert_same(read_surface(tmp_path / f"a.{ending}"), PYRAMID, 1e-5)
+    twice = Surface(np.vstack([PYRAMID.vertices] * 2), np.vstack([PYRAMID.faces, PYRAMID.faces + 5]))
+    write_surface(tmp_path / f"b.{ending}", twice)
+    assert len(read_surface(tmp_path / f"b.{ending}").vertices) == 10

@@ -14,6 +14,7 @@ from ..file_access import MOST_SURFACE, limited_memory, read_bytes, reason
 from .by_trimesh import read_glb, read_off, read_stl
 from .ply import read_ply
 from .polygons import read_obj
+from .space import stated_space
 from .vtk import read_vtk, read_vtp
 
 _READERS: dict[str, Callable[[bytes], tuple[np.ndarray, np.ndarray]]] = {
@@ -54,9 +55,12 @@ def surface_files(folder: Path, stem: str | None = None) -> dict[str, Path]:
 def read_surface(path: str | Path) -> Surface:
     """Read a surface from a .ply, .stl, .obj, .off, .glb, .vtp or .vtk file; the numbers are taken as mm.
 
+    They are taken as LPS; a file whose header says SPACE=RAS, as those of 3D Slicer may, is converted.
+
     The order and the count of the vertices stay as they are in the file. Only where the file repeats the
-    corners of every triangle (STL, and GLB at the seams of a texture) are identical points made one vertex, in
-    the order they first appear. The nodes of a GLB move its meshes. No other file is opened, whatever it names.
+    corners of every triangle (STL) or vertices along the seams of a texture, which opens the surface there, are
+    identical points made one vertex, in the order they first appear. The nodes of a GLB move its meshes. No
+    other file is opened, whatever it names.
 
     >>> wt.write_surface(folder / "skin.ply", case.skin)
     >>> bool(np.array_equal(wt.read_surface(folder / "skin.ply").vertices, case.skin.vertices))
@@ -65,7 +69,17 @@ def read_surface(path: str | Path) -> Surface:
     Raises InputError when the file is missing, too large or cannot be read, has no triangles, or has a vertex
     that is not finite or out of reach.
     """
-    path = Path(path)
+    return in_lps(*read_stated(Path(path)))
+
+
+def in_lps(surface: Surface, space: str | None) -> Surface:
+    """A surface of a file that states its axes, in LPS."""
+    turned = surface.vertices * (-1.0, -1.0, 1.0) if space == "RAS" else surface.vertices
+    return Surface(turned, surface.faces)
+
+
+def read_stated(path: Path) -> tuple[Surface, str | None]:
+    """A surface as it stands in its file, and the axes that the file states; InputError as `read_surface`."""
     kinds = ", ".join(sorted(ENDINGS))
     content = read_bytes(path, f"a surface file ({kinds}) was expected", MOST_SURFACE)
     ending = path.suffix.lower()
@@ -74,18 +88,20 @@ def read_surface(path: str | Path) -> Surface:
     try:
         with limited_memory(len(content)):
             vertices, faces = parse(ending, content)
+            space = stated_space(ending, content)
     except Exception as error:  # each format fails with errors of its own
         raise InputError(f"{path}: cannot be read as a surface ({reason(error)}); write it again") from error
     surface = Surface(vertices, faces)
     check_surface(surface, str(path))
-    return surface
+    return surface, space
 
 
 def parse(ending: str, content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float64 and triangles (m, 3) int32, in the order of the file; polygons become fans.
 
     Identical points become one vertex, in the order they first appear, where the file repeats the corners of
-    every triangle, and in a GLB, which repeats them wherever a texture or a normal changes.
+    every triangle, in a GLB, which repeats them wherever a texture or a normal changes, and where this closes
+    edges that are open.
 
     Args:
         ending: one of `ENDINGS`.
@@ -104,6 +120,14 @@ def parse(ending: str, content: bytes) -> tuple[np.ndarray, np.ndarray]:
     faces = faces.astype(np.int32)
     if len(faces) and (ending == ".glb" or len(np.unique(faces)) == faces.size):
         return _merged(vertices, faces)
+    from warp_trunk.geometry.surface_checks import boundary_edges  # brings Warp
+
+    open_edges = boundary_edges(faces)
+    rim = np.unique(open_edges)
+    if len(np.unique(vertices[rim], axis=0)) < len(rim):
+        welded, joined = _merged(vertices, faces)
+        if len(boundary_edges(joined)) < len(open_edges):
+            return welded, joined
     return vertices, faces
 
 

@@ -16,9 +16,10 @@ WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
 """Endings of the files that are written."""
 
 
-def write_surface(path: str | Path, surface: Surface) -> None:
+def write_surface(path: str | Path, surface: Surface, space: str | None = "LPS") -> None:
     """Write a surface in the format of the name's ending, vertices in their order; the write is atomic.
 
+    The header says SPACE=LPS, as 3D Slicer writes and reads it, or another `space`, or nothing where it is None.
     PLY keeps float64, so that positions come back to the last bit; trimesh writes the other formats.
 
     >>> wt.write_surface(folder / "skin.stl", case.skin)
@@ -30,7 +31,7 @@ def write_surface(path: str | Path, surface: Surface) -> None:
     path = Path(path)
     check_written(path)
     unfinished = path.with_name(f".{path.name}.partial")  # hidden, so that it is never read as a bone
-    content = _ply_bytes(surface) if path.suffix.lower() == ".ply" else _exported(path, surface)
+    content = _ply_bytes(surface, space) if path.suffix.lower() == ".ply" else _exported(path, surface, space)
     try:
         unfinished.write_bytes(content)
         unfinished.replace(path)
@@ -47,19 +48,26 @@ def check_written(path: Path) -> None:
     check_place(path)
 
 
-def _exported(path: Path, surface: Surface) -> bytes:
+def _exported(path: Path, surface: Surface, space: str | None) -> bytes:
     import trimesh  # heavy
 
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    content: Any = mesh.export(file_type=path.suffix.lower()[1:])
-    return content.encode() if isinstance(content, str) else content
+    ending = path.suffix.lower()
+    content: Any = mesh.export(file_type=ending[1:])
+    content = content.encode() if isinstance(content, str) else content
+    if space is not None and ending == ".stl":  # its title has 80 bytes
+        return f"warp_trunk SPACE={space}".encode().ljust(80) + content[80:]
+    if space is not None and ending == ".off":  # a comment may follow its first line
+        return content.replace(b"\n", f"\n# SPACE={space}\n".encode(), 1)
+    return f"# SPACE={space}\n".encode() + content if space is not None and ending == ".obj" else content
 
 
-def _ply_bytes(surface: Surface) -> bytes:
+def _ply_bytes(surface: Surface, space: str | None) -> bytes:
     """Binary PLY with float64 positions; trimesh 5.2 rounds them to float32, 6e-5 mm at 1 m, and meshio 5.3 writes
     the time of day into the header, so that no two files are the same."""
+    comment = "" if space is None else f"comment SPACE={space}\n"
     header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(surface.vertices)}\nproperty double "
+        f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(surface.vertices)}\nproperty double "
         f"x\nproperty double y\nproperty double z\nelement face {len(surface.faces)}\nproperty list uchar int "
         "vertex_indices\nend_header\n"
     )

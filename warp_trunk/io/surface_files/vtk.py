@@ -1,4 +1,5 @@
-"""VTK's formats of a PolyData: the legacy one (.vtk), as text or binary, and XML (.vtp) in every encoding but LZ4.
+"""VTK's formats of a PolyData: the legacy one (.vtk), which also holds grids, as text or binary, and XML (.vtp) in
+every encoding but LZ4.
 
 Readers of our own: of the files that VTK 9 and 3D Slicer write meshio 5.3 reads grids and refuses PolyData,
 trimesh 5.2 passes .vtk to meshio and has no reader for .vtp, and VTK itself is a package of 250 MB.
@@ -10,6 +11,8 @@ import base64
 import lzma
 import re
 import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
@@ -19,30 +22,20 @@ from .polygons import fans
 _TYPES = {
     "float": ">f4", "double": ">f8", "char": ">i1", "unsigned_char": ">u1", "short": ">i2",
     "unsigned_short": ">u2", "int": ">i4", "unsigned_int": ">u4", "long": ">i8", "unsigned_long": ">u8",
-    "vtkidtype": ">i8", "vtktypeint32": ">i4", "vtktypeint64": ">i8",
+    "vtkidtype": ">i8", "vtktypeint32": ">i4", "vtktypeint64": ">i8", "vtktypeuint32": ">u4",
+    "vtktypeuint64": ">u8", "signed_char": ">i1",
 }  # fmt: skip
 
 
 def read_vtk(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles; cell and point data are passed over.
+    """Vertices and triangles; cell, point and field data are passed over.
 
     Raises:
         ValueError: another kind of data set, triangle strips, or fewer numbers than it says.
     """
-    file = _File(content)
-    if not file.line().startswith("# vtk DataFile Version"):
-        raise ValueError("it does not begin as a VTK file")
-    file.line(blank=True)  # its title
-    kind = file.line().upper()
-    if kind not in ("ASCII", "BINARY"):
-        raise ValueError(f"its third line must be ASCII or BINARY, not {kind[:20]!r}")
-    file.binary = kind == "BINARY"
-    dataset = file.line().upper().split()
-    if dataset != ["DATASET", "POLYDATA"]:
-        raise ValueError(f"it must hold POLYDATA, not {' '.join(dataset)[:40]!r}; extract the surface")
     points, faces = np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    while words := file.line().split():
-        name = words[0].upper()
+    file = _opened(content, "POLYDATA", "extract the surface")
+    for name, words in file.sections():
         if name == "POINTS":
             points = file.numbers(3 * int(words[1]), words[2]).reshape(-1, 3)
         elif name in ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS"):
@@ -51,14 +44,83 @@ def read_vtk(content: bytes) -> tuple[np.ndarray, np.ndarray]:
                 raise ValueError("it has triangle strips; triangulate it")
             if name == "POLYGONS":
                 faces = fans(corners, ends)
-        elif name == "METADATA":
-            while file.line(blank=True):
-                pass
         elif name in ("POINT_DATA", "CELL_DATA"):
             break
         else:
             raise ValueError(f"{words[0][:20]!r} was not expected")
     return points, faces
+
+
+@dataclass(frozen=True, eq=False)
+class VtkGrid:
+    """An unstructured grid of a legacy file."""
+
+    points: np.ndarray
+    """Shape (points, 3)."""
+    corners: np.ndarray
+    """Point numbers of all cells, one after the other."""
+    ends: np.ndarray
+    """Where each cell ends among them, shape (cells,)."""
+    types: np.ndarray
+    """VTK's number of the type of each cell, shape (cells,)."""
+    point_data: dict[str, np.ndarray]
+    """Numbers at the points by name, each (points,) or (points, components)."""
+    cell_data: dict[str, np.ndarray]
+    """The same of the cells."""
+
+
+def read_vtk_grid(content: bytes) -> VtkGrid:
+    """An unstructured grid; ValueError for another kind of data set, or fewer numbers than it says.
+
+    A reader of our own: meshio 5.3 fails at the field data and the METADATA that VTK 9 and ParaView write.
+    """
+    file = _opened(content, "UNSTRUCTURED_GRID", "write it as one")
+    found: dict[str, np.ndarray] = {}
+    data: dict[str, dict[str, np.ndarray]] = {"POINT_DATA": {}, "CELL_DATA": {}}
+    place, count = data["POINT_DATA"], 0
+    for name, words in file.sections():
+        if name == "POINTS":
+            found["points"] = file.numbers(3 * int(words[1]), words[2]).reshape(-1, 3).astype(np.float64)
+        elif name == "CELLS":
+            found["corners"], found["ends"] = file.cells(int(words[1]), int(words[2]))
+        elif name == "CELL_TYPES":
+            found["types"] = file.numbers(int(words[1]), "int")
+        elif name in data:
+            place, count = data[name], int(words[1])
+            file.place = place
+        elif name == "SCALARS":
+            size = int(words[3]) if len(words) > 3 else 1
+            if not file.line().upper().startswith("LOOKUP_TABLE"):
+                raise ValueError("LOOKUP_TABLE was expected")
+            place[words[1]] = file.numbers(count * size, words[2]).reshape(count, -1)
+        elif name in ("VECTORS", "NORMALS", "TENSORS"):
+            place[words[1]] = file.numbers(count * (9 if name == "TENSORS" else 3), words[2]).reshape(count, -1)
+        else:
+            raise ValueError(f"{words[0][:20]!r} was not expected")
+    if missing := {"points", "corners", "types"} - found.keys():
+        raise ValueError(f"it has no {min(missing)}")
+    for values, length in ((data["POINT_DATA"], len(found["points"])), (data["CELL_DATA"], len(found["types"]))):
+        for name, array in values.items():
+            values[name] = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
+            if len(array) != length:
+                raise ValueError(f"{name!r} has {len(array)} rows, {length} were expected")
+    return VtkGrid(**found, point_data=data["POINT_DATA"], cell_data=data["CELL_DATA"])
+
+
+def _opened(content: bytes, dataset: str, cure: str) -> _File:
+    """A file, read as far as its kind of data set."""
+    file = _File(content)
+    if not file.line().startswith("# vtk DataFile Version"):
+        raise ValueError("it does not begin as a VTK file")
+    file.line(blank=True)  # its title
+    kind = file.line().upper()
+    if kind not in ("ASCII", "BINARY"):
+        raise ValueError(f"its third line must be ASCII or BINARY, not {kind[:20]!r}")
+    file.binary = kind == "BINARY"
+    found = file.line().upper().split()
+    if found != ["DATASET", dataset]:
+        raise ValueError(f"it must hold {dataset}, not {' '.join(found)[:40]!r}; {cure}")
+    return file
 
 
 class _File:
@@ -67,6 +129,47 @@ class _File:
     def __init__(self, content: bytes) -> None:
         self._content, self._at = content, 0
         self.binary = False
+        self.place: dict[str, np.ndarray] | None = None
+        """Where the arrays of FIELD go; they are passed over where it is None."""
+
+    def sections(self) -> Iterator[tuple[str, list[str]]]:
+        """The name and the words of each section but METADATA and FIELD, which are read here."""
+        while words := self.line().split():
+            name = words[0].upper()
+            if name == "METADATA":
+                while self.line(blank=True):
+                    pass
+            elif name == "FIELD":
+                self._field(int(words[2]))
+            else:
+                yield name, words
+
+    def _field(self, arrays: int) -> None:
+        """The arrays of field data, or of the data of points or cells."""
+        for _ in range(arrays):
+            words = self.line().split()
+            if words[0].upper() == "METADATA":
+                while self.line(blank=True):
+                    pass
+                words = self.line().split()
+            name, size, count, kind = words
+            if kind.lower() == "string":
+                self._strings(int(size) * int(count))
+                continue
+            values = self.numbers(int(size) * int(count), kind).reshape(int(count), -1)
+            if self.place is not None:
+                self.place[name] = values
+
+    def _strings(self, count: int) -> None:
+        """Passes over strings: lines of a text, or letters after their number, whose first two bits say in how
+        many bytes it stands."""
+        for _ in range(count):
+            if not self.binary:
+                self.line(blank=True)
+                continue
+            width = {3: 1, 2: 2, 1: 4, 0: 8}[self._content[self._at] >> 6]
+            number = int.from_bytes(self._content[self._at : self._at + width], "big")
+            self._at += width + (number & ((1 << (8 * width - 2)) - 1))
 
     def line(self, blank: bool = False) -> str:
         """The next line that is not empty, or the next one; empty at the end of the file."""
@@ -130,21 +233,7 @@ def read_vtp(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         ValueError: another kind of data set, triangle strips, or fewer numbers than it says.
     """
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise ValueError("it defines entities, which no surface needs")
-    raw = re.search(rb'<AppendedData[^>]*encoding\s*=\s*["\']raw["\'][^>]*>\s*_', content)
-    appended = b""
-    if raw:  # bytes that are no XML
-        end = content.rfind(b"</AppendedData>")
-        appended = content[raw.end() : end]
-        content = content[: raw.end()] + content[end:]
-    root = ElementTree.fromstring(content)
-    if root.tag != "VTKFile" or root.get("type") != "PolyData":
-        raise ValueError(f"it must hold PolyData, not {root.get('type')!r}; extract the surface")
-    given = root.find("AppendedData")
-    if given is not None and not raw:
-        appended = _BLANKS.sub(b"", (given.text or "").encode("ascii"))[1:]
-    arrays = _Arrays(root, appended, raw is not None)
+    root, arrays = _xml(content, "PolyData")
     points, faces, count = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for piece in root.iterfind("PolyData/Piece"):
         if int(piece.get("NumberOfStrips", "0")):
@@ -166,6 +255,36 @@ def read_vtp(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(points), np.concatenate(faces)
 
 
+def xml_text(content: bytes, name: str) -> list[str]:
+    """The strings of an array of field data; ValueError where it is damaged."""
+    root, arrays = _xml(content, None)
+    found = root.findall(f".//FieldData/Array[@Name='{name}']") + root.findall(
+        f".//FieldData/DataArray[@Name='{name}']"
+    )
+    return [
+        bytes(arrays.numbers(array).astype(np.uint8).tolist()).rstrip(b"\0").decode("latin-1") for array in found
+    ]
+
+
+def _xml(content: bytes, kind: str | None) -> tuple[ElementTree.Element, _Arrays]:
+    """The tree of a file, of a kind of data set where one is given, and its arrays."""
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise ValueError("it defines entities, which no surface needs")
+    raw = re.search(rb'<AppendedData[^>]*encoding\s*=\s*["\']raw["\'][^>]*>\s*_', content)
+    appended = b""
+    if raw:  # bytes that are no XML
+        end = content.rfind(b"</AppendedData>")
+        appended = content[raw.end() : end]
+        content = content[: raw.end()] + content[end:]
+    root = ElementTree.fromstring(content)
+    if root.tag != "VTKFile" or (kind and root.get("type") != kind):
+        raise ValueError(f"it must hold {kind}, not {root.get('type')!r}; extract the surface")
+    given = root.find("AppendedData")
+    if given is not None and not raw:
+        appended = _BLANKS.sub(b"", (given.text or "").encode("ascii"))[1:]
+    return root, _Arrays(root, appended, raw is not None)
+
+
 class _Arrays:
     """How the numbers of a file are packed."""
 
@@ -180,8 +299,12 @@ class _Arrays:
         array = piece.find(path)
         if array is None:
             raise ValueError(f"a piece has no {path}")
+        return self.numbers(array)
+
+    def numbers(self, array: ElementTree.Element) -> np.ndarray:
+        """The numbers of an array; the letters of a string."""
         text = (array.text or "").strip()
-        kind = re.fullmatch(r"(Float|U?Int)(8|16|32|64)", array.get("type", ""))
+        kind = re.fullmatch(r"(Float|U?Int)(8|16|32|64)", array.get("type", "").replace("String", "UInt8"))
         if kind is None:
             raise ValueError(f"numbers of type {array.get('type')!r} are not known")
         letter = {"Float": "f", "Int": "i", "UInt": "u"}[kind[1]]

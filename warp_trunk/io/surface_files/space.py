@@ -1,0 +1,48 @@
+"""The patient axes that a file states for itself: 3D Slicer writes SPACE=RAS or SPACE=LPS into its header."""
+
+from __future__ import annotations
+
+import re
+
+from .vtk import xml_text
+
+_WORD = r"(?<![A-Z_])SPACE\s*=\s*([A-Z-]+)"
+_FIELD = rb"\nSPACE 1 1 string\r?\n[\x80-\xff]?([A-Za-z-]+)"
+"""A string of VTK's field data: a line of text, or in a binary file its length and the letters."""
+_NAMES = {"LEFT-POSTERIOR-SUPERIOR": "LPS", "RIGHT-ANTERIOR-SUPERIOR": "RAS"}
+_HEAD = 100_000
+"""Comments that far from the beginning are read [bytes]."""
+
+
+def stated_space(ending: str, content: bytes) -> str | None:
+    """LPS or RAS where the header of a surface or a mesh states it; None where it does not.
+
+    It stands in a comment of PLY, OBJ, OFF and INP, in the title of STL and of VTK's legacy format, and in the
+    field data SPACE of VTK's formats.
+
+    Raises:
+        ValueError: it states other axes, or two different ones.
+    """
+    found = re.findall(_WORD, _header(ending, content).decode("latin-1").upper())
+    if ending == ".vtk":
+        found += [name.decode("ascii").upper() for name in re.findall(_FIELD, content)]
+    elif ending in (".vtp", ".vtu") and b'"SPACE"' in content:
+        found += [text.strip().upper() for text in xml_text(content, "SPACE")]
+    spaces = {str(_NAMES.get(name, name)) for name in found}
+    if spaces - {"LPS", "RAS"} or len(spaces) > 1:
+        raise ValueError(f"its header says SPACE={' and '.join(sorted(spaces))}, and LPS or RAS was expected")
+    return spaces.pop() if spaces else None
+
+
+def _header(ending: str, content: bytes) -> bytes:
+    """The part of a file that people write into."""
+    start = content[:_HEAD]
+    if ending == ".ply":
+        return b"\n".join(re.findall(rb"(?m)^(?:comment|obj_info)\b.*", start.partition(b"end_header")[0]))
+    if ending == ".stl":
+        return start[:80] if not start.lstrip().startswith(b"solid") else start.lstrip().partition(b"\n")[0][:200]
+    if ending == ".vtk":
+        return b"".join(start.split(b"\n", 2)[1:2])
+    if ending in (".obj", ".off", ".inp"):
+        return b"\n".join(re.findall(rb"(?m)^\s*(?:#|\*\*).*", start))
+    return b""
