@@ -147,3 +147,75 @@ def test_bones_after_surgery_are_those_before_moved_rigidly(tmp_path):
     refused(with_sternum(bend=80.0), r"bones_after/sternum: is \d+\.\d mm .* 3 mm is allowed")
     refused(with_sternum(keep=40), r"has 40 vertices, but the bone before has \d+")
     refused(with_sternum(name="manubrium"), "no bone 'manubrium' before")
+
+
+def mirrored(case: Case, signs: tuple[int, int, int]) -> Case:
+    """Everything of a case with other signs, its triangles outward."""
+
+    def surface(one: Surface) -> Surface:
+        return Surface(one.vertices * signs, one.faces if np.prod(signs) > 0 else one.faces[:, ::-1])
+
+    def points(marks: Landmarks) -> Landmarks:
+        return Landmarks(marks.names, marks.points * signs)
+
+    return replace(
+        case,
+        skin=surface(case.skin),
+        bones={name: surface(bone) for name, bone in case.bones.items()},
+        landmarks_before=points(case.landmarks_before),
+        landmarks_after=points(case.planned_landmarks),
+    )
+
+
+@pytest.mark.parametrize(
+    ("signs", "axes", "more"),
+    [
+        (
+            (-1, 1, 1),
+            "RPS",
+            "if the files are written so; exchanging names of left and right instead would mirror",
+        ),
+        ((-1, -1, 1), "RAS", "nor the vertebrae behind the ASIS"),
+        ((1, -1, 1), "LAS", "the vertebrae behind the ASIS"),
+    ],
+)
+def test_anatomy_in_other_axes_is_offered_those_and_no_other_names(signs, axes, more, tmp_path):
+    """Obeying the offer gives the case as it was, its right curve on the right."""
+    whole = small_case()
+    write_case(tmp_path, mirrored(whole, signs))
+    with pytest.raises(InputError, match=f'write axes = "{axes}"') as error:
+        read_case(tmp_path)
+    assert more in str(error.value)
+    header = (tmp_path / "case.toml").read_text().replace('"LPS"', f'"{axes}"')
+    (tmp_path / "case.toml").write_text(header)
+    np.testing.assert_array_equal(read_case(tmp_path).landmarks_before.points, whole.landmarks_before.points)
+
+
+def test_exchanged_names_and_bones_against_their_landmarks():
+    case = small_case()
+    bones = {**case.bones, "hip_left": case.bones["hip_right"], "hip_right": case.bones["hip_left"]}
+    with pytest.raises(InputError, match="they seem exchanged; correct their names"):
+        check_case(replace(case, bones=bones))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda v: v * [-1, -1, 1], "fits the skin before surgery better after half a turn"),
+        (lambda v: v + np.array([80.0, 0, 0]), "does not hold the bones"),
+        (lambda v: v + np.array([0, 80.0, 0]), "does not hold the bones"),
+        (lambda v: v * 1.02 + [3.0, 2.0, 0], None),
+    ],
+)
+def test_a_second_skin_that_does_not_hold_the_bones_is_refused(change, said):
+    case = small_case()
+    x, y, z = case.skin.vertices.T
+    y = y + 25.0 * np.exp(-(((z - z.mean()) / 80.0) ** 2)) * (y < y.mean())  # flatter in front: no ellipse
+    skin = Surface(np.column_stack([x, y, z]), case.skin.faces)
+    case = replace(case, skin=skin, bones={n: b for n, b in case.bones.items() if n != "sternum"})
+    case = replace(case, actual_skin=Surface(change(skin.vertices), skin.faces))
+    if said is None:
+        assert not [warning for warning in check_case(case) if "actual_skin" in warning]
+        return
+    with pytest.raises(InputError, match=f"actual_skin: {said}"):
+        check_case(case)

@@ -22,7 +22,9 @@ from .axes import MILLIMETRES
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
 from .motions import check_motions
+from .orientation import check_axes, exchanged_pairs, fitting, misplaced
 from .points import check_points
+from .second_skin import check_second_skin
 
 if TYPE_CHECKING:
     from .case import Case
@@ -90,7 +92,7 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
         rule = f"the skin must be one piece, but has {pieces + 1}"
         raise InputError(f"{source.name('skin')}: {rule}; keep the outer one")
     if spine:
-        _check_orientation(before, source)
+        _check_orientation(case, source)
         warnings += check_order(before, source.name("landmarks_before"))
     warnings += _check_bones(case, source)
     check_on_bones(case, source.name)
@@ -100,6 +102,9 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
         warnings += (
             check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
         )
+    if case.actual_skin is not None and spine:
+        bones = [bone.vertices for bone in case.bones.values()]
+        warnings += check_second_skin(case.skin, bones, case.actual_skin, source.name("actual_skin"))
     _check_bones_after(case, source)
     check_motions(case, source.name("motions"))
     check_points(case, source.name("points"))
@@ -184,8 +189,9 @@ def _check_height(skin: Surface, key: str, source: CaseSource, allowed: tuple[fl
     )
 
 
-def _check_orientation(before: Landmarks, source: CaseSource) -> None:
+def _check_orientation(case: Case, source: CaseSource) -> None:
     """Check that the axes agree with the names of landmarks."""
+    before = case.landmarks_before
     vertebrae = before.vertebrae()
     top, bottom = (before.of_bone(bone).points.mean(axis=0) for bone in (vertebrae[0], vertebrae[-1]))
     left, right = before.point("asis_left"), before.point("asis_right")
@@ -195,10 +201,12 @@ def _check_orientation(before: Landmarks, source: CaseSource) -> None:
         "the vertebrae behind the ASIS": back[1] > 0.0,
         f"{vertebrae[0]} above {vertebrae[-1]}": up[2] > 0.5 * np.linalg.norm(up),
     }
-    wrong = [text for text, holds in said.items() if not holds]
+    wrong = {axis: text for axis, (text, holds) in enumerate(said.items()) if not holds}
     if wrong:
-        put = f"does not put {' nor '.join(wrong)} in {source.name('landmarks_before')}"
-        raise InputError(f'{source.name("case")}: axes = "{source.axes}" {put}; correct the axes or the names')
+        bones = misplaced(case.bones)
+        cure = fitting(source.axes, wrong) if bones else ", or the landmarks, as the bones fit the axes"
+        put = f"does not put {' nor '.join(wrong.values())} in {source.name('landmarks_before')}"
+        raise InputError(f'{source.name("case")}: axes = "{source.axes}" {put}; correct the axes{cure}')
 
 
 def _check_bones(case: Case, source: CaseSource) -> list[str]:
@@ -235,18 +243,21 @@ def _check_bones(case: Case, source: CaseSource) -> list[str]:
 
 def _check_sides(case: Case, source: CaseSource) -> None:
     """Check that each left bone lies left of the right one."""
-    marks, bones, left = case.landmarks_before, case.bones, np.array([1.0, 0.0, 0.0])
-    if marks.names:
+    marks, left = case.landmarks_before, None
+    if "asis_left" in marks.names:
         left = marks.point("asis_left") - marks.point("asis_right")
-    for name, bone in bones.items():
-        twin = name.replace("left", "right", 1)
-        if twin == name or twin not in bones:
-            continue
-        across = float((bone.vertices.mean(axis=0) - bones[twin].vertices.mean(axis=0)) @ left)
-        if across <= 0.0:
-            off = -across / np.linalg.norm(left)
-            rule = f"must lie left of {source.name(twin)}, but lies {off:.0f} mm right of it"
-            raise InputError(f"{source.name(name)}: {rule}; they seem exchanged; correct their names")
+        left /= np.linalg.norm(left)
+    else:
+        check_axes(case.bones, source.name("case"), source.axes)
+    middle = {name: bone.vertices.mean(axis=0) for name, bone in case.bones.items()}
+    wrong, pairs = exchanged_pairs(middle, left)
+    for name in wrong:
+        off = (middle[pairs[name]] - middle[name]) @ ([1.0, 0.0, 0.0] if left is None else left)
+        rule = f"must lie left of {source.name(pairs[name])}, but lies {off:.0f} mm right of it"
+        cure = "they seem exchanged; correct their names"
+        if len(wrong) == len(pairs) > 1:
+            cure = f"so do all {len(pairs)} pairs; correct the axes{fitting(source.axes, misplaced(case.bones))}"
+        raise InputError(f"{source.name(name)}: {rule}; {cure}")
 
 
 def _check_bones_after(case: Case, source: CaseSource) -> None:

@@ -1,5 +1,6 @@
 """warp-trunk measure"""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,6 +13,7 @@ from warp_trunk.case.axes import MILLIMETRES
 from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
+from warp_trunk.case.second_skin import check_second_skin
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
@@ -145,8 +147,8 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
     """A skin of the patient in LPS and mm.
 
     Raises:
-        InputError: it cannot be read, is open or inside out, lies elsewhere than the skin of the case, or is of
-            another size.
+        InputError: it cannot be read, is open or inside out, lies elsewhere than the skin of the case, is of
+            another size, turned, or does not hold the bones.
     """
     inside = case_folder is not None and case_folder.resolve() in path.resolve().parents
     surface = read_header(case_folder / "case.toml").surface(path)[0] if inside else read_surface(path)
@@ -165,4 +167,8 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
             f"{path}: must lie where the skin of the case is, z {own_low[2]:.0f} to {own_high[2]:.0f} mm, "
             f"but has z {low[2]:.0f} to {high[2]:.0f}; give it in mm and LPS axes, registered to the case"
         )
+    if case.landmarks_before.names:
+        points = [bone.vertices for bone in case.bones.values()] or [case.landmarks_before.points]
+        for warning in check_second_skin(case.skin, points, surface, str(path)):
+            print(f"warp-trunk: warning: {warning}", file=sys.stderr)
     return surface

@@ -14,6 +14,7 @@ from warp_trunk.case import Case
 from warp_trunk.case.header import POSTURES
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, VERTEBRAE
 from warp_trunk.case.layers import Layers
+from warp_trunk.case.orientation import misplaced
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.cores import each_over_cores
@@ -25,7 +26,7 @@ from .cartilages import split_cartilages
 from .fat import fat_thickness
 from .mask import Mask
 from .names import CARTILAGES, FAT, MUSCLE, RIB, SKIN
-from .segmentation_checks import doubts_of_bones, doubts_of_image
+from .segmentation_checks import doubts_of_bones, doubts_of_image, wrong_way_round
 from .skin import body_skin, check_cuts
 from .sources import Source
 from .surfaces import BoneShape, bone_shape
@@ -128,8 +129,9 @@ def import_case(
     bones = {n: s for n, s in surfaces.items() if of_case.fullmatch(n)}
     own = {n: masks[n] for n in bones if n in masks}
     cut = {n for n, mask in own.items() if mask.faces_at_border()}
+    turned = wrong_way_round(bones) if {1, 2} & misplaced(bones).keys() else []
     with stage("landmarks", "finding landmarks"):
-        found = _landmarks(bones, cut)
+        found = FoundLandmarks(NO_LANDMARKS, {}, {}) if turned else _landmarks(bones, cut)
     tissue = tissue or masks
     layers, fat = None, None
     if FAT in tissue:
@@ -145,7 +147,7 @@ def import_case(
         layers=layers,
     )
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
-    doubts = (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
+    doubts = turned or (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
     return Imported(case, found, shapes, made, fat, (*notes, *_dropped(shapes, bones), *doubts))
 
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.orientation import exchanged_pairs, misplaced
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 
@@ -36,20 +37,35 @@ def doubts_of_bones(bones: Mapping[str, Surface], parts: Container[str] = ()) ->
     """
     spine = {name: bones[name] for name in VERTEBRAE if name in bones and name not in parts}
     ribs = {name: bone for name, bone in bones.items() if name not in parts}
-    return [*_sides(bones), *_numbers(bones), *_sizes(spine), *_spacing(spine), *_ribs(ribs, spine)]
+    return [
+        *wrong_way_round(bones),
+        *_sides(bones),
+        *_numbers(bones),
+        *_sizes(spine),
+        *_spacing(spine),
+        *_ribs(ribs, spine),
+    ]
+
+
+def wrong_way_round(bones: Mapping[str, Surface]) -> list[str]:
+    """A sentence where the bones lie the wrong way round: the axes of the file are not those of the patient."""
+    wrong = misplaced(bones)
+    if not wrong:
+        return []
+    what, sides = " and ".join(wrong.values()), 0 in wrong
+    if len(wrong) % 2:
+        cure = f"the axes of the file are mirrored{', or the names' if sides else ''}"
+    else:
+        cure = "the file is turned by half a turn, as one in RAS that is read as LPS"
+    check = ", and look where the heart is: exchanging names would mirror the patient" if sides else ""
+    return [f"{what[0].upper()}{what[1:]}: {cure}; write the file again with its orientation{check}."]
 
 
 def _sides(bones: Mapping[str, Surface]) -> list[str]:
-    """Pairs whose left bone lies right of the right one."""
-    pairs = {name: name.replace("left", "right") for name in bones if "left" in name}
-    pairs = {left: right for left, right in pairs.items() if right in bones}
-    middle = {name: bone.vertices[:, 0].mean() for name, bone in bones.items()}
-    wrong = [left for left, right in pairs.items() if middle[left] <= middle[right]]
-    if wrong and len(wrong) == len(pairs):
-        what = (
-            f"Left and right are exchanged in all {len(pairs)} pairs of bones: the axes of the file are mirrored"
-        )
-        return [f"{what}, or the names; write the file again with its orientation, and look where the heart is."]
+    """Pairs whose left bone lies right of the right one, where others do not."""
+    wrong, pairs = exchanged_pairs({name: bone.vertices.mean(axis=0) for name, bone in bones.items()})
+    if len(wrong) == len(pairs):
+        return []
     return [f"{left}: lies right of {pairs[left]}; exchange these two labels." for left in wrong]
 
 
