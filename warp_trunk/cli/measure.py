@@ -150,8 +150,10 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
         InputError: it cannot be read, is open or inside out, lies elsewhere than the skin of the case, is of
             another size, turned, or does not hold the bones.
     """
-    inside = case_folder is not None and case_folder.resolve() in path.resolve().parents
-    surface = read_header(case_folder / "case.toml").surface(path)[0] if inside else read_surface(path)
+    if case_folder is not None and case_folder.resolve() in path.resolve().parents:
+        surface, _ = read_header(case_folder / "case.toml").surface(path)
+    else:
+        surface = read_surface(path)
     fault = manifold_fault(surface)
     if fault is None and (volume := enclosed_volume(surface)) <= 0.0:
         fault = f"it encloses {volume / 1000.0:.3g} cm3"
