@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Playwright, WebSocket, expect, sync_playwright
 from playwright.sync_api import Page as Tab
 
-from support.chromium import CHROMIUM, QUIET, needs_chromium
+from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.part_phantom import part_case
 from support.small_patient import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery, read_plan
@@ -29,7 +29,6 @@ from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import patient_of
 
 pytestmark = [needs_chromium, pytest.mark.slow]
-SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-webgl", "--ignore-gpu-blocklist")
 WAIT = 90_000.0
 """Longest wait for the page [ms]."""
 RELAXED = "of its equilibrium"
@@ -52,8 +51,7 @@ def playwright() -> Iterator[Playwright]:
 
 
 def launch(playwright: Playwright) -> Browser:
-    quiet = [flag for flag in QUIET if flag != "--disable-gpu"]
-    return playwright.chromium.launch(executable_path=CHROMIUM, args=[*quiet, *SOFTWARE])
+    return playwright.chromium.launch(executable_path=CHROMIUM, args=list(WEBGL))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import ConsoleMessage, sync_playwright
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 needs_chromium = pytest.mark.skipif(
@@ -16,6 +16,11 @@ QUIET = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 )  # fmt: skip
+WEBGL = (
+    *(flag for flag in QUIET if flag != "--disable-gpu"),
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-webgl", "--ignore-gpu-blocklist",
+)  # fmt: skip
+"""The same with WebGL, drawn by the processor."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +53,18 @@ async () => Promise.all([...document.querySelectorAll('img')].map(async image =>
 """
 
 
+def _complains(said: ConsoleMessage) -> bool:
+    """Whether a message is a warning or an error of the page, and not of the software that draws WebGL."""
+    return said.type in ("error", "warning") and "GL Driver Message" not in said.text
+
+
 def open_page(page_file: Path, widths: tuple[int, ...] = (1280, 400)) -> Opened:
     """Open a page from disk at several widths, without a network, and print it on A4."""
     complaints, requests, overflow = [], [], {}
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
         page = browser.new_context(offline=True).new_page()
-        page.on("console", lambda said: complaints.extend([said.text] * (said.type in ("error", "warning"))))
+        page.on("console", lambda said: complaints.extend([said.text] * _complains(said)))
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("request", lambda request: requests.append(request.url))
         for width in widths:

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from .panels import panels, shaded
-from .relief import BEHIND, Relief, Window
+from .relief import BEHIND, Relief, Window, seen_from
 from .skin_pictures import lines
 from .style import INK, TrunkState
 
@@ -21,13 +21,37 @@ LEAST_LIMIT = 20.0
 """Least end of the scale [mm]."""
 
 
+def hump_limit(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window) -> float:
+    """Where the scale of the hump ends that holds all poses [mm]."""
+    differences = [painted_difference(back, seen) for back in reliefs]
+    largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in differences]
+    return scale_limit([*largest, *(abs(pose.measures.max_hump or 0.0) for pose in poses)])
+
+
+def hump_palette(limit: float) -> np.ndarray:
+    """The colours of the steps of the scale, from its lower end, shape (steps, 3)."""
+    steps = int(2.0 * limit / COLOUR_STEP)
+    return colormaps["PuOr_r"](np.linspace(0.0, 1.0, steps))[:, :3]
+
+
+def hump_on_vertices(pose: TrunkState, back: Relief, seen: Window) -> tuple[np.ndarray, np.ndarray]:
+    """`painted_difference` on the vertices of a skin, 0 where not seen from behind; shape (vertices,) each."""
+    assert pose.worn is not None
+    x, depth, z = seen_from(pose.worn.skin.vertices, pose.landmarks, BEHIND).T
+    place = [(seen.z[0] - z) / seen.pixel, (seen.x[0] - x) / seen.pixel]
+    difference, part, near = (
+        map_coordinates(np.nan_to_num(image), place, order=1)
+        for image in (*painted_difference(back, seen), back.depth)
+    )
+    return difference, part * (np.abs(near - depth) < COLOUR_STEP)
+
+
 def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window) -> Figure:
     """Every pose coloured by how far each place stands behind the other side of the back, with its spine."""
     differences = [painted_difference(back, seen) for back in reliefs]
-    largest = [float(np.nanmax(np.where(part > 0.5, abs(one), 0.0))) for one, part in differences]
-    limit = scale_limit([*largest, *(abs(pose.measures.max_hump or 0.0) for pose in poses)])
-    bounds = np.arange(-limit, limit + COLOUR_STEP, COLOUR_STEP)
-    colours, norm = colormaps["PuOr_r"], BoundaryNorm(bounds, 256)
+    limit = hump_limit(poses, reliefs, seen)
+    bounds, palette = np.arange(-limit, limit + COLOUR_STEP, COLOUR_STEP), hump_palette(limit)
+    colours, norm = ListedColormap(palette), BoundaryNorm(bounds, len(palette))
     images = [
         shaded(back, colours(norm(np.nan_to_num(difference)))[:, :, :3], part * np.isfinite(difference))
         for back, (difference, part) in zip(reliefs, differences, strict=True)
@@ -84,7 +108,7 @@ def side_difference(back: Relief, seen: Window) -> tuple[np.ndarray, np.ndarray]
     spine = np.interp(seen.z, back.spine[order, 1], back.spine[order, 0], left=np.nan, right=np.nan)
     column = (seen.x[0] - 2.0 * spine[:, None] + seen.x) / seen.pixel  # of the other side
     near = np.clip((WIDE - np.abs(seen.x - spine[:, None])) / (WIDE - NEAR), 0.0, 1.0)
-    facing = near * np.clip((back.normal[:, :, 1] - FLANK) / (BACK - FLANK), 0.0, 1.0)
+    facing = near * np.clip((back.normal[:, :, 1] - FLANK) / (BACK - FLANK), 0.0, 1.0) * (back.cloth == 0)
     difference = back.depth - _between_columns(back.depth, column)
     return difference, np.nan_to_num(np.minimum(facing, _between_columns(facing, column)))
 

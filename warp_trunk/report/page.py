@@ -24,6 +24,7 @@ from warp_trunk.measures.table import as_html
 from .modelled import modelled, not_modelled, option_rows, value_text
 from .sentences import glance, sentences
 from .style import TrunkState
+from .turning import Turning, script
 
 if TYPE_CHECKING:
     from warp_trunk.results import Summary
@@ -40,6 +41,7 @@ def page(
     summary: Summary,
     drawings: Mapping[str, bytes],
     plan: str | None = None,
+    trunk: Turning | None = None,
 ) -> str:
     """The text of the page; all that comes from files is escaped.
 
@@ -49,11 +51,13 @@ def page(
         summary: the summary of the result.
         drawings: by name the pictures that the page shows, as SVG.
         plan: the text of the plan that made the case, where one did.
+        trunk: the trunk to turn.
     """
     quality = summary.skin_quality
     return rendered(
         "page.html",
         drawings,
+        trunk=trunk,
         quality=quality,
         hatched=quality is not None and bool(quality.faults),
         stretch=f"{LOOK:g}",
@@ -132,6 +136,8 @@ def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    viewer, source = script()
+    environment.globals |= {"viewer": viewer, "script_source": source}
     environment.globals["table"] = lambda *cells: Markup(as_html(*cells))
     style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
     pictures = dict.fromkeys(_OPTIONAL) | {name: b64encode(drawing).decode() for name, drawing in drawings.items()}

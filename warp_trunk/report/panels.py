@@ -17,6 +17,8 @@ WIDTH, GAP, TITLE, SIDES = 2.3, 0.14, 0.34, 0.3
 LIGHT = np.array([0.0, 0.82, 0.57])
 """Where the light comes from: the viewer and above, and from neither side, so that no side looks fuller by it."""
 SHADOW, CLAY = np.array([0.36, 0.33, 0.31]), np.array([0.96, 0.93, 0.90])
+MATERIALS = np.array([CLAY, [0.36, 0.42, 0.48], [0.62, 0.71, 0.78]])
+"""Colours of skin, shorts and shirt."""
 Extent = tuple[float, float, float, float]
 """Left, right, bottom and top edge of a picture [mm]; left is the larger one."""
 
@@ -65,9 +67,11 @@ def panels(
 
 
 def shaded(seen: Relief, colour: np.ndarray | None = None, part: np.ndarray | None = None) -> np.ndarray:
-    """The lit skin as RGBA, transparent beside it; `colour` is that of full light, mixed in by `part`."""
+    """The lit trunk as RGBA, transparent beside it; `colour` is that of full light, mixed in by `part`."""
     light = np.clip(np.nan_to_num(seen.normal) @ LIGHT, 0.0, 1.0)[:, :, None]
-    base = CLAY if colour is None or part is None else CLAY + part[:, :, None] * (colour - CLAY)
+    base = MATERIALS[seen.cloth]
+    if colour is not None and part is not None:
+        base = base + (part * (seen.cloth == 0))[:, :, None] * (colour - CLAY)
     lit = (SHADOW + (1.0 - SHADOW) * light) * base
     return np.concatenate([lit, np.isfinite(seen.depth)[:, :, None]], axis=2)
 

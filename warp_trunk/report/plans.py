@@ -15,6 +15,7 @@ from warp_trunk.measures.rows import LENGTH, SPINE_ANGLE, MeasureRow, measure_ro
 
 from .page import rendered
 from .style import BEFORE, PLANS, TrunkState
+from .turning import Turning
 
 if TYPE_CHECKING:
     from warp_trunk.results import Result
@@ -65,7 +66,9 @@ def plan_poses(results: Sequence[Result]) -> list[TrunkState]:
     return poses
 
 
-def plans_page(poses: Sequence[TrunkState], results: Sequence[Result], drawings: Mapping[str, bytes]) -> str:
+def plans_page(
+    poses: Sequence[TrunkState], results: Sequence[Result], drawings: Mapping[str, bytes], trunk: Turning
+) -> str:
     """The text of the page; all that comes from files is escaped."""
     before, *plans = poses
     named = [(plan.look.heading, result) for plan, result in zip(plans, results, strict=True)]
@@ -73,6 +76,7 @@ def plans_page(poses: Sequence[TrunkState], results: Sequence[Result], drawings:
     return rendered(
         "plans.html",
         drawings,
+        trunk=trunk,
         panels=len(poses),
         virtual=any(result.summary.virtual for result in results),
         titles=", ".join(pose.look.title for pose in poses),

@@ -64,10 +64,12 @@ class Relief:
     corners: np.ndarray
     """The vertices of the triangle in each pixel, shape (rows, columns, 3)."""
     weights: np.ndarray
-    """Their weights there, same shape; NaN beside the trunk."""
+    """Their weights there, same shape; NaN beside the trunk and where cloth hides the skin."""
+    cloth: np.ndarray
+    """The material that is seen: 0 skin, 1 shorts, 2 shirt, shape (rows, columns)."""
 
     def values(self, of_vertices: np.ndarray) -> np.ndarray:
-        """The visible values of the vertices, a number for each, shape (rows, columns); NaN beside the trunk."""
+        """The visible values of the vertices of the skin, a number for each, shape (rows, columns); else NaN."""
         return np.einsum("ijk,ijk->ij", self.weights, of_vertices[self.corners])
 
 
@@ -112,7 +114,13 @@ def window(poses: Sequence[tuple[Surface, Landmarks]], pixel: float, view: Viewp
     return Window(x, top + MARGIN - pixel * np.arange(rows), pixel)
 
 
-def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: Viewpoint = BEHIND) -> Relief:
+def relief(
+    skin: Surface,
+    landmarks: Landmarks,
+    seen: Window,
+    view: Viewpoint = BEHIND,
+    cloth: tuple[Surface, Surface] | None = None,
+) -> Relief:
     """Look straight at a skin.
 
     Args:
@@ -120,20 +128,27 @@ def relief(skin: Surface, landmarks: Landmarks, seen: Window, view: Viewpoint = 
         landmarks: those that go with it [mm].
         seen: where to look.
         view: from where.
+        cloth: shorts and shirt over it, either without triangles where it is not worn.
 
     Raises:
         InputError: as `asis_axis`.
     """
-    vertices = seen_from(skin.vertices, landmarks, view)
-    face, weights = _first_hits(vertices, skin.faces, seen)
+    parts, count = [skin, *(cloth or ())], len(skin.vertices)
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
+    vertices = seen_from(np.concatenate([part.vertices for part in parts]), landmarks, view)
+    face, weights = _first_hits(vertices, faces.astype(np.int32), seen)
     weights[face < 0] = np.nan
-    corners = skin.faces[face]
+    corners = faces[face]
     depth = np.einsum("ijk,ijk->ij", weights, vertices[:, 1][corners])
-    normal = np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, skin.faces))[corners])
+    normal = np.einsum("ijk,ijkl->ijl", weights, vertex_normals(Surface(vertices, faces))[corners])
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+    material = np.searchsorted(starts[1:-1], corners[:, :, 0], side="right")
+    weights[material > 0] = np.nan
+    corners = np.where(corners < count, corners, 0)
     centroids = np.array([landmarks.of_bone(level).points.mean(axis=0) for level in landmarks.vertebrae()])
     spine = seen_from(centroids.reshape(-1, 3), landmarks, view)[:, [0, 2]]
-    return Relief(depth, normal, spine, corners, weights)
+    return Relief(depth, normal, spine, corners, weights, material)
 
 
 def _first_hits(vertices: np.ndarray, faces: np.ndarray, seen: Window) -> tuple[np.ndarray, np.ndarray]:

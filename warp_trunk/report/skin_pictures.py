@@ -1,6 +1,7 @@
 """The trunk from behind, in front and the side: shaded, with what each view shows. Imports matplotlib."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib import rc_context
@@ -11,10 +12,13 @@ from matplotlib.figure import Figure
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 
+from .clothing import cloth_surfaces
 from .panels import coloured, panels, shaded
 from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 from .style import INK, TrunkState
 
+Wear = Literal["nothing", "shorts", "shirt"]
+"""The clothes of a trunk; the shirt comes with the shorts."""
 LINE_STEP = 10.0
 """Distance in depth between two lines [mm]."""
 STEEP = 0.3
@@ -28,12 +32,22 @@ STRETCH_STEP = 0.05
 
 
 def looks(
-    poses: Sequence[TrunkState], view: Viewpoint = BEHIND, pixel: float = COARSE, lowest: float = -np.inf
+    poses: Sequence[TrunkState],
+    view: Viewpoint = BEHIND,
+    pixel: float = COARSE,
+    lowest: float = -np.inf,
+    wear: Wear = "shorts",
 ) -> tuple[Window, list[Relief]]:
-    """The relief of every pose from one side above a height [mm], in one window."""
+    """The relief of every pose from one side above a height [mm], in one window, as it is dressed."""
     seen = window([(pose.skin, pose.landmarks) for pose in poses], pixel, view)
-    seen = Window(seen.x, seen.z[seen.z > lowest], seen.pixel)
-    return seen, [relief(pose.skin, pose.landmarks, seen, view) for pose in poses]
+    seen, found = Window(seen.x, seen.z[seen.z > lowest], seen.pixel), []
+    for pose in poses:
+        skin, cloth = pose.skin, None
+        if pose.worn is not None:
+            skin = pose.worn.skin
+            cloth = None if wear == "nothing" else cloth_surfaces(pose.worn.cloth, shirt=wear == "shirt")
+        found.append(relief(skin, pose.landmarks, seen, view, cloth))
+    return seen, found
 
 
 def back_picture(
@@ -52,7 +66,7 @@ def back_picture(
     depths = np.array([back.depth for back in reliefs]) / LINE_STEP
     levels = LINE_STEP * np.arange(np.floor(np.nanmin(depths)), np.ceil(np.nanmax(depths)) + 1)
     for axes, back in zip(plots, reliefs, strict=True):
-        steep = ~(back.normal[:, :, 1] > STEEP)
+        steep = ~((back.normal[:, :, 1] > STEEP) & (back.cloth == 0))
         lines(axes, seen, np.ma.masked_where(steep, back.depth), levels.tolist(), "solid")
     if doubtful is not None:
         hatch(plots[1], seen, reliefs[1].values(doubtful))
@@ -73,10 +87,10 @@ def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[
 
 
 def plain_picture(
-    poses: Sequence[TrunkState], view: Viewpoint, lowest: float = -np.inf
+    poses: Sequence[TrunkState], view: Viewpoint, lowest: float = -np.inf, wear: Wear = "shirt"
 ) -> tuple[Figure, list[Axes]]:
-    """Every pose from one side, above a height [mm], and the panels."""
-    seen, reliefs = looks(poses, view, lowest=lowest)
+    """Every pose from one side, above a height [mm], as it is dressed, and the panels."""
+    seen, reliefs = looks(poses, view, lowest=lowest, wear=wear)
     headings = [pose.look.heading for pose in poses]
     return panels(headings, seen.extent, view, [shaded(one) for one in reliefs])
 

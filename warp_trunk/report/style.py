@@ -11,6 +11,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.figure import Figure
 
 INK, FAINT = "#222222", "#888888"
@@ -79,6 +80,18 @@ class TrunkState:
     """The landmarks that go with it [mm]."""
     measures: TrunkMeasures
     """Its measures."""
+    worn: Worn | None = None
+    """How it is shown dressed; None for a part of the body, which has no clothes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """A trunk as pictures show it."""
+
+    skin: Surface
+    """Its skin, the edges of cuts rounded [mm]; same vertices."""
+    cloth: np.ndarray
+    """Shorts and shirt over it (`cloth_of`) [mm], shape (rows, columns, 3)."""
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:

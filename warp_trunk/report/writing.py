@@ -22,14 +22,16 @@ from warp_trunk.measures.part import agreement
 from warp_trunk.measures.skin_quality import skin_change
 
 from . import skin_pictures as skins
-from .hump_picture import hump_picture
+from .clothing import dressed
+from .hump_picture import hump_limit, hump_on_vertices, hump_palette, hump_picture
 from .page import page, part_page
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page
 from .plots import convergence_plot, rotation_plot, section_plots
-from .relief import BEHIND, FRONT, RIGHT
+from .relief import BEHIND, FRONT, RIGHT, in_pelvis
 from .spine_pictures import spine_picture
 from .style import ACTUAL, BEFORE, PREDICTED, RC, TrunkState, file_of
+from .turning import Turning, TurningState, turning
 
 if TYPE_CHECKING:
     from warp_trunk.results import Result
@@ -65,11 +67,13 @@ def _whole(result: Result, folder: Path) -> str:
     poses, summary, comparison = poses_of(result), result.summary, None
     if result.actual_skin is not None:
         comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after)
+    poses = dressed(poses)
     change, quality = skin_change(result.skin_before, result.skin), summary.skin_quality
     doubtful = None
     if quality is not None and quality.faults:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
-    figures = _backs(poses, doubtful) | {
+    figures, trunk = _backs(poses, doubtful)
+    figures |= {
         "front": skins.plain_picture(poses, FRONT)[0],
         "side": skins.plain_picture(poses, RIGHT)[0],
         "shoulders": skins.shoulders_picture(poses),
@@ -82,7 +86,7 @@ def _whole(result: Result, folder: Path) -> str:
         "sections": section_plots(poses),
         "convergence": convergence_plot(summary),
     }
-    return page(poses, comparison, summary, _drawn(figures, folder), result.plan)
+    return page(poses, comparison, summary, _drawn(figures, folder), result.plan, trunk)
 
 
 def _part(result: Result, folder: Path) -> str:
@@ -122,15 +126,16 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None) -
     """
     check_plans(results)
     out = results[0].folder.resolve().parent if out is None else Path(out)
-    folder, poses = _prepare(out, PLANS_PICTURES), plan_poses(results)
+    folder, poses = _prepare(out, PLANS_PICTURES), dressed(plan_poses(results))
     with rc_context(RC):
-        figures = _backs(poses) | {
+        figures, trunk = _backs(poses)
+        figures |= {
             "spine_behind": spine_picture(poses, BEHIND),
             "spine_side": spine_picture(poses, RIGHT),
             "rotation": rotation_plot(poses),
         }
         drawings = _drawn(figures, folder)
-    return _write(out / PLANS_PAGE, plans_page(poses, results, drawings).encode())
+    return _write(out / PLANS_PAGE, plans_page(poses, results, drawings, trunk).encode())
 
 
 def notebook_html(result: Result) -> str:
@@ -138,7 +143,7 @@ def notebook_html(result: Result) -> str:
     words = f"<p><b>{html.escape(result.summary.case)}</b>: {result.status.name}, {result.status.value}</p>"
     if not result.landmarks_before.names:
         return words
-    poses = poses_of(result)
+    poses = dressed(poses_of(result))
     seen, reliefs = skins.looks(poses, pixel=skins.FINE)
     with rc_context(RC):
         picture = base64.b64encode(file_of(skins.back_picture(poses, reliefs, seen), "png")).decode()
@@ -162,10 +167,20 @@ def poses_of(result: Result) -> list[TrunkState]:
     return poses
 
 
-def _backs(poses: Sequence[TrunkState], doubtful: np.ndarray | None = None) -> dict[str, Figure | None]:
+def _backs(
+    poses: Sequence[TrunkState], doubtful: np.ndarray | None = None
+) -> tuple[dict[str, Figure | None], Turning]:
+    """The pictures of the back, and the trunk to turn: its states with the triangles of the first."""
     seen, reliefs = skins.looks(poses, pixel=skins.FINE)
     back = skins.back_picture(poses, reliefs, seen, doubtful)
-    return {"back": back, "hump": hump_picture(poses, reliefs, seen)}
+    limit, states = hump_limit(poses, reliefs, seen), []
+    for pose, one in zip(poses, reliefs, strict=True):
+        if pose.worn is not None and np.array_equal(pose.skin.faces, poses[0].skin.faces):
+            cloth = in_pelvis(pose.worn.cloth.reshape(-1, 3), pose.landmarks).reshape(pose.worn.cloth.shape)
+            skin, hump = in_pelvis(pose.worn.skin.vertices, pose.landmarks), hump_on_vertices(pose, one, seen)
+            states.append(TurningState(pose.look.heading, skin, cloth, *hump))
+    trunk = turning(states, poses[0].skin.faces, palette=hump_palette(limit), limit=limit)
+    return {"back": back, "hump": hump_picture(poses, reliefs, seen)}, trunk
 
 
 def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, bytes]:

@@ -1,0 +1,184 @@
+"""The trunk to turn: what it shows in a real browser, against rays and against its own parts."""
+
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("playwright", reason="playwright is not installed (uv sync installs it)")
+from playwright.sync_api import Page, sync_playwright
+
+from support.chromium import CHROMIUM, WEBGL, needs_chromium
+from support.report_results import write_small_result
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.report.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, dressed
+from warp_trunk.report.relief import BEHIND, RIGHT, Viewpoint
+from warp_trunk.report.skin_pictures import looks
+from warp_trunk.report.turning import TurningState, script, turning
+from warp_trunk.report.writing import poses_of
+from warp_trunk.results import read_result
+
+
+def test_twenty_thousand_vertices_take_less_than_a_megabyte_and_a_half() -> None:
+    turn, up = np.meshgrid(np.linspace(0, 2 * np.pi, 200, endpoint=False), np.linspace(0, 600, 100))
+    number = np.arange(20_000).reshape(100, 200)
+    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
+    c, d = np.roll(number[1:], -1, axis=1), number[1:]
+    faces = np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, b, c), (a, c, d))])
+    random = np.random.default_rng(1)
+    states = []
+    for wave in (0.0, 20.0, 25.0, 15.0):
+        radius = 120.0 + wave * np.sin(up / 90.0 + turn) + random.normal(0.0, 0.1, up.shape)
+        skin = np.stack([1.4 * radius * np.cos(turn), radius * np.sin(turn), up], axis=-1).reshape(-1, 3)
+        cloth = 1.03 * skin[:: len(skin) // ((SHORTS + SHIRT) * COLUMNS)][: (SHORTS + SHIRT) * COLUMNS]
+        hump = 20.0 * np.sin(turn).ravel()
+        states.append(
+            TurningState(f"state {wave}", skin, cloth.reshape(-1, COLUMNS, 3), hump, np.abs(hump) / 20.0)
+        )
+    colours = random.random((20_000, 3))
+    packed = turning(states, faces, palette=np.ones((8, 3)), limit=20.0, colours=colours)
+    assert len(packed.info) + len(packed.data) + len(script()[0]) < 1.5e6
+
+
+def test_cloth_lies_outside_the_skin_and_its_triangles_face_out(tmp_path: Path) -> None:
+    pose = dressed(poses_of(read_result(write_small_result(tmp_path))))[1]
+    assert pose.worn is not None
+    places, faces = pose.worn.cloth.reshape(-1, 3), cloth_faces()
+    a, b, c = places[faces].swapaxes(0, 1)
+    middle = (a + b + c) / 3.0 - places.mean(axis=0)
+    out = np.einsum("ij,ij->i", np.cross(b - a, c - a)[:, :2], middle[:, :2])
+    assert (out > -1e-6).all()
+    middle = (places[:, 2] > places[:, 2].min() + 5.0) & (places[:, 2] < places[:, 2].max() - 5.0)
+    distance = SurfaceDistance(pose.worn.skin).nearest(places[middle]).distance
+    assert 0.5 < distance.min() < 4.5
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_small_result(tmp_path_factory.mktemp("turning"))
+
+
+@pytest.fixture(scope="module")
+def page(result: Path) -> Iterator[Page]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(WEBGL))
+        tab = browser.new_context(offline=True, has_touch=True).new_page()
+        said: list[str] = []
+        tab.on("console", lambda message: said.append(message.text))
+        tab.on("pageerror", lambda error: said.append(str(error)))
+        tab.goto(read_result(result).report().resolve().as_uri())
+        tab.wait_for_selector("#turning[data-ready]")
+        yield tab
+        assert said == []
+        browser.close()
+
+
+def picture(page: Page) -> np.ndarray:
+    """The picture on the canvas, shape (rows, columns, 3)."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    shot = page.locator("#turning canvas").screenshot()
+    return np.asarray(Image.open(BytesIO(shot)).convert("RGB"), dtype=np.float64)
+
+
+def set_to(page: Page, look: str = "", slider: int = 0) -> None:
+    """Choose looks, and the place of the slider; everything else as the page begins."""
+    for box in page.locator("#turning [data-look]").all():
+        box.set_checked(box.get_attribute("data-look") in look.split())
+    page.get_by_role("button", name="Behind").click()
+    place = "(e, v) => { e.value = v; e.dispatchEvent(new Event('input', {bubbles: true})) }"
+    page.locator("#turning [data-part=slider]").evaluate(place, slider)
+
+
+@needs_chromium
+@pytest.mark.slow
+@pytest.mark.parametrize(("button", "view"), [("Behind", BEHIND), ("Right", RIGHT)])
+@pytest.mark.parametrize("predicted", [0, 1])
+def test_outline_is_that_of_rays(page: Page, result: Path, button: str, view: Viewpoint, predicted: int) -> None:
+    set_to(page, "shirt", slider=100 * predicted)
+    page.get_by_role("button", name=button).click()
+    seen = picture(page).min(axis=2) < 250.0
+    poses = dressed(poses_of(read_result(result)))
+    _, reliefs = looks(poses, view, wear="shirt", lowest=-np.inf)
+    expected = np.isfinite(reliefs[predicted].depth)
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    bar = page.locator("#turning [data-part=bar]").bounding_box()
+    assert bar is not None
+    pixels = bar["width"] / 100.0  # for each mm
+    wide = [expected.any(axis=0).sum(), expected.any(axis=1).sum()]
+    assert len(columns) / pixels == pytest.approx(wide[0], abs=4.0)
+    top = seen[rows[0] : rows[0] + int(200 * pixels)]  # below, the rays end at the pelvis
+    rows = np.flatnonzero(expected.any(axis=1))
+    share = expected[rows[0] : rows[0] + 200].mean(axis=1) * expected.shape[1]
+    drawn = top.sum(axis=1) / pixels
+    assert np.interp(np.arange(5.0, 195.0), np.arange(len(drawn)) / pixels, drawn) == pytest.approx(
+        share[5:195], abs=5.0
+    )
+
+
+@needs_chromium
+@pytest.mark.slow
+def test_wipe_shows_each_state_on_its_side(page: Page) -> None:
+    set_to(page)
+    before = picture(page)
+    set_to(page, slider=100)
+    predicted = picture(page)
+    set_to(page, "wipe", slider=50)
+    wiped, half = picture(page), before.shape[1] // 2
+    assert np.abs(wiped[60:, : half - 4] - predicted[60:, : half - 4]).mean() < 0.5  # names stand above
+    assert np.abs(wiped[60:, half + 4 :] - before[60:, half + 4 :]).mean() < 0.5
+    assert np.abs(before - predicted).mean() > 1.0
+    set_to(page, slider=50)
+    assert np.abs(picture(page) - wiped).mean() > 0.5
+
+
+@needs_chromium
+@pytest.mark.slow
+def test_mouse_finger_and_keys_turn_it(page: Page) -> None:
+    def yaw() -> float:
+        return float(page.locator("#turning").get_attribute("data-yaw") or "nan")
+
+    set_to(page)
+    box = page.locator("#turning canvas").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x - 100.0, y)
+    page.mouse.up()
+    picture(page)
+    assert yaw() == pytest.approx(1.0)
+    set_to(page)
+    page.locator("#turning canvas").press("ArrowLeft")
+    picture(page)
+    assert yaw() == pytest.approx(0.2)
+    page.locator("#turning canvas").press("Home")
+    touch = {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
+    session = page.context.new_cdp_session(page)
+    session.send("Input.dispatchTouchEvent", touch)
+    for way in (20.0, 40.0, 60.0):
+        session.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x + way, "y": y}]})
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    picture(page)
+    assert yaw() < -0.2
+
+
+@needs_chromium
+@pytest.mark.slow
+def test_front_is_never_bare_and_back_is_unless_in_a_shirt(page: Page) -> None:
+    def blue(shown: np.ndarray) -> float:
+        middle = shown[shown.shape[0] // 3, shown.shape[1] // 2]
+        return middle[2] - middle[0]
+
+    set_to(page)
+    assert blue(picture(page)) < 0.0
+    page.get_by_role("button", name="Front").click()
+    assert blue(picture(page)) > 10.0
+    set_to(page, "shirt")
+    assert blue(picture(page)) > 10.0
+    set_to(page, "hump", slider=100)
+    coloured = picture(page)
+    set_to(page, slider=100)
+    assert np.abs(coloured - picture(page)).max() > 20.0

@@ -1,0 +1,125 @@
+"""The trunk to turn on a page: its states packed for `turning.js`.
+
+A viewer of our own of 13 kB: model-viewer (1 MB) has no wipe and no colour by a number, three.js and vtk.js need a
+bundler and bring most of a megabyte that is not used here, and plotly 4.8 MB. Pages stay one file that runs
+offline.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+
+from .clothing import SHORTS_FACES, cloth_faces, open_back
+
+STEP = 0.02
+"""Places are rounded to this [mm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class TurningState:
+    """One state of a trunk that is to be turned, in the axes of the pelvis: +x left, +y back, +z up."""
+
+    name: str
+    """Its name on the page."""
+    skin: np.ndarray
+    """Vertices [mm], shape (vertices, 3)."""
+    cloth: np.ndarray
+    """Those of its cloth (`cloth_of`) [mm], shape (rows, columns, 3)."""
+    hump: np.ndarray
+    """How far each vertex stands behind the other side of the back [mm], shape (vertices,) ..."""
+    part: np.ndarray
+    """... and how strongly that is painted, 0 to 1, same shape."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """The values of the template `turning.html`."""
+
+    info: str
+    """Numbers of the packed data, as JSON."""
+    data: str
+    """The packed data, as base64."""
+    names: tuple[str, ...]
+    """Names of the states."""
+    coloured: bool
+    """Whether the skin has colours of its own."""
+    bare: bool
+    """Whether it may be shown without clothes."""
+
+
+def turning(
+    states: Sequence[TurningState],
+    faces: np.ndarray,
+    *,
+    palette: np.ndarray,
+    limit: float,
+    colours: np.ndarray | None = None,
+    bare: bool = False,
+) -> Turning:
+    """Pack states that share their triangles.
+
+    Args:
+        states: the first is blended into any other.
+        faces: triangles of the skin, shape (faces, 3).
+        palette: colours of the hump from -limit to limit, 0 to 1, shape (steps, 3).
+        limit: end of the scale of the hump [mm].
+        colours: of each vertex of the skin, 0 to 1, shape (vertices, 3); grey when left out.
+        bare: whether the page offers to take the clothes off.
+    """
+    cloth, count = cloth_faces(), len(states[0].skin)
+    every = np.concatenate([np.concatenate([state.skin, state.cloth.reshape(-1, 3)]) for state in states])
+    low, high = every.min(axis=0), every.max(axis=0)
+    packed = []
+    for first, places in (
+        (faces, [state.skin for state in states]),
+        (cloth, [state.cloth.reshape(-1, 3) for state in states]),
+    ):
+        packed += [first.ravel() & 0xFFFF, first.ravel() >> 16]
+        whole = [np.round((place - low) / STEP).astype(np.int64) for place in places]
+        for number, place in enumerate(whole):
+            packed += list((place - whole[0] * bool(number)).T)
+    for state in states:
+        packed += [np.round(10.0 * state.hump), np.round(255.0 * state.part)]
+    packed.append(np.round(10.0 * open_back().ravel()))
+    if colours is not None:
+        packed += list(np.round(255.0 * colours.T))
+    data = zlib.compress(b"".join(map(_folded, packed)), 9)
+    info = {
+        "states": [state.name for state in states],
+        "vertices": count,
+        "faces": len(faces),
+        "cloth": states[0].cloth.size // 3,
+        "clothFaces": len(cloth),
+        "shortsFaces": SHORTS_FACES,
+        "step": STEP,
+        "middle": np.round((high - low) / 2.0, 2).tolist(),
+        "size": np.round(high - low, 2).tolist(),
+        "palette": np.round(palette, 4).ravel().tolist(),
+        "limit": limit,
+        "coloured": colours is not None,
+    }
+    names = tuple(state.name for state in states)
+    text = json.dumps(info).replace("<", "\\u003c")  # ends no element of the page
+    return Turning(text, base64.b64encode(data).decode(), names, colours is not None, bare)
+
+
+def _folded(values: np.ndarray) -> bytes:
+    """Numbers of 16 bits as differences from the one before, folded to be positive: low bytes, then high ones."""
+    whole = values.astype(np.int64).astype(np.uint16)
+    steps = np.diff(whole, prepend=np.uint16(0)).astype(np.int16).astype(np.int32)
+    folded = ((steps << 1) ^ (steps >> 15)).astype(np.uint16)
+    return (folded & 0xFF).astype(np.uint8).tobytes() + (folded >> 8).astype(np.uint8).tobytes()
+
+
+def script() -> tuple[str, str]:
+    """The viewer, and its source in a Content-Security-Policy."""
+    text = files("warp_trunk.report").joinpath("turning.js").read_text(encoding="utf-8")
+    return text, f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
