@@ -1,40 +1,138 @@
-"""How CPU threads wait for each other inside a recorded loop, and how CUDA writes numbers for the host.
+"""How CPU threads run recorded launches together, and how CUDA writes numbers for the host.
 
-Each has a module of its own: the barrier compiles for the CPU alone.
+The threads of a team run the steps of a program one after the other and meet where a step ends: all in machine
+code, so that no signal handler, interpreter lock or other thread of Python comes between.
 """
 
 import warp as wp
 
-BARRIER_SIZE = 32
-"""Numbers of a meeting: how many have arrived, and in another cache line how often all have met."""
+LINE = 8
+"""Numbers of 64 bits in a cache line: two threads that write to the same line wait for each other."""
+BOARD_SIZE = 6 * LINE
+"""Numbers of the board that a team shares; see `BOARD`."""
+STEP_SIZE = 3
+"""Numbers of a step before its parts: whether the threads meet at its end; the address of the flag that sends them
+back, or 0; and the step they go back to."""
+PART_SIZE = 3
+"""Numbers of a part of a step: the addresses of a kernel, its launch bounds and its arguments; 0 where a thread
+has none."""
 
-WAIT = """
-    typedef wp::int32 (*Action)(void);
-    wp::int32* arrived = meeting.data;
-    wp::int32* met = meeting.data + 16;
-    const wp::int32 before = __atomic_load_n(met, __ATOMIC_ACQUIRE);
-    if (__atomic_add_fetch(arrived, 1, __ATOMIC_ACQ_REL) == threads) {
-        __atomic_store_n(arrived, 0, __ATOMIC_RELAXED);
-        __atomic_store_n(met, before + 1, __ATOMIC_RELEASE);
-        return;
-    }
-    for (wp::int32 looks = 0; __atomic_load_n(met, __ATOMIC_ACQUIRE) == before; ++looks) {
-        if (looks > 1000) ((Action)give_way)();
+BOARD = """
+    typedef wp::int32 word;
+    typedef void (*Kernel)(void*, void*);
+    typedef long (*System)(long, ...);
+    const System system = (System)system_call;
+    word* const calls = (word*)board.data;            // how many programs were begun
+    word* const asleep = (word*)(board.data + 8);     // threads that wait in the kernel of the operating system
+    word* const busy = (word*)(board.data + 16);      // threads that have not ended the program
+    word* const arrived = (word*)(board.data + 24);   // threads that have come to the meeting
+    word* const meetings = (word*)(board.data + 32);  // how often all have met
+    long* const job = (long*)(board.data + 40);       // the address of the program, and its number of steps
+    const auto look = [](word* at) { return __atomic_load_n(at, __ATOMIC_SEQ_CST); };
+    const auto add = [](word* at, word value) { return __atomic_add_fetch(at, value, __ATOMIC_SEQ_CST); };
+    const auto idle = [&](word looks) {
+        if (looks > 1000) system(24);  // sched_yield: with more threads than cores, the last one needs this core
 #if defined(__x86_64__) || defined(_M_X64)
-        else __builtin_ia32_pause();  // leaves the core to another thread on it
+        else __builtin_ia32_pause();// leaves the core to another thread on it
 #endif
+    };
+    const auto run_steps = [&](word range) {
+        const long* const steps = (const long*)job[0];
+        for (long s = 0; s < job[1];) {
+            const long* const step = steps + s * (3 + 3 * threads);
+            const long* const part = step + 3 + 3 * range;
+            if (part[0]) ((Kernel)part[0])((void*)part[1], (void*)part[2]);
+            if (step[0] && threads > 1) {
+                const word before = look(meetings);
+                if (add(arrived, 1) == threads) {
+                    __atomic_store_n(arrived, 0, __ATOMIC_SEQ_CST);
+                    add(meetings, 1);
+                } else for (word looks = 0; look(meetings) == before; ++looks) idle(looks);
+            }
+            s = step[1] && *(const word*)step[1] ? step[2] : s + 1;
+        }
+    };
+"""
+"""The variables that the threads share, and how each runs its parts of a program."""
+
+CALL = """
+    job[0] = (long)program;
+    job[1] = steps;
+    const bool alone = threads == 1;
+    if (!alone) {
+        __atomic_store_n(busy, threads - 1, __ATOMIC_SEQ_CST);
+        add(calls, 1);
+        if (look(asleep)) system(202, calls, 129, 0x7fffffff, 0, 0, 0);  // futex: wake all, of this process
+    }
+    run_steps(0);
+    if (!alone) for (word looks = 0; look(busy); ++looks) idle(looks);
+"""
+
+SERVE = """
+    for (word seen = 0;; ++seen) {
+        for (word looks = 0; look(calls) == seen; ++looks) {
+            if (looks < 5000) {  // the next program mostly follows at once
+#if defined(__x86_64__) || defined(_M_X64)
+                __builtin_ia32_pause();
+#endif
+            } else {
+                add(asleep, 1);
+                system(202, calls, 128, seen, 0, 0, 0);  // futex: wait while no other program was begun
+                add(asleep, -1);
+            }
+        }
+        if (job[1] < 0) {
+            add(busy, -1);
+            return;
+        }
+        run_steps(range);
+        add(busy, -1);
     }
 """
 
 
-@wp.func_native(WAIT)
-def wait_for_all(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way: wp.uint64): ...
+@wp.func_native(BOARD + CALL)
+def call_team(
+    board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, program: wp.uint64, steps: wp.int64
+): ...
 
 
-@wp.kernel(module="unique", enable_backward=False)
-def barrier_kernel(meeting: wp.array(dtype=wp.int32), threads: wp.int32, give_way: wp.uint64):
-    """Returns when this many threads have arrived; spins for a moment, then yields by the given function."""
-    wait_for_all(meeting, threads, give_way)
+@wp.func_native(BOARD + SERVE)
+def serve(board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, range: wp.int32): ...
+
+
+@wp.kernel(module="team", enable_backward=False)
+def call_kernel(
+    board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, program: wp.uint64, steps: wp.int64
+):
+    """Has a team run a program, this thread range 0 of it; less than no steps end the team."""
+    call_team(board, threads, system_call, program, steps)
+
+
+@wp.kernel(module="team", enable_backward=False)
+def serve_kernel(board: wp.array(dtype=wp.int64), threads: wp.int32, system_call: wp.uint64, range: wp.int32):
+    """Runs a range of every program until the team ends."""
+    serve(board, threads, system_call, range)
+
+
+@wp.func_native("for (long i = first; i < end; ++i) values.data[i] = 0;")
+def clear_range(values: wp.array(dtype=wp.uint8), first: wp.int32, end: wp.int32): ...
+
+
+@wp.func_native("for (long i = first; i < end; ++i) to.data[i] = source.data[i];")
+def copy_range(to: wp.array(dtype=wp.uint8), source: wp.array(dtype=wp.uint8), first: wp.int32, end: wp.int32): ...
+
+
+@wp.kernel(module="team", enable_backward=False)
+def clear_kernel(first: int, end: int, slab: int, values: wp.array(dtype=wp.uint8)):
+    """Sets bytes to zero; a loop over the range."""
+    clear_range(values, first, end)
+
+
+@wp.kernel(module="team", enable_backward=False)
+def copy_kernel(first: int, end: int, slab: int, source: wp.array(dtype=wp.uint8), to: wp.array(dtype=wp.uint8)):
+    """Copies bytes; a loop over the range."""
+    copy_range(to, source, first, end)
 
 
 @wp.kernel(enable_backward=False)

@@ -108,15 +108,7 @@ def max_reducer(cuda: bool) -> Any:
 
 @cache
 def slab_kernels(dtype: type) -> SimpleNamespace:
-    """The kernels `clear` and `gather` of arrays of one element type, shape (slabs, items)."""
-
-    @wp.kernel(module=f"slabs_{wp.types.type_repr(dtype)}", enable_backward=False)
-    def clear_kernel(first: int, end: int, slab: int, slabs: int, values: wp.array(dtype=dtype, ndim=2)):
-        """Sets every item of every slab to zero."""
-        i = first + wp.tid()
-        if i < end:
-            for each in range(slabs):  # one launch for all slabs: a launch costs more than its work
-                values[each, i] = dtype()
+    """The kernel `gather` of arrays of one element type, shape (slabs, items)."""
 
     @wp.kernel(module=f"slabs_{wp.types.type_repr(dtype)}", enable_backward=False)
     def gather_kernel(first: int, end: int, slab: int, slabs: int, values: wp.array(dtype=dtype, ndim=2)):
@@ -128,7 +120,7 @@ def slab_kernels(dtype: type) -> SimpleNamespace:
                 total += values[other, i]
             values[0, i] = total
 
-    return SimpleNamespace(clear=clear_kernel, gather=gather_kernel)
+    return SimpleNamespace(gather=gather_kernel)
 
 
 SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)

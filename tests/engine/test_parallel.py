@@ -3,12 +3,15 @@
 # Warp's annotations are values:
 # pyright: reportInvalidTypeForm=false
 
+import math
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 import warp as wp
 
+from warp_trunk.engine.cores import quota, usable_cores
 from warp_trunk.engine.parallel import Parallel, choose_device, choose_threads, in_sequence
 from warp_trunk.errors import InputError
 
@@ -46,8 +49,31 @@ def test_given_bounds_are_kept_and_few_items_not_split() -> None:
     assert [list(np.flatnonzero(row)) for row in seen] == [list(range(7)), [], [7, 8, 9]]
 
 
-def test_zero_threads_are_all_cores() -> None:
-    assert choose_threads(0) == len(os.sched_getaffinity(0)) == Parallel("cpu", 0).ranges
+def test_zero_threads_are_all_cores_of_a_container() -> None:
+    assert choose_threads(0) == usable_cores() == Parallel("cpu", 0).ranges <= len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize(
+    ("groups", "files", "cores"),
+    [
+        ("0::/", {"cpu.max": "150000 100000"}, 1.5),  # version 2, inside a container
+        ("0::/pod/one", {"cpu.max": "max 100000", "pod/cpu.max": "300000 100000"}, 3.0),  # that of its parent
+        ("0::/", {"cpu.max": "max 100000"}, math.inf),
+        (  # version 1, whose path is the host's
+            "5:memory:/docker/1\n4:cpu,cpuacct:/docker/1\n0::/x",
+            {"cpu,cpuacct/cpu.cfs_quota_us": "250000", "cpu,cpuacct/cpu.cfs_period_us": "100000"},
+            2.5,
+        ),
+        ("1:cpu:/", {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, math.inf),
+        ("no groups", {}, math.inf),
+    ],
+)
+def test_the_quota_of_a_container(groups: str, files: dict[str, str], cores: float, tmp_path: Path) -> None:
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text + "\n")
+    (tmp_path / "cgroup").write_text(groups + "\n")
+    assert quota(tmp_path / "cgroup", tmp_path) == cores
 
 
 @wp.kernel(enable_backward=False)
@@ -65,7 +91,7 @@ def count_down_kernel(left: wp.array(dtype=wp.int32)):
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 5])
-def test_a_captured_loop_does_its_launches_one_after_the_other(threads: int) -> None:
+def test_a_loop_does_its_launches_one_after_the_other(threads: int) -> None:
     parallel, size, turns = Parallel("cpu", threads), 1001, 200
     one, other = (wp.zeros(size, dtype=wp.int32, device="cpu") for _ in range(2))
     left = wp.zeros(1, dtype=wp.int32, device="cpu")
@@ -73,16 +99,22 @@ def test_a_captured_loop_does_its_launches_one_after_the_other(threads: int) -> 
         parallel.record(pass_on_kernel, size, [a], [b], least=1) for a, b in ((one, other), (other, one))
     )
     count = parallel.record_undivided(count_down_kernel, 1, [], [left])
-
-    def work() -> None:
-        parallel.once(lambda: left.fill_(turns))()
-        wp.capture_while(left, in_sequence(there, back, count))
-
-    run = parallel.capture(work)
+    run = parallel.graph(parallel.repeat(left, in_sequence(there, back, count)))
     one.assign(np.arange(size, dtype=np.int32))
     for done in (1, 2):
+        left.fill_(turns)
         run()
         np.testing.assert_array_equal(one.numpy(), np.roll(np.arange(size), -2 * turns * done))
+
+
+def test_clears_and_copies() -> None:
+    parallel = Parallel("cpu", 3, least_split=1)
+    to, source = wp.zeros(1001, dtype=wp.int8, device="cpu"), wp.full(1001, 7, dtype=wp.int8, device="cpu")
+    parallel.copy(to, source)()
+    assert (to.numpy() == 7).all()
+    parallel.clear(to)()
+    assert (to.numpy() == 0).all()
+    assert (source.numpy() == 7).all()
 
 
 def test_refuses() -> None:

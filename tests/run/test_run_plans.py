@@ -83,6 +83,21 @@ def test_one_that_cannot_be_is_refused_before_any_is_simulated(
     assert not (folder / "results").exists()
 
 
+def test_every_result_stays_where_the_working_folder_was(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second one was written to where the first one's reader had gone."""
+    plans = {name: read_plan(folder / file) for name, file in (("less", "less.toml"), ("more", "more/plan.toml"))}
+    (folder / "elsewhere").mkdir()
+    results = simulate(
+        whole_phantom(),
+        plans,
+        folder="out",
+        on_result=lambda *_: monkeypatch.chdir(folder / "elsewhere"),
+        **{"tets": 60000, "bone_edge_length": 12.0, "increments": 1, "record": False, "tolerance": 0.5},
+    )
+    assert [result.folder for result in results] == [folder / "out" / name for name in plans]
+    assert all(read_result(result.folder).converged for result in results)
+
+
 def test_plans_that_cannot_be_simulated_are_refused(tmp_path: Path) -> None:
     case = whole_phantom()
     with pytest.raises(InputError, match="there is no plan"):

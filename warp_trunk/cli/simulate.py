@@ -16,6 +16,7 @@ from warp_trunk.case.tissue_file import read_tissue_file, with_constants
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
+from warp_trunk.io.folders import seen_from_here
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.meshing import CrossingError, MeshOptions
 from warp_trunk.preparation.phantom import phantom_case
@@ -83,9 +84,9 @@ def report_ending(result: Result, name: str = "") -> int:
     """Print how a run ended, with its name among several, and two commands to paste; return the exit status."""
     print(plain(result, name))
     print("The report, for the browser and the printer, and the viewer:")
-    print(next_command("report", result.folder))
+    print(next_command("report", seen_from_here(result.folder)))
     if result.recording is not None:
-        print(next_command("view", result.folder))
+        print(next_command("view", seen_from_here(result.folder)))
     return OK if result.converged else NOT_CONVERGED
 
 

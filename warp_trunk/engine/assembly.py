@@ -18,7 +18,6 @@ from warp_trunk.kernels.assembly import (
     threads_over,
     vec10i,
 )
-from warp_trunk.kernels.vectors import slab_kernels
 
 from .model import Model
 from .parallel import Launch, in_sequence, view
@@ -81,8 +80,7 @@ class AddedBlocks:
         others = order + size + 1
         lists = [model.array(each, wp.int32) for each in (completed, start, others, image[completed])]
         self._complete = model.parallel.record(block_completer(model.scalar), len(completed), lists, [self.blocks])
-        clear, whole = slab_kernels(self.blocks.dtype).clear, self.blocks.reshape((1, -1))
-        self._clear = model.parallel.record(clear, len(self.blocks), [1], [whole])
+        self._clear = model.parallel.clear(self.blocks)
 
     def at(self, displacement: wp.array) -> Callable[[str], Launch]:
         """Records, for a kernel of `TetEnergy.kernels` by its name, that blocks become the sums of its Hessians.

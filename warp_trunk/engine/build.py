@@ -12,7 +12,7 @@ from .energies.by_name import ENERGIES, EnergyName, WeightsName
 from .energies.itmsm import with_alpha
 from .model import Model
 from .ordering import order_corners, order_nodes, order_tets, places
-from .parallel import Parallel
+from .parallel import Parallel, takes_turns
 from .rest_mesh import PRECISIONS, RestMesh
 from .skin import make_skin
 from .tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY, Tissue
@@ -20,6 +20,7 @@ from .topology import square_pattern
 from .trunk_mesh import TrunkMesh
 
 
+@takes_turns
 def build_model(
     trunk: TrunkMesh,
     tissue: Tissue | Sequence[Tissue] | None = None,

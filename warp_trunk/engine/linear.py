@@ -113,29 +113,21 @@ class BlockMatrix:
         diagonal = model.array(np.flatnonzero(pattern.columns == pattern.rows), wp.int32)
         assembly = assembly_of_rows(model, pattern, image)
         self.blocks, add = assembly.blocks, assembly.at(state.displacement)
-        self._add_projected, self._add_true = add("projected_hessian"), add("hessian")
-        self._split_planes = in_sequence()
+        split_planes: list[Launch] = []
         if parallel.is_cuda:  # its product reads each of the nine numbers of the blocks in a plane of its own
             split, size = cuda_product_kernels(model.scalar).split_planes, len(pattern.columns)
             self._planes = model.zeros(model.scalar, PLANES, size)
-            self._split_planes = parallel.record(split, size, [self.blocks], [self._planes])
+            split_planes = [parallel.record(split, size, [self.blocks], [self._planes])]
         self.inverse_diagonal = model.zeros(self.blocks.dtype, model.free_nodes)
-        self._invert_diagonal = model.over_free(
+        invert_diagonal = model.over_free(
             diagonal_inverter(model.scalar),
             [diagonal, self.blocks, model.scalar(1.0)],
             [self.inverse_diagonal],
         )
-
-    def assemble_projected(self) -> None:
+        self.assemble_projected: Launch = in_sequence(add("projected_hessian"), *split_planes, invert_diagonal)
         """Sets the matrix to the Hessian at the state as it is now, projected to a positive semidefinite one."""
-        self._add_projected()
-        self._split_planes()
-        self._invert_diagonal()
-
-    def assemble_true(self) -> None:
+        self.assemble_true: Launch = in_sequence(add("hessian"), *split_planes)
         """Sets the matrix to the true Hessian, which may be indefinite; `inverse_diagonal` stays positive."""
-        self._add_true()
-        self._split_planes()
 
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""
@@ -233,11 +225,12 @@ class ConjugateGradient:
         self._reset = parallel.record(
             kernels.reset, size, [], [*flat, iteration, outcome, running], least=size + 1
         )
-        self._run = parallel.capture(
-            in_sequence(
-                self._begin, lambda: wp.capture_while(running, self._advance_window), self._outcome.send
-            )  # the device decides when the loop ends
+        self._begin = in_sequence(self._reset, self._start, self._precondition)  # d = 0, r = -g, z = M^-1 r
+        # WINDOW iterations and a test of how far they moved the solution; the device decides when the loop ends
+        windows = parallel.repeat(
+            running, in_sequence(self._iterate_window, self._measure, self._test_convergence)
         )
+        self._run = parallel.graph(self._begin, windows, self._outcome.send)
 
     def solve(
         self, absolute: float, relative: float, least_iterations: float = 0.0, most_length: float = math.inf
@@ -258,6 +251,7 @@ class ConjugateGradient:
         """Begins what `solve` does; `read` waits for its end."""
         limits = (absolute, relative, least_iterations, most_length)
         if limits != self._set_limits:
+            self._set_limits = ()  # where it is interrupted here, they are not known
             self._limits.assign(np.array(limits))
             self._set_limits = limits
         self._run()
@@ -279,18 +273,6 @@ class ConjugateGradient:
         self._begin()
         self._products.send()
         return max(0.0, float(self._products.read()[0].sum())) ** 0.5
-
-    def _begin(self) -> None:
-        """d = 0, r = -g, z = M^-1 r."""
-        self._reset()
-        self._start()
-        self._precondition()
-
-    def _advance_window(self) -> None:
-        """WINDOW iterations and a test of how far they moved the solution."""
-        self._iterate_window()
-        self._measure()
-        self._test_convergence()
 
 
 def _iterations_on_cuda(

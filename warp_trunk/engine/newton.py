@@ -22,7 +22,7 @@ from .line_search import Proposal, Trial, search
 from .linear import BlockMatrix, ConjugateGradient, LinearSolution
 from .model import Model
 from .multigrid import Multigrid
-from .parallel import Launch, Readback
+from .parallel import Launch, Readback, takes_turns
 from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
 from .state import ProductReader, Products, State, longest
 
@@ -36,6 +36,10 @@ class Relaxer:
     state: State
     """The configuration that holds: set it, relax it, read it. Its arrays stay the same."""
 
+    user: object | None = None
+    """The simulation that it relaxes for: the last that began."""
+
+    @takes_turns
     def __init__(self, model: Model, options: RelaxOptions | None = None) -> None:
         """Builds matrix, preconditioner and solvers; the trunk is at rest, or where it was scanned."""
         self.model = model
@@ -66,6 +70,7 @@ class Relaxer:
             graph(self._products.launch, whole_step, self._trial.evaluate, self._trial_products.launch)
         )
 
+    @takes_turns
     def assemble_true(self, displacement: wp.array) -> tuple[BlockMatrix, Multigrid]:
         """The true Hessian at a displacement from rest, and a preconditioner of it, until the next relaxation.
 
@@ -74,6 +79,7 @@ class Relaxer:
         self.state.displacement.assign(displacement)
         return self._newton.assemble_true()
 
+    @takes_turns
     def relax(
         self,
         tolerance: float | None = None,

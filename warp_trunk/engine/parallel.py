@@ -1,10 +1,11 @@
-"""One kernel launch over all CPU cores, or one on CUDA.
+"""Launches of kernels over all CPU cores, or on CUDA.
 
-Warp runs a CPU launch serially on the calling thread but lets go of the interpreter lock, so a range
-split over threads runs at the same time. A kernel of the hot path therefore begins with the arguments
-`first, end, slab`: it works on [first, end) and adds only into its own slab of an accumulator, which
-keeps results free of races and, on the CPU, equal to the last bit from run to run. Our own, as Warp has no
-launch over several CPU threads: two of them took 9.9 ms where its launch took 19.2.
+Warp runs a CPU launch on the calling thread alone. Here the range of a launch is split over threads, and launches
+that follow each other are one program, which a team of threads runs in one call of machine code (see the kernels
+of `synchronization`): the threads are woken once instead of for each launch, and Ctrl-C comes before or after a
+program, never in between. A kernel of the hot path begins with the arguments `first, end, slab`: it works on
+[first, end) and adds only into its own slab of an accumulator, which keeps results free of races and, on the CPU,
+equal to the last bit from run to run.
 """
 
 from __future__ import annotations
@@ -15,22 +16,50 @@ import os
 import threading
 import weakref
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial, wraps
 from itertools import pairwise
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
-from warp_trunk.kernels.synchronization import BARRIER_SIZE, barrier_kernel, copy_to_host_kernel
+from warp_trunk.kernels.synchronization import (
+    BOARD_SIZE,
+    call_kernel,
+    clear_kernel,
+    copy_kernel,
+    copy_to_host_kernel,
+    serve_kernel,
+)
+
+from .cores import usable_cores
 
 Launch = Callable[[], None]
 """A recorded launch, to call many times."""
 LEAST_SPLIT = 4096
-"""Fewer items than this are run by the calling thread alone: waking another takes longer."""
+"""Fewer items than this are run by the calling thread alone: to wait for another takes longer."""
 CUDA_BLOCK = 256
 """Threads of most CUDA blocks; launches are padded to whole blocks because sums are reduced per block."""
+ENGINE = threading.RLock()
+"""Held while a model or relaxer is made and while one relaxes: the threads of a process take turns, because Warp
+captures for CUDA whatever another thread launches meanwhile, and compiles a kernel for one thread at a time."""
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def takes_turns(function: Callable[P, R]) -> Callable[P, R]:
+    """The function for one thread of the process at a time; see `ENGINE`."""
+
+    @wraps(function)
+    def alone(*arguments: P.args, **named: P.kwargs) -> R:
+        with ENGINE:
+            return function(*arguments, **named)
+
+    return alone
 
 
 def choose_device(name: str) -> str:
@@ -52,7 +81,7 @@ def choose_threads(threads: int) -> int:
     """The asked number of CPU threads, or for 0 the number of cores this process may use."""
     if not 0 <= threads <= MOST_THREADS:
         raise InputError(f"threads: must be 0 (all cores) to {MOST_THREADS}, not {threads}")
-    return threads or len(os.sched_getaffinity(0))
+    return threads or usable_cores()
 
 
 class Parallel:
@@ -66,12 +95,7 @@ class Parallel:
         self.least_split = least_split
         self.is_cuda = self.device.startswith("cuda")
         self.ranges = 1 if self.is_cuda else choose_threads(threads)
-        self._captured: int | None = None
-        """The range whose launches are captured at the moment, if any are."""
-        self._splits = self._seen_split = False
-        """Whether the ranges that are captured wait for each other, and whether a launch is seen that splits."""
-        self._barrier: Launch | None = None
-        self._workers = [_Worker() for _ in range(self.ranges - 1)]
+        self._team = _Team(self.ranges)
 
     def split(self, size: int) -> np.ndarray:
         """Bounds of equal ranges of [0, size), shape (ranges + 1,)."""
@@ -97,120 +121,78 @@ class Parallel:
         bounds = self.split(size) if isinstance(size, int) else size
         if bounds[-1] < (self.least_split if least is None else least):
             bounds = bounds[[0, -1]]
-        commands = []
-        for slab, (first, end) in enumerate(pairwise(bounds)):
-            count = int(end - first)
-            if count == 0:
-                continue
-            if loops:
-                count = 1
-            elif self.is_cuda:
-                count = -(-count // block) * block
-            commands.append(
-                wp.launch(
-                    kernel,
-                    dim=count,
-                    inputs=[int(first), int(end), slab, *inputs],
-                    outputs=list(outputs),
-                    device=self.device,
-                    block_dim=block,
-                    record_cmd=True,
-                )
-            )
-        if not commands:
-            return lambda: None
-        return self._over_ranges([command.launch for command in commands])
+        commands: list[Any] = []
+        for slab, (first, end) in enumerate(pairwise(bounds.tolist())):
+            dim = 1 if loops else -(-(end - first) // block) * block if self.is_cuda else end - first
+            given = [first, end, slab, *inputs]
+            commands.append(self._command(kernel, dim, given, outputs, block) if first < end else None)
+        return self._launch(commands)
 
-    def _over_ranges(self, parts: Sequence[Launch]) -> Launch:
-        """A launch of a part for each range; while a range is captured, of its part alone."""
+    def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+        """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
+        return self._launch([self._command(kernel, size, inputs, outputs)])
+
+    def _command(
+        self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any], block: int = CUDA_BLOCK
+    ) -> Any:
+        """A launch that Warp has recorded."""
+        return wp.launch(
+            kernel,
+            dim=size,
+            inputs=list(inputs),
+            outputs=list(outputs),
+            device=self.device,
+            block_dim=block,
+            record_cmd=True,
+        )
+
+    def _launch(self, commands: Sequence[Any]) -> Launch:
+        """Commands of the ranges as one launch."""
         if self.is_cuda:
-            return parts[0]
-        own, *others = parts
-        pairs = list(zip(self._workers, others, strict=False))
+            return commands[0].launch if commands and commands[0] is not None else lambda: None
+        return _Recorded(self._team, [_Step(tuple(commands))] if any(commands) else [])
 
-        def launch() -> None:
-            if self._captured is not None:
-                self._capture_part(parts)
-                return
-            for worker, part in pairs:
-                worker.begin(part)
-            own()
-            for worker, _ in pairs:
-                worker.finish()
+    def clear(self, array: wp.array) -> Launch:
+        """A launch that sets an array to zero; on the CPU all threads do."""
+        if self.is_cuda:
+            return array.zero_
+        return self.record(clear_kernel, array.size * _size_of(array), [], [_bytes(array)], loops=True)
 
-        return launch
+    def copy(self, to: wp.array, source: wp.array) -> Launch:
+        """A launch that copies an array to one of its shape; on the CPU all threads do."""
+        if self.is_cuda:
+            return partial(wp.copy, to, source)
+        given = [_bytes(source)]
+        return self.record(copy_kernel, source.size * _size_of(source), given, [_bytes(to)], loops=True)
 
-    def _capture_part(self, parts: Sequence[Launch]) -> None:
-        """Captures the part of the range that is captured."""
-        assert self._captured is not None
-        if self._captured < len(parts):
-            parts[self._captured]()
-        if self._splits:
-            assert self._barrier is not None
-            self._barrier()
-        self._seen_split = self._seen_split or len(parts) > 1
+    def repeat(self, running: wp.array, work: Launch) -> Launch:
+        """A launch of recorded work, once and again as long as the first number of `running` is not 0 after it.
 
-    def once(self, action: Launch) -> Launch:
-        """Work of one thread for all, such as clearing an array, as a launch that can be captured."""
-        return self._over_ranges([action])
-
-    def capture(self, work: Launch) -> Launch:
-        """All that `work` launches as one launch, which the host takes no part in.
-
-        On the CPU every thread runs its part of one launch after the other, and the threads wait for each other
-        where that ends, which takes less than to start and end them each time. `work` launches what was recorded
-        here, nothing else: what does not split is done by each thread.
+        On CUDA it is not launched at all where that is 0 before it.
         """
-        if self._barrier is None:  # recorded first: a launch that is recorded while capturing would be captured
-            self._barrier = self._record_barrier()
-        with _CAPTURING:
-            self._splits, self._seen_split = self.ranges > 1, False
-            graphs = [self._capture_range(work, None if self.is_cuda else 0)]
-            if self._seen_split:
-                graphs += [self._capture_range(work, slab) for slab in range(1, self.ranges)]
-            elif self._splits:  # without effect: one thread does all, and waits for none
-                self._splits = False
-                graphs = [self._capture_range(work, 0)]
-        return self._over_ranges([partial(_replay, graph, work) for graph in graphs])
+        if self.is_cuda:
+            return lambda: wp.capture_while(running, work)
+        assert isinstance(work, _Recorded)
+        *steps, last = work.steps
+        return _Recorded(self._team, [*steps, _Step(last.commands, running, len(steps))])
 
     def graph(self, *launches: Launch) -> Launch:
         """Several launches as one: on CUDA a graph, which the host launches in the time of one kernel."""
         work = in_sequence(*launches)
-        return self.capture(work) if self.is_cuda else work
-
-    def _capture_range(self, work: Launch, slab: int | None) -> Any:
-        """The work of one range; the ranges wait for each other where a launch splits."""
-        self._captured = slab
-        wp.capture_begin(self.device)
-        try:
-            work()
-        finally:
-            self._captured = None
-            graph = wp.capture_end(self.device)
-        return graph
-
-    def _record_barrier(self) -> Launch:
-        """A launch that waits, in a captured range, for the other ranges."""
-        if self.ranges == 1:
-            return lambda: None
-        barrier = wp.zeros(BARRIER_SIZE, dtype=wp.int32, device=self.device)
-        give_way = ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value
-        return self._one_command(barrier_kernel, 1, [barrier, self.ranges, give_way], [])
+        if not self.is_cuda:
+            return work
+        with ENGINE:
+            wp.capture_begin(self.device)
+            try:
+                work()
+            finally:
+                graph = wp.capture_end(self.device)
+        return partial(_replay, graph, work)
 
     def wait(self) -> None:
         """Waits until all that this thread has launched is done."""
         if self.is_cuda:
             wp.synchronize_stream(self.device)
-
-    def record_undivided(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        """A launch of `kernel(*inputs, *outputs)` that is not split: the few items are not worth a thread."""
-        return self.once(self._one_command(kernel, size, inputs, outputs))
-
-    def _one_command(self, kernel: Any, size: int, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-        command = wp.launch(
-            kernel, dim=size, inputs=list(inputs), outputs=list(outputs), device=self.device, record_cmd=True
-        )
-        return command.launch  # pyright: ignore[reportOptionalMemberAccess]  (recorded launches are returned)
 
 
 def _replay(graph: wp.Graph, held: Launch) -> None:
@@ -218,18 +200,172 @@ def _replay(graph: wp.Graph, held: Launch) -> None:
     wp.capture_launch(graph)
 
 
-_CAPTURING = threading.Lock()
-"""Warp captures for one thread of the process at a time."""
-
-
 def in_sequence(*launches: Launch) -> Launch:
-    """Several launches as one, in their order."""
+    """Several launches as one, in their order; those recorded for the CPU are one program."""
+    joined: list[Launch] = []
+    for each in launches:
+        last = joined[-1] if joined else None
+        if isinstance(each, _Recorded) and isinstance(last, _Recorded) and each.team is last.team:
+            joined[-1] = _Recorded(each.team, [*last.steps, *each.steps])
+        else:
+            joined.append(each)
+    if len(joined) == 1:
+        return joined[0]
 
     def launch() -> None:
-        for each in launches:
+        for each in joined:
             each()
 
     return launch
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A launch that is part of a program."""
+
+    commands: tuple[Any, ...]
+    """The launch of each range that Warp has recorded, or None; those at the end may be left out."""
+    running: wp.array | None = None
+    """Where its first number is not 0 after the step, the program goes back."""
+    back: int = 0
+    """By so many steps."""
+
+    @property
+    def split(self) -> bool:
+        """Whether another range than the first has a part in it."""
+        return any(self.commands[1:])
+
+
+class _Recorded:
+    """Steps on the CPU, as a launch; they become a program when they are first launched."""
+
+    def __init__(self, team: _Team, steps: Sequence[_Step]) -> None:
+        self.team, self.steps = team, steps
+        self._call: Launch | None = None
+
+    def __call__(self) -> None:
+        """Runs the steps."""
+        if not self.steps:
+            return
+        if self._call is None:
+            self._call = self.team.program(self.steps)
+        self._call()
+
+
+class _Team:
+    """The CPU threads that run the ranges of a program; they are started when one is split."""
+
+    def __init__(self, ranges: int) -> None:
+        self.ranges = ranges
+        self._lock = threading.Lock()
+        self._board: wp.array | None = None
+        self._process = 0
+        """The process whose threads they are, 0 for none."""
+
+    def program(self, steps: Sequence[_Step]) -> Launch:
+        """The steps as a launch: one call of machine code, which Ctrl-C or another thread cannot come between."""
+        split = any(step.split for step in steps)
+        threads = self.ranges if split else 1
+        table = np.zeros((len(steps), 3 + 3 * threads), dtype=np.int64)
+        held: list[Any] = [table, steps]
+        for number, step in enumerate(steps):
+            # not after the last step, as the caller waits for all, nor between two that are the first range's
+            following = steps[number + 1 : number + 2]
+            apart = bool(following) and not step.split and not following[0].split
+            table[number, 0] = split and (step.running is not None or (bool(following) and not apart))
+            if step.running is not None:
+                table[number, 1:3] = np.array([step.running.ptr, number - step.back])
+            for slab, command in enumerate(step.commands):
+                if command is not None:
+                    call = _Call(command)
+                    table[number, 3 + 3 * slab : 6 + 3 * slab] = call.addresses
+                    held.append(call)
+        return self._caller(threads, table.ctypes.data, len(steps), held)
+
+    def _caller(self, threads: int, table: int, steps: int, held: Any) -> Launch:
+        """A launch of `call_kernel`."""
+        call = _Call(self._command(call_kernel, [threads, _system_call(), table, steps]))
+
+        def launch(held: Any = held) -> None:
+            if threads == 1:
+                call()
+                return
+            with self._lock:
+                self._start()
+                call()
+
+        return launch
+
+    def _command(self, kernel: Any, arguments: Sequence[Any]) -> Any:
+        if self._board is None:
+            self._board = wp.zeros(BOARD_SIZE, dtype=wp.int64, device="cpu")
+        return wp.launch(kernel, dim=1, inputs=[self._board, *arguments], device="cpu", record_cmd=True)
+
+    def _start(self) -> None:
+        """Starts the threads, once; InputError in a process that was forked from theirs."""
+        if self._process == os.getpid():
+            return
+        if self._process:
+            raise InputError(
+                "threads: this process was forked from one whose threads relax tissue, and has none of them; "
+                "make the model in this process, or start it with the method 'spawn'"
+            )
+        self._process = os.getpid()
+        calls = [
+            _Call(self._command(serve_kernel, [self.ranges, _system_call(), r])) for r in range(1, self.ranges)
+        ]
+        threads = [threading.Thread(target=call, daemon=True) for call in calls]
+        for thread in threads:
+            thread.start()
+        end = _Call(self._command(call_kernel, [self.ranges, _system_call(), 0, -1]))
+        weakref.finalize(self, _end, self._process, end, threads)
+
+
+def _end(process: int, end: Launch, threads: Sequence[threading.Thread]) -> None:
+    """Ends the threads of a team."""
+    if process == os.getpid():
+        end()
+        for thread in threads:
+            thread.join()
+
+
+class _Call:
+    """A call of the machine code of a launch that Warp has recorded, with its bounds and arguments."""
+
+    def __init__(self, command: Any) -> None:
+        bounds, *values = command.params
+        arguments = _arguments_type(*map(type, values))(*values)
+        self._held = command, arguments
+        self._function, self._given = command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments))
+        function = ctypes.cast(self._function, ctypes.c_void_p).value
+        self.addresses = np.array([function, ctypes.addressof(bounds), ctypes.addressof(arguments)])
+
+    def __call__(self) -> None:
+        """Calls it without the interpreter lock."""
+        self._function(*self._given)
+
+
+@cache
+def _arguments_type(*types: Any) -> Any:
+    """The arguments of a kernel as its machine code has them."""
+    fields = [(f"argument{number}", kind) for number, kind in enumerate(types)]
+    return type("Arguments", (ctypes.Structure,), {"_fields_": fields})
+
+
+@cache
+def _system_call() -> int:
+    """The address of the function for calls of the operating system."""
+    address = ctypes.cast(ctypes.CDLL(None).syscall, ctypes.c_void_p).value
+    assert address is not None
+    return address
+
+
+def _size_of(array: wp.array) -> int:
+    return wp.types.type_size_in_bytes(array.dtype)
+
+
+def _bytes(array: wp.array) -> wp.array:
+    return view(array, wp.uint8, array.size * _size_of(array))
 
 
 def view(array: wp.array, dtype: Any, size: int, device: Any = None) -> wp.array:
@@ -267,48 +403,3 @@ class Readback:
         """The values sent last, shape of the array; waits for all that this thread has launched."""
         self._parallel.wait()
         return self._values
-
-
-class _Worker:
-    """A thread that runs one launch at a time, woken by a lock: a third of a thread pool's delay."""
-
-    def __init__(self) -> None:
-        self._work: Callable[[], None] | None = None
-        self._error: BaseException | None = None
-        self._wake, self._done = threading.Lock(), threading.Lock()
-        self._wake.acquire()
-        self._done.acquire()
-        self._thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._wake), daemon=True)
-        self._thread.start()
-        weakref.finalize(self, self._wake.release)
-
-    def begin(self, work: Callable[[], None]) -> None:
-        """Runs `work` on the thread; `finish` waits for it."""
-        self._work = work
-        self._wake.release()
-
-    def finish(self) -> None:
-        """Waits for the work, and raises what it raised."""
-        self._done.acquire()
-        if self._error is not None:
-            error, self._error = self._error, None
-            raise error
-
-    def run(self) -> None:
-        """The work of the thread after it is woken."""
-        try:
-            assert self._work is not None
-            self._work()
-        except BaseException as error:
-            self._error = error
-        self._done.release()
-
-
-def _serve(worker: weakref.ref[_Worker], wake: threading.Lock) -> None:
-    """Runs the work of a worker until the worker is released."""
-    while wake.acquire():
-        alive = worker()
-        if alive is None:
-            return
-        alive.run()
-        del alive

@@ -17,6 +17,7 @@ from warp_trunk.kernels.vectors import vector_kernels
 from .descent import ProjectedGradient
 from .model import Model
 from .newton import Relaxer
+from .parallel import ENGINE
 from .relaxation import Relaxation, RelaxOptions, RelaxStep
 from .state import State, to_mesh_order
 
@@ -114,11 +115,12 @@ def simulate(
     every accepted step of every relaxation, see `Relaxer.relax`. By the method `gradient` each ends STOPPED, where
     the energy no longer falls. `relaxer` is one that an earlier simulation of this model used, for another plan
     for the same patient: its set-up is most of what a simulation costs beside its increments, and changes nothing
-    in them.
+    in them. It serves one simulation at a time: one that is not at its end when another begins to use it cannot go
+    on.
 
     Raises:
-        InputError: the path does not belong to the model's mesh, or `relaxer` is of another model or other
-        options.
+        InputError: the path does not belong to the model's mesh, `relaxer` is of another model or other
+        options, or another simulation has taken it over.
     """
     options = options or SimulationOptions()
     check_path(model, bone_path)
@@ -128,25 +130,32 @@ def simulate(
         raise InputError(
             "relaxer: is of another model or of other options; make one of this model, or leave it out"
         )
+    user = relaxer.user = object()
     predictor = Predictor(relaxer.state, bone_path)
     descent = ProjectedGradient(relaxer) if options.relax.method == "gradient" else None
     for number in range(1, options.increments + 1):
-        start = time.perf_counter()
-        load_factor, final = number / options.increments, number == options.increments
-        predictor.move(load_factor)  # phi_t of eq. 4.5
-        if descent is not None:
-            relaxation = descent.relax(watch)
-        else:
-            relaxation = relaxer.relax(  # phi~ of eq. 4.3
-                options.relax.tolerance * (1.0 if final else ON_THE_WAY),
-                watch,
-                confirm=final,
-                near=number > 1,
-                meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
+        if relaxer.user is not user:
+            raise InputError(
+                "relaxer: another simulation has begun to use it, and moved the tissue; take the increments of "
+                "one simulation to their end first, or make a relaxer for each"
             )
-        predictor.record(relaxation)
-        displacement = wp.clone(relaxer.state.displacement)
-        seconds = time.perf_counter() - start
+        with ENGINE:
+            start = time.perf_counter()
+            load_factor, final = number / options.increments, number == options.increments
+            predictor.move(load_factor)  # phi_t of eq. 4.5
+            if descent is not None:
+                relaxation = descent.relax(watch)
+            else:
+                relaxation = relaxer.relax(  # phi~ of eq. 4.3
+                    options.relax.tolerance * (1.0 if final else ON_THE_WAY),
+                    watch,
+                    confirm=final,
+                    near=number > 1,
+                    meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
+                )
+            predictor.record(relaxation)
+            displacement = wp.clone(relaxer.state.displacement)
+            seconds = time.perf_counter() - start
         yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
 
 

@@ -11,7 +11,7 @@ from warp_trunk.kernels.assembly import BENDING, COLUMNS, INVERTED, NEWLY_INVERT
 from warp_trunk.kernels.vectors import slab_kernels, vector_kernels
 
 from .model import Model
-from .parallel import Readback, in_sequence
+from .parallel import Launch, Readback, in_sequence
 from .relaxation import Energy
 
 
@@ -42,27 +42,24 @@ class State:
         self.inverted = model.zeros(wp.int8, len(model.corners))
         self.sums = model.zeros(wp.float64, ranges, COLUMNS)
         self._host_sums = Readback(model.parallel, self.sums)
-        self._evaluate = in_sequence(
+        parallel = model.parallel
+        gather = [model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])] if ranges > 1 else []
+        self.evaluate: Launch = in_sequence(
+            parallel.clear(self._slabs),
+            parallel.clear(self.sums),
             model.over_tets(
                 model.elements.kernels.gradient,
                 [(start or self).inverted, self.displacement],
                 [self._slabs, self.inverted, self.sums],
             ),
             *model.over_hinges("gradient", [self.displacement], [self._slabs, self.sums]),
+            *gather,
+            self._host_sums.send,
         )
+        """Computes gradient, energies and inverted tetrahedra of the displacement, on the device."""
         self._staged = [
             wp.empty(model.nodes, dtype=model.vec3, device="cpu", pinned=model.parallel.is_cuda) for _ in range(2)
         ]
-        self._gather = model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])
-
-    def evaluate(self) -> None:
-        """Computes gradient, energies and inverted tetrahedra of the displacement, on the device."""
-        self._slabs.zero_()
-        self.sums.zero_()
-        self._evaluate()
-        if self.model.parallel.ranges > 1:
-            self._gather()
-        self._host_sums.send()
 
     def copy_from(self, other: State) -> None:
         """Becomes another state of the same model, with what was evaluated there."""
@@ -153,15 +150,13 @@ class ProductReader:
         model = state.model
         self._products = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
         self._host = Readback(model.parallel, self._products)
-        self._launch = model.over_free(
-            vector_kernels(*model.variant).products, [state.gradient, direction, previous], [self._products]
+        given = [state.gradient, direction, previous]
+        self.launch: Launch = in_sequence(
+            model.parallel.clear(self._products),
+            model.over_free(vector_kernels(*model.variant).products, given, [self._products]),
+            self._host.send,
         )
-
-    def launch(self) -> None:
         """Computes the products of the vectors as they are now, on the device."""
-        self._products.zero_()
-        self._launch()
-        self._host.send()
 
     def read(self) -> Products:
         """The products last launched; waits for the device."""

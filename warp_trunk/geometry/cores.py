@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -10,6 +9,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 import warp as wp
+
+from warp_trunk.engine.cores import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -30,7 +31,7 @@ def launch_over_cores(kernel: Any, size: int, inputs: Sequence[Any], outputs: Se
         one((0, size))
         return
     one((0, 1))  # alone, so that the kernel is compiled once
-    cores = len(os.sched_getaffinity(0))
+    cores = usable_cores()
     with ThreadPoolExecutor(cores) as pool:
         list(pool.map(one, pairwise(np.linspace(1, size, cores + 1).astype(int).tolist())))
 
@@ -38,5 +39,5 @@ def launch_over_cores(kernel: Any, size: int, inputs: Sequence[Any], outputs: Se
 def each_over_cores(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
     """The results of `work` for the items, in their order; most of the work should be kernels or NumPy."""
     yield from map(work, items[:1])  # alone, so that a kernel is compiled once
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         yield from pool.map(work, items[1:])

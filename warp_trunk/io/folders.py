@@ -70,3 +70,9 @@ def locked(folder: Path) -> Iterator[None]:
     finally:
         path.unlink(missing_ok=True)
         lock.release()
+
+
+def seen_from_here(path: Path) -> Path:
+    """A path as it is given from the working folder, if it lies in that; to be shown."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path

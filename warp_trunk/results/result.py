@@ -152,7 +152,7 @@ class Result:
             InputError: the folder cannot be written to, is or lies in a case folder, or another process writes
                 into it.
         """
-        folder = prepare_folder(folder)
+        folder = prepare_folder(Path(folder).absolute())  # stays where it is if the process changes its folder
         if self.saved_in is None or self.saved_in.resolve() != folder.resolve():
             with locked(folder):
                 write_result(folder, self)

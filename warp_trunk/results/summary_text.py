@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.io.folders import seen_from_here
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.rows import level_rows, measure_rows, sided
 from warp_trunk.measures.table import RESEARCH, as_markdown, as_text
@@ -46,7 +47,7 @@ def plain(result: Result, name: str = "") -> str:
         lines += ["", f"{of}Rotation of the back (BSR) at every vertebra, with the side that stands further back"]
         lines.append(_levels(summary, before, result.measures))
     files = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
-    return "\n".join([*lines, "", f"{of}Written to {folder}: {', '.join(files)}", RESEARCH])
+    return "\n".join([*lines, "", f"{of}Written to {seen_from_here(folder)}: {', '.join(files)}", RESEARCH])
 
 
 def spring_lines(springs: SpringSummary) -> list[str]:

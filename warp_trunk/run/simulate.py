@@ -94,7 +94,7 @@ def simulate(
             to or is in use, a patient who is another or was prepared with other options, or a case or option that
             a stage refuses. Everything that can be refused before the first simulation is refused before it.
     """
-    progress, folder = progress or Progress(), None if folder is None else Path(folder)
+    progress, folder = progress or Progress(), None if folder is None else Path(folder).absolute()
     options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
     layered = layers_from(case, options) != "none"
     refuse_unread(given_in(case, options), options, layered=layered)

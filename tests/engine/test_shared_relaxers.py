@@ -1,0 +1,132 @@
+"""Between two uses of a model: Ctrl-C, other simulations, threads and forked processes."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.meshes import block_with_bone, rotate
+from support.models import model_of, split_launches
+from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.errors import InputError
+
+TRUNK = block_with_bone((7, 5, 5), holes=((1, 2, 2), (5, 2, 2)))
+OPTIONS = SimulationOptions(increments=3, relax=RelaxOptions(tolerance=0.01))
+
+
+def turned(degrees: float = 12.0) -> PrescribedMotion:
+    """One of two bones turns."""
+    moved, moving = np.zeros_like(TRUNK.nodes), TRUNK.bone == 1
+    moved[moving] = rotate(TRUNK.nodes[moving], degrees, (1.0, 2.0, 0.5)) - TRUNK.nodes[moving]
+    return PrescribedMotion(moved)
+
+
+def model(threads: int = 2):
+    return model_of(TRUNK, threads=threads, energy="neo-hookean", precision="float32")
+
+
+def outcome(last: Increment) -> tuple[object, ...]:
+    end = last.relaxation
+    return end.status, end.steps, end.linear_iterations, end.estimated_error, last.from_rest.tobytes()
+
+
+def interrupt_often(count: int) -> None:
+    """Interrupts simulations at random times, each followed by a whole one; run in a process of its own."""
+    own = model()
+    relaxer = Relaxer(own, OPTIONS.relax)
+
+    def run() -> tuple[object, ...]:
+        return outcome(list(simulate(own, turned(), OPTIONS, relaxer=relaxer))[-1])
+
+    def ring(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGALRM, ring)
+    wanted = run()
+    begun = time.perf_counter()
+    assert run() == wanted
+    seconds, interrupted = time.perf_counter() - begun, 0
+    for seed in range(count):
+        try:
+            signal.setitimer(signal.ITIMER_REAL, random.Random(seed).uniform(0.001, 0.9) * seconds)
+            run()
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        except KeyboardInterrupt:
+            interrupted += 1
+        assert run() == wanted, seed
+    assert interrupted > count // 3, interrupted
+
+
+def test_an_interrupted_relaxer_is_as_usable_as_new() -> None:
+    """Its threads hung or failed in 22 of 24 cases."""
+    here = Path(__file__)
+    code = f"import sys; sys.path[:0] = [{str(here.parent)!r}, {str(here.parents[1])!r}]\n"
+    code += f"import {here.stem}; {here.stem}.interrupt_often(60)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+
+
+def test_refuses_a_relaxer_that_another_simulation_has_taken_over() -> None:
+    own = model()
+    relaxer = Relaxer(own, OPTIONS.relax)
+    first = simulate(own, turned(), OPTIONS, relaxer=relaxer)
+    next(first)
+    second = list(simulate(own, turned(-12.0), OPTIONS, relaxer=relaxer))
+    with pytest.raises(InputError, match="another simulation"):
+        next(first)
+    assert outcome(second[-1]) == outcome(list(simulate(own, turned(-12.0), OPTIONS))[-1])
+
+
+def test_threads_of_one_process_take_turns() -> None:
+    """Each with a model of its own. What one launched was captured for another, and the process crashed."""
+    turns = (6.0, 9.0, 12.0)
+    wanted = [outcome(list(simulate(model(), turned(degrees), OPTIONS))[-1]) for degrees in turns]
+    found: list[tuple[int, tuple[object, ...]]] = []
+
+    def work(first: int) -> None:
+        for number in itertools.islice(itertools.cycle(range(len(turns))), first, first + 4):
+            found.append((number, outcome(list(simulate(model(), turned(turns[number]), OPTIONS))[-1])))
+
+    threads = [threading.Thread(target=work, args=(first,)) for first in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 16
+    assert all(each == wanted[number] for number, each in found)
+
+
+def test_refuses_in_a_forked_process() -> None:
+    """It has none of the threads; it hung."""
+    own = model()
+    relaxer = Relaxer(own, OPTIONS.relax)
+    list(simulate(own, turned(), OPTIONS, relaxer=relaxer))
+    if (child := os.fork()) == 0:
+        signal.alarm(20)
+        try:
+            list(simulate(own, turned(), OPTIONS, relaxer=relaxer))
+        except InputError as error:
+            os._exit(0 if "forked" in str(error) else 1)
+        os._exit(2)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_a_model_without_threads_serves_a_forked_process() -> None:
+    own = model_of(TRUNK, energy="neo-hookean", device=split_launches(1))
+    wanted = outcome(list(simulate(own, turned(), OPTIONS))[-1])
+    if (child := os.fork()) == 0:
+        signal.alarm(60)
+        os._exit(outcome(list(simulate(own, turned(), OPTIONS))[-1]) != wanted)
+    assert os.waitpid(child, 0)[1] == 0
