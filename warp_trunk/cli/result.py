@@ -12,6 +12,7 @@ from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.exchange import ENDINGS, write_volume
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.result_files import TRUNK
+from warp_trunk.io.surface_files.morph import morph_glb
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.recording import view, view_in_browser
 from warp_trunk.results import read_result, read_summary
@@ -61,24 +62,38 @@ class Report:
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """Write the mesh of a result, with the motion of its bones, for another solver or viewer."""
+    """Write the mesh of a result, with the motion of its bones, for another solver, or its skin for a viewer."""
 
     result: Positional[Path]
     """Result folder."""
-    out: Path
-    """File to write; its ending chooses the format: .vtu .vtk .xdmf .msh, .inp (Abaqus, CalculiX), .feb
-    (FEBio)."""
+    out: Path | None = None
+    """File to write; its ending chooses the format: .vtu .vtk .xdmf .msh, .inp (Abaqus, CalculiX), .feb (FEBio),
+    or .glb (the skin, see --glb)."""
+    glb: bool = False
+    """Write the skin as glTF, with the surgery as a morph target and its animation; by default to skin.glb in the
+    result folder."""
 
     def run(self, arguments: list[str]) -> int:
         """Writes the file."""
-        if self.out.suffix.lower() not in ENDINGS:
-            what = f"a mesh cannot be written as '{self.out.suffix}'"
-            raise InputError(f"--out: {what}; end the name in one of {', '.join(ENDINGS)}")
-        refuse_case(self.out)
-        check_place(self.out)
+        out = self.out or (self.result / "skin.glb" if self.glb else None)
+        if out is None:
+            raise InputError("export: give --out FILE, or --glb for the skin")
+        ending = out.suffix.lower()
+        if ending not in (*ENDINGS, ".glb") or (self.glb and ending != ".glb"):
+            what = f"{'a skin' if self.glb else 'a mesh'} cannot be written as '{out.suffix}'"
+            raise InputError(f"--out: {what}; end the name in one of {'.glb' if self.glb else ', '.join(ENDINGS)}")
+        refuse_case(out)
+        check_place(out)
+        if ending == ".glb":
+            result = read_result(self.result)
+            content = morph_glb(result.skin_before, result.skin, (result.summary.case, "predicted"))
+            with atomic_write(out) as unfinished:
+                unfinished.write_bytes(content)
+            print(f"{len(result.skin.vertices)} vertices before surgery and predicted: {out}")
+            return OK
         tissues = read_summary(self.result).tissues
         trunk, displacement = read_trunk(self.result / TRUNK)
-        with atomic_write(self.out) as unfinished:
+        with atomic_write(out) as unfinished:
             write_volume(unfinished, trunk, displacement, tissues[0] if len(tissues) == 1 else Tissue())
-        print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {self.out}")
+        print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {out}")
         return OK

@@ -1,0 +1,71 @@
+"""A skin that changes into another one: glTF with a morph target and its animation, written by trimesh."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from warp_trunk.geometry.normals import vertex_normals
+from warp_trunk.geometry.surface import Surface
+
+SECONDS = 3.0
+"""Duration of the animation [s]."""
+_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""From +x left, +y back, +z up to +x left, +y up, +z front, as glTF has it."""
+_CLAY = [0.89, 0.80, 0.74, 1.0]
+_FLOAT, _WEIGHTS = 5126, "weights"
+
+
+def morph_glb(before: Surface, after: Surface, names: tuple[str, str], colours: np.ndarray | None = None) -> bytes:
+    """A GLB file in metres: a surface, its change into another one as a morph target, and that as an animation.
+
+    Args:
+        before: at weight 0 [mm], LPS.
+        after: at weight 1, same triangles [mm].
+        names: of the mesh and of the morph target.
+        colours: of each vertex, 0 to 1, shape (vertices, 3).
+    """
+    import trimesh
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.visual.material import PBRMaterial
+
+    places, normals = (
+        [of @ _AXES.T for of in pair]
+        for pair in (
+            (before.vertices / 1000.0, after.vertices / 1000.0),
+            (vertex_normals(before), vertex_normals(after)),
+        )
+    )
+    mesh = trimesh.Trimesh(places[0], before.faces, vertex_normals=normals[0], process=False)
+    material = PBRMaterial(name="skin", baseColorFactor=_CLAY, metallicFactor=0.0, roughnessFactor=0.8)
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    if colours is not None:
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.round(255.0 * colours).astype(np.uint8))
+
+    def with_target(buffers: dict[str, bytes], tree: dict[str, Any]) -> None:
+        def add(name: str, data: np.ndarray, kind: str) -> int:
+            data = np.ascontiguousarray(data, dtype="<f4").reshape(len(data), -1)
+            ends = {"min": data.min(axis=0).tolist(), "max": data.max(axis=0).tolist()}
+            buffers[name] = data.tobytes()
+            tree["accessors"][name] = {
+                "bufferView": len(buffers) - 1, "componentType": _FLOAT, "count": len(data), "type": kind, **ends,
+            }  # fmt: skip
+            return len(tree["accessors"]) - 1
+
+        shape = tree["meshes"][0]
+        shape["primitives"][0]["targets"] = [
+            {
+                "POSITION": add("target", places[1].astype("f4") - places[0].astype("f4"), "VEC3"),
+                "NORMAL": add("target normals", normals[1] - normals[0], "VEC3"),
+            }
+        ]
+        shape |= {_WEIGHTS: [0.0], "extras": {"targetNames": [names[1]]}}
+        node = next(number for number, one in enumerate(tree["nodes"]) if "mesh" in one)
+        ends = np.array([0.0, 1.0])
+        sampler = {"input": add("times", SECONDS * ends, "SCALAR"), "output": add(_WEIGHTS, ends, "SCALAR")}
+        channel = {"sampler": 0, "target": {"node": node, "path": _WEIGHTS}}
+        tree["animations"] = [{"name": names[1], "samplers": [sampler], "channels": [channel]}]
+
+    scene = trimesh.Scene({names[0]: mesh})
+    return export_glb(scene, include_normals=True, buffer_postprocessor=with_target)
