@@ -78,7 +78,8 @@ def test_what_is_not_finite_or_missing_is_null_in_json(simulated, tmp_path):
 def test_only_whole_files_are_left_and_an_old_recording_is_not(simulated, tmp_path):
     (tmp_path / "recording.rrd").write_bytes(b"of another simulation")
     (tmp_path / "actual_skin.ply").write_bytes(b"of another patient")
-    result_of(*simulated, plan='uiv = "T4"\n').save(tmp_path)
+    case, *others = simulated
+    result_of(replace(case, plan='uiv = "T4"\n'), *others).save(tmp_path)
     assert read_result(tmp_path).plan == 'uiv = "T4"\n'
     result_of(*simulated).save(tmp_path)
     assert read_result(tmp_path).plan is None

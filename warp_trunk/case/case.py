@@ -43,6 +43,8 @@ class Case:
     """Points on the bones before surgery; `NO_LANDMARKS` for a case without a spine."""
     landmarks_after: Landmarks | None = None
     """The same points after surgery, same names in the same order; None if nothing is planned yet."""
+    plan: str | None = None
+    """The text of the plan.toml that made the landmarks after surgery; None where none did."""
     actual_skin: Surface | None = None
     """The skin after surgery if known; its triangles may differ from those of `skin`."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)

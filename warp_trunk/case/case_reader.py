@@ -9,7 +9,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
-from warp_trunk.io.file_access import check_within
+from warp_trunk.io.file_access import check_within, read_text
+from warp_trunk.io.result_files import MOST_PLAN, PLAN
 from warp_trunk.io.surface_files import surface_files
 
 from .axes import MILLIMETRES
@@ -42,8 +43,8 @@ def read_checked_case(
 
     The folder holds `case.toml` (see `CaseHeader`; every key is optional), `skin.ply`, `bones/*.ply`,
     `landmarks_before.csv` and optionally `landmarks_after.csv`, `landmarks_bending_left.csv`,
-    `landmarks_bending_right.csv`, `actual_skin.ply`, `bones_after/*.ply`, `motions.toml` (`read_motions`) and
-    `points.csv` (`read_points`).
+    `landmarks_bending_right.csv`, `actual_skin.ply`, `bones_after/*.ply`, `motions.toml` (`read_motions`),
+    `points.csv` (`read_points`) and the `plan.toml` that made the landmarks after surgery.
     With motions, or all bones after surgery, it needs no landmarks.
     Surfaces may be in any format of `read_surface`, landmarks also in those of 3D Slicer. A bone has the name of
     its file. No file outside the folder is read, even if case.toml names it or a link leads to it.
@@ -83,6 +84,7 @@ def read_checked_case(
         bones={name: files.surface(name, path) for name, path in bones.items()},
         landmarks_before=before,
         landmarks_after=after,
+        plan=files.plan() if after is not None and motions is None else None,
         actual_skin=None if actual is None else files.surface("actual_skin", actual),
         tissue=header.tissue,
         posture=header.posture,
@@ -155,6 +157,10 @@ class _Files:
         if not found:
             raise InputError(f"{path}: names no bone; add a table for each bone that moves, or remove the file")
         return found
+
+    def plan(self) -> str | None:
+        path = self.folder / PLAN
+        return read_text(path, "the plan of a case", MOST_PLAN) if self.there("plan", path) else None
 
     def followed(self) -> Points:
         path = self.folder / POINTS

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, read_plan
-from warp_trunk.bone_motion.plan.plan_file import PLAN, write_planned_case
+from warp_trunk.bone_motion.plan.plan_file import write_planned_case
 from warp_trunk.case import Case
 from warp_trunk.case.case_writer import HEADER
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.io.result_files import PLAN
 
 from .session import PlanView
 from .sliders import MotionPlan

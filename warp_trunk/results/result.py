@@ -27,6 +27,7 @@ from warp_trunk.io.result_files import (
     LANDMARKS_AFTER,
     LANDMARKS_BEFORE,
     MEASURES,
+    MOST_PLAN,
     PAGE,
     PICTURES,
     PLAN,
@@ -50,8 +51,6 @@ if TYPE_CHECKING:
 LEAST_SPACE = 200e6
 """Free space that a result folder needs [bytes]; the largest results seen take a third of it."""
 AGAIN = "simulate the case again"
-_MOST_PLAN = 1_000_000
-"""No plan is longer than this [bytes]."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -281,7 +280,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_after=reached,
         summary=summary,
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
-        plan=read_text(plans[0], "the plan of a result", _MOST_PLAN) if plans else None,
+        plan=read_text(plans[0], "the plan of a result", MOST_PLAN) if plans else None,
         saved_in=folder,
         recording=recording if recording.is_file() else None,
     )

@@ -63,7 +63,6 @@ def result_of(
     warnings: Sequence[str] = (),
     found: FoundBands | None = None,
     recording: Path | None = None,
-    plan: str | None = None,
 ) -> Result:
     """The result of a simulation that was run increment by increment.
 
@@ -79,7 +78,6 @@ def result_of(
         warnings: what makes the result doubtful; faults of the predicted skin are added.
         found: the bands of the numbers and of the skin, where they are known.
         recording: a finished recording.
-        plan: the text of the plan that made the case, where one did.
 
     Raises:
         InputError: there is no increment.
@@ -133,7 +131,7 @@ def result_of(
         landmarks_after=planned,
         summary=as_read(summary),
         skin_sd=None if found is None else found.skin_sd,
-        plan=plan,
+        plan=case.plan,
         recording=recording,
     )
     result.measures_before, result.measures, result.tissue = before, after, (trunk, displacement)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 import warp as wp
 
 from warp_trunk.bone_motion.articulation import unknown_bones
-from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner, plan_text
+from warp_trunk.bone_motion.plan import Plan, PlannedSurgery, Planner
 from warp_trunk.bone_motion.plan.plan_file import planned_case
 from warp_trunk.bone_motion.prescribed_motion import colliding_bones, folded_tissue
 from warp_trunk.bone_motion.vertebra_smoothing import smoothing_warnings
@@ -157,7 +157,7 @@ def _planned(
     for warning in surgery.warnings:
         progress.message(f"warning: {warning}")
     planned = planned_case(case, surgery, name)
-    return _Simulation(planned, options, progress, patient, checked, plan_text(surgery.plan))
+    return _Simulation(planned, options, progress, patient, checked)
 
 
 @dataclass
@@ -170,7 +170,6 @@ class _Simulation:
     patient: Patient | None
     warnings: Sequence[str] | None
     """The findings of the check of the case; None before it is checked."""
-    plan: str | None = None
 
     def result(self, folder: Path | None) -> Result:
         """The result, in its folder or without one."""
@@ -284,7 +283,6 @@ class _Simulation:
             warnings=warnings,
             found=found,
             recording=None if recording is None or recording.failed else recording.path,
-            plan=self.plan,
         )
 
 

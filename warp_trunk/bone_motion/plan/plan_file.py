@@ -17,6 +17,7 @@ from warp_trunk.case.keys import refuse_unknown
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import number, read_text
+from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
 from .record import CurvePlan, Plan
 from .surgery import surgery_record
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
     from warp_trunk.case import Case
 
     from .surgery import PlannedSurgery
-
-_MOST = 1_000_000
-"""No plan.toml is longer than this [bytes]."""
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -41,8 +39,13 @@ def read_plan(path: str | Path) -> Plan:
         InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of the
             wrong type or one that is not allowed.
     """
-    path = Path(path)
-    text = read_text(path, "a plan is given as TOML; see docs/planning.md", _MOST)
+    return plan_of_text(
+        read_text(Path(path), "a plan is given as TOML; see docs/planning.md", MOST_PLAN), Path(path)
+    )
+
+
+def plan_of_text(text: str, path: Path) -> Plan:
+    """The plan of a text in TOML; errors name the path, see `read_plan`."""
     try:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -115,8 +118,8 @@ def write_plan(path: str | Path, plan: Plan) -> None:
         unfinished.write_text(plan_text(plan), encoding="utf-8")
 
 
-PLAN, RECORD = "plan.toml", "plan.json"
-"""Files of a planned case beside those of a case."""
+RECORD = "plan.json"
+"""File of a planned case beside those of a case and its plan."""
 _CORRECTION = re.compile(r"(, [\d.]+ % corrected)?(, plan .*)?$")
 """The correction in the name of a case that a plan replaces: one of `make-case`, or a plan's."""
 
@@ -153,7 +156,7 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
 def planned_case(case: Case, surgery: PlannedSurgery, name: str) -> Case:
     """The case after a surgery, named after the patient and the plan, so that plans for one patient differ."""
     patient = _CORRECTION.sub("", case.name)
-    return replace(surgery.planned_case(case), name=f"{patient}, plan {name}")
+    return replace(surgery.planned_case(case), name=f"{patient}, plan {name}", plan=plan_text(surgery.plan))
 
 
 def check_planned_folder(folder: Path, case: Path | None = None) -> None:
