@@ -130,7 +130,7 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
     patient = ready(case, options.either(COARSE.tets, 145_000), increments=2)
     prepared = prepare_plan(patient, case)
     last = relaxed(patient, case)
-    bands = find_bands(case, prepared, last, patient.options).bands.bsr_deg
+    bands = find_bands(case, prepared, last, patient.options).table.column("predicted", "bsr_deg")
     random, draws = np.random.default_rng(1), options.either(12, 60)
     values: dict[str, list[float]] = {level: [] for level in bands}
     for _ in range(draws):
@@ -141,7 +141,7 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
             if level in values and angle is not None:
                 values[level].append(angle)
     ratios = {level: bands[level].sd / np.std(found, ddof=1) for level, found in values.items()}
-    inside = [bands[level].low <= one <= bands[level].high for level, found in values.items() for one in found]
+    inside = [bool(bands[level].holds(one)) for level, found in values.items() for one in found]
     yield "## 95 % intervals\n"
     yield (
         f"{draws} whole simulations with random errors of all landmarks (2.1 ± 1.5 mm before and after surgery) "

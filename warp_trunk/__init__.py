@@ -5,7 +5,7 @@
     case = wt.read_case("patient")
     plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65, derotation=0.4)])
     result = wt.simulate(case, plan, bands=True)
-    result.skin, result.measures, result.bands
+    result.skin, result.measures, result.to_rows()
     result.save("results/t4_l1")
     result.report()
 

@@ -3,44 +3,56 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from warp_trunk.cohort.page import worse_parts
-from warp_trunk.cohort.rows import CaseRow, LevelRow, case_error
-from warp_trunk.cohort.summary import summarize_cohort
+from warp_trunk.cohort.rows import CaseRow
+from warp_trunk.cohort.summary import case_errors, errors, summarize_cohort
 from warp_trunk.cohort.tables import write_cohort
+from warp_trunk.measures.quantities import Measured
 
 
 def level(
     name: str, predicted: float, before: float, spline: float, actual: float | None, *, band: bool | None = None
-):
-    return LevelRow(level=name, predicted=predicted, before=before, spline=spline, actual=actual, in_band=band)
+) -> list[Measured]:
+    values = {"before": before, "spline": spline, "actual": actual}
+    rows = [Measured(state, name, "bsr_deg", value) for state, value in values.items()]
+    if band is None:
+        return [*rows, Measured("predicted", name, "bsr_deg", predicted)]
+    low = -99.0 if band else 98.0
+    return [*rows, Measured("predicted", name, "bsr_deg", predicted, low, 99.0)]
+
+
+def case(
+    folder: str, *rows: list[Measured], hump: tuple[float, float, float] | None = None, **known: Any
+) -> CaseRow:
+    states = zip(("before", "predicted", "actual"), hump or (), strict=False)
+    humps = [Measured(state, "", "max_hump_mm", value) for state, value in states]
+    measures = (*humps, *(row for one in rows for row in one))
+    return CaseRow(**{"folder": folder, "status": "CONVERGED", "measures": measures, **known})
 
 
 ROWS = [
-    CaseRow(
-        folder="a", status="CONVERGED", case="first", patient="P1", virtual=True, cobb_deg=50.0, tets=1000,
-        hump_before_mm=20.0, hump_predicted_mm=11.0, hump_actual_mm=10.0,
-        levels=(
-            level("T5", 5.0, 9.0, 8.0, 4.0, band=True),
-            level("T6", 6.0, 12.0, 9.0, 9.0, band=False),
-            level("L2", -2.0, 0.0, -4.0, -1.0),
-            level("L3", -3.0, 0.0, 0.0, None),
-        ),
+    case(
+        "a",
+        level("T5", 5.0, 9.0, 8.0, 4.0, band=True),
+        level("T6", 6.0, 12.0, 9.0, 9.0, band=False),
+        level("L2", -2.0, 0.0, -4.0, -1.0),
+        level("L3", -3.0, 0.0, 0.0, None),
+        hump=(20.0, 11.0, 10.0), case="first", patient="P1", virtual=True, cobb_deg=50.0, tets=1000,
     ),
-    CaseRow(
-        folder="b", status="CONVERGED", case="second", patient="P2", cobb_deg=60.0, tets=1000,
-        hump_before_mm=30.0, hump_predicted_mm=9.0, hump_actual_mm=14.0,
-        levels=(level("T5", 7.0, 14.0, 10.0, 6.0, band=True), level("L2", -8.0, -6.0, -7.0, -5.0, band=True)),
+    case(
+        "b",
+        level("T5", 7.0, 14.0, 10.0, 6.0, band=True),
+        level("L2", -8.0, -6.0, -7.0, -5.0, band=True),
+        hump=(30.0, 9.0, 14.0), case="second", patient="P2", cobb_deg=60.0, tets=1000,
     ),
-    CaseRow(folder="c", status="CONVERGED", patient="P3", levels=(level("T5", 1.0, 2.0, 3.0, None),)),
-    CaseRow(folder="d", status="STALLED", patient="P4", levels=(level("T5", 1.0, 2.0, 3.0, 99.0),)),
+    case("c", level("T5", 1.0, 2.0, 3.0, None), patient="P3"),
+    case("d", level("T5", 1.0, 2.0, 3.0, 99.0), patient="P4", status="STALLED"),
     CaseRow(folder="e", status="FAILED", reason="skin.ply: is <open>, 3 edges"),
-    CaseRow(
-        folder="f", status="CONVERGED", patient="P2", pose="bending",
-        levels=(level("T5", 1.0, 2.0, 3.0, 99.0),),
-    ),
+    case("f", level("T5", 1.0, 2.0, 3.0, 99.0), patient="P2", pose="bending"),
 ]  # fmt: skip
 
 
@@ -54,17 +66,15 @@ def test_who_counts():
 
 
 def test_the_papers_table_of_a_case():
-    """T5 1, T6 3: mean 2, SD sqrt(2); largest 6 against 9."""
-    error = case_error(ROWS[0], "T3-T12")
-    assert error is not None
-    assert error.levels == ("T5", "T6")
-    assert (error.mean, error.sd, error.of_maximum) == (2.0, pytest.approx(2.0**0.5), -3.0)
+    """T5 1, T6 3: mean 2, SD sqrt(2)."""
+    (found,) = case_errors(errors(ROWS[:1])).filter(range="T3-T12", guess="predicted").to_dicts()
+    assert (found["mean"], found["sd"]) == (2.0, pytest.approx(2.0**0.5))
 
 
 def test_ranges():
     """T3-L5: a has 1, 3, 1 and b 1, 3: means 5/3 and 2. Nothing changes: 5, 3, 1 and 8, 1; spline: 4, 0, 3 and
     4, 2."""
-    found = vars(summarize_cohort(ROWS).ranges["T3-L5"])
+    found = summarize_cohort(ROWS).ranges["T3-L5"]
     means = {
         "error": (5.0 / 3.0 + 2.0) / 2.0,
         "nothing_changes": (3.0 + 4.5) / 2.0,
@@ -75,8 +85,10 @@ def test_ranges():
         "cases_within": 1.0,
         "in_band": (0.5 + 1.0) / 2.0,
     }
-    assert {name: estimate.mean for name, estimate in found.items()} == pytest.approx(means)
-    assert found["error"].sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
+    assert {name: estimate and estimate.mean for name, estimate in found.items()} == pytest.approx(means)
+    error = found["error"]
+    assert error is not None
+    assert error.sd == pytest.approx((1.0 / 3.0) / 2.0**0.5)
 
 
 def test_levels_hump_and_trends():
@@ -95,12 +107,7 @@ def test_levels_hump_and_trends():
 
 def test_a_method_that_is_worse_than_doing_nothing_says_so_first(tmp_path: Path):
     """Lumbar errors of three patients are 3, 4 and 5, and 1 if nothing changed."""
-    rows = [
-        CaseRow(
-            folder=f"P{n}", status="CONVERGED", patient=f"P{n}", levels=(level("L2", -4.0 - n, -3.0, -9.0, -2.0),)
-        )
-        for n in (1, 2, 3)
-    ]
+    rows = [case(f"P{n}", level("L2", -4.0 - n, -3.0, -9.0, -2.0), patient=f"P{n}") for n in (1, 2, 3)]
     text = worse_parts(summarize_cohort(rows))[-1]
     assert "is 4.00 degrees, not 1.00; the difference is 3.00 (95 % interval 2.00 to 4.00)" in text
     write_cohort(tmp_path, rows)

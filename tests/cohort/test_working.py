@@ -50,7 +50,7 @@ def alone(cases: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def levels(out: Path) -> list[Any]:
-    return [json.loads((out / name / JUDGED).read_text())["row"]["levels"] for name in "abc"]
+    return [json.loads((out / name / JUDGED).read_text())["row"]["measures"] for name in "abc"]
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
         (out / file.name).write_bytes(file.read_bytes())
     kept = do_case(cases / "a", out, cohort_options(threads=1))
     assert kept.kept
-    assert kept.row.levels
+    assert kept.row.measures
     changed = dataclasses.replace(cohort_options(threads=1), refine=_softer)
     done = do_case(cases / "a", out, changed)
     assert not done.kept

@@ -106,6 +106,7 @@ def test_command(tmp_path, capsys):
     command = ["measure", place[0], "--spine", place[1], "--markers", place[2], "--units", "m"]
     assert main([*command, "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "measures.json").read_text())
-    assert record["levels"]["T8"]["bsr_deg"] == pytest.approx(8.0, abs=1e-3)
+    (angle,) = [one["value"] for one in record["measures"] if (one["level"], one["quantity"]) == ("T8", "bsr_deg")]
+    assert angle == pytest.approx(8.0, abs=1e-3)
     assert "against the axis of the PSIS" in capsys.readouterr().out
     assert main([*command, "--case", str(tmp_path)]) == 2

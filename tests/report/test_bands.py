@@ -11,8 +11,8 @@ import pytest
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli.measure import Measure
+from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.report.page import BAND_HEAD, band_table, source_table
-from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
 
 FOUND = small_bands(len(small_case()[0].skin.vertices))
@@ -21,9 +21,16 @@ BANDS = FOUND.bands
 
 def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
     read = read_result(write_small_result(tmp_path, found=FOUND))
-    table = band_table(poses_of(read), BANDS)
+    table = band_table(read.summary)
     rows = {row[0]: row[1:] for row in table}
-    assert rows["T4 [°]"] == ["12 right", "1.5", "9.1 right", "15 right", "0.5", "no"]
+    assert rows["Rotation of the back (BSR) at T4 [°]"] == [
+        "12 right",
+        "1.5",
+        "9.1 right",
+        "15 right",
+        "0.5",
+        "no",
+    ]
     assert [row[1] for row in table if row[0].startswith("Hump")] == ["11 right"]
     assert source_table(BANDS) == [["landmarks", "2.1 +- 1.5 mm", "1.4", "0.7", "section <5.2> of [2]"]]
     assert all(len(row) == len(BAND_HEAD) for row in table)
@@ -34,12 +41,10 @@ def test_measures_say_which_levels_lie_in_their_band(tmp_path: Path, capsys: pyt
     Measure(skin=result, against=result / "actual_skin.ply", out=tmp_path).run([])
     said = capsys.readouterr().out
     record = json.loads((tmp_path / "measures.json").read_text())
-    inside = record["against"]["in_band"]
-    actual = {level: one["bsr_deg"] for level, one in record["actual"]["levels"].items()}
-    bands = read_result(result).summary.bands
-    assert bands is not None
-    for level, band in bands.bsr_deg.items():
-        assert inside[level] == (abs(actual[level] - band.value) <= 1.96 * 1.5)
+    inside, table = record["levels_in_band"], MeasureTable(Measured(**row) for row in record["measures"])
+    for level, band in read_result(result).table.column("predicted", "bsr_deg").items():
+        actual = table.value("actual", "bsr_deg", level)
+        assert inside[level] == (abs((actual or 0.0) - (band.value or 0.0)) <= 1.96 * 1.5)
     found = re.search(r"in its 95 % band at (\d) of 4 levels", said)
     assert found is not None
     assert int(found[1]) == sum(inside.values())

@@ -15,6 +15,7 @@ from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
 from warp_trunk.measures import cobb_angles, measure
 from warp_trunk.measures.cobb import curves_after
+from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.results import predicted_skin
@@ -44,9 +45,9 @@ def bands_of(draws: int = 8, **uncertain: float) -> FoundBands:
 
 def test_what_is_certain_has_no_band() -> None:
     found = bands_of()
-    assert [band.sd for band in found.bands.bsr_deg.values()] == [0.0] * 4
+    assert [row.sd for row in found.table.column("predicted", "bsr_deg").values()] == [0.0] * 4
     assert found.skin_sd.max() == 0.0
-    assert [band.sd for band in found.bands.exact.values()] == [0.0] * 5
+    assert [row.sd for row in found.rows if row.state == "exact"] == [0.0] * 5
 
 
 def test_landmarks_against_whole_simulations() -> None:
@@ -73,24 +74,25 @@ def test_landmarks_against_whole_simulations() -> None:
         said.append([np.vdot(s.landmarks_before, before) + np.vdot(s.landmarks_after, after) for s in straight])
         rotations.append([*measure(skin, moved.planned_landmarks).bsr.values()])
         skins.append(skin.vertices)
-    drawn = np.std(said, axis=0) / [found.bands.sources[0].sd[s.name] for s in straight]
+    drawn = np.std(said, axis=0) / [found.bands.sources[0].sd[s.quantity][s.level] for s in straight]
     wanted = np.std(np.array(rotations, dtype=np.float64), axis=0) / drawn
-    np.testing.assert_allclose([band.sd for band in found.bands.bsr_deg.values()], wanted, rtol=0.15)
+    rows = found.table.column("predicted", "bsr_deg").values()
+    np.testing.assert_allclose([row.sd for row in rows], wanted, rtol=0.15)
     whole = np.sqrt(np.square(np.std(skins, axis=0)).sum(axis=1))  # every way: the normal's part is less
     assert (found.skin_sd < 1.4 * whole).all()
     assert 0.4 * whole.mean() < found.skin_sd.mean() < 1.1 * whole.mean()
 
 
 def test_the_same_error_before_and_after_matters_less_and_sources_add_up() -> None:
-    found = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0, mesh_rotation=0.2).bands
-    assert found.sources[0].name == "landmarks"
-    for level, band in found.bsr_deg.items():
-        name = f"bsr {level}"
-        alone = [source.sd[name] for source in found.sources]
-        assert band.sd <= np.linalg.norm(alone) * 1.5
-        assert found.exact[name].sd < band.sd
-        assert band.high - band.value == pytest.approx(1.96 * band.sd, rel=1e-4)
-        assert band.low + band.high == pytest.approx(2.0 * band.value)
+    found = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0, mesh_rotation=0.2)
+    sources, exact = found.bands.sources, found.table.column("exact", "bsr_deg")
+    assert sources[0].name == "landmarks"
+    for level, band in found.table.column("predicted", "bsr_deg").items():
+        assert band.sd <= np.linalg.norm([source.sd["bsr_deg"][level] for source in sources]) * 1.5
+        assert exact[level].sd < band.sd
+        low, value, high = np.array([band.low, band.value, band.high], dtype=float)
+        assert high - value == pytest.approx(1.96 * band.sd, rel=1e-4)
+        assert low + high == pytest.approx(2.0 * value)
 
 
 WHOLE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))
@@ -98,16 +100,16 @@ AFTER = WHOLE.planned_landmarks
 
 
 def test_against_draws() -> None:
-    bands, random = spine_bands(WHOLE, ()), np.random.default_rng(3)
-    curves = cobb_angles(WHOLE.landmarks_before)
-    assert {f"cobb_deg {curve.upper}-{curve.lower}" for curve in curves} <= bands.keys()
-    assert {f"apical_rotation_deg {curve.apex}" for curve in curves} <= bands.keys()
+    bands = {(row.quantity, row.level): row for row in spine_bands(WHOLE, ())}
+    random, curves = np.random.default_rng(3), cobb_angles(WHOLE.landmarks_before)
+    assert {("cobb_deg", f"{curve.upper}-{curve.lower}") for curve in curves} <= bands.keys()
+    assert {("apical_rotation_deg", curve.apex) for curve in curves} <= bands.keys()
     drawn = []
     for _ in range(1000):
         error = WHOLE.uncertainty.landmark_sd * random.standard_normal(AFTER.points.shape)
         marks = replace(AFTER, points=AFTER.points + error)
         drawn.append([*curves_after(curves, marks), kyphosis(spine_of(marks))["T5-T12"]])
-    names = [*(f"cobb_deg {curve.upper}-{curve.lower}" for curve in curves), "kyphosis_deg T5-T12"]
+    names = [*(("cobb_deg", f"{curve.upper}-{curve.lower}") for curve in curves), ("kyphosis_deg", "T5-T12")]
     np.testing.assert_allclose(
         [bands[name].sd for name in names], np.std(np.array(drawn, dtype=np.float64), axis=0), rtol=0.08
     )
@@ -119,10 +121,11 @@ def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:
     """A tenth of the whole correction less leaves a Cobb angle that is nearly a tenth of the correction larger."""
     certain = replace(WHOLE, uncertainty=Uncertainty(landmark_error=0.0, landmark_error_sd=0.0))
     move = 0.1 * (AFTER.points - WHOLE.landmarks_before.points)
-    bands = spine_bands(certain, [ErrorSource("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)])
+    rows = spine_bands(certain, [ErrorSource("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)])
+    bands = MeasureTable(rows).column("predicted", "cobb_deg")
     for curve, after in zip(
         cobb_angles(WHOLE.landmarks_before), curves_after(cobb_angles(WHOLE.landmarks_before), AFTER), strict=True
     ):
         assert after is not None
-        sd = bands[f"cobb_deg {curve.upper}-{curve.lower}"].sd
+        sd = bands[f"{curve.upper}-{curve.lower}"].sd
         assert sd == pytest.approx(0.1 * abs(curve.angle - after), rel=0.2, abs=0.1)

@@ -101,9 +101,9 @@ def test_agreement_of_a_larger_ball_is_its_larger_radius():
     for more, within in ((1.5, 100.0), (2.5, 0.0)):
         larger = Surface((1.0 + more / 80.0) * (skin.vertices - [0, 0, 100]) + [0, 0, 100], skin.faces)
         found, signed = agreement(larger, skin)
-        assert found["within_percent"] == pytest.approx(within)
+        assert found["distance_within_2_mm_percent"] == pytest.approx(within)
         np.testing.assert_allclose(signed, more, atol=0.1)
-        assert found["mean_mm"] == pytest.approx(more, abs=0.1)
+        assert found["distance_mean_mm"] == pytest.approx(more, abs=0.1)
 
 
 def test_points_go_with_their_surface_and_the_ratio_is_that_of_the_ways(tmp_path):
@@ -146,9 +146,10 @@ def test_a_prediction_is_judged_by_the_share_that_is_near(front, tmp_path, capsy
     actual = tmp_path / "actual.ply"
     write_surface(actual, read_result(front.folder).skin)
     assert main(["measure", str(front.folder), "--against", str(actual), "--out", str(tmp_path)]) == 0
-    record = json.loads((tmp_path / "measures.json").read_text())
-    assert record["against"]["within_percent"] == pytest.approx(100.0)
-    assert record["against"]["largest_mm"] < 0.01
+    rows = json.loads((tmp_path / "measures.json").read_text())["measures"]
+    error = {row["quantity"]: row["value"] for row in rows if row["state"] == "error"}
+    assert error["distance_within_2_mm_percent"] == pytest.approx(100.0)
+    assert error["distance_maximum_mm"] < 0.01
     assert (tmp_path / "measures.png").stat().st_size > 10_000
 
 

@@ -24,6 +24,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures.quantities import QUANTITIES
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.results import predicted_skin
@@ -61,6 +62,8 @@ class Simulated:
         self.relaxer = Relaxer(self.prepared.model, options.simulation.relax)
         self.last = self.end(self.prepared, self.relaxer)
         self.found = sensitivities(case, self.prepared, self.last, options)
+        skin = predicted_skin(case, self.prepared.trunk, self.last.displacement)
+        self.hump_level = measure(skin, case.planned_landmarks).hump_level or ""
 
     def end(self, prepared: Prepared, relaxer: Relaxer | None = None) -> Increment:
         *_, last = simulate(prepared.model, prepared.bone_path, self.options.simulation, relaxer=relaxer)
@@ -93,16 +96,15 @@ class Simulated:
         return np.array([self.number(one, measured) for one in self.found], dtype=np.float64)
 
     def number(self, one: Sensitivity, measured: TrunkMeasures) -> float | None:
-        kind, _, what = one.name.partition(" ")
-        if kind == "shoulder":
-            return None if measured.shoulders is None else measured.shoulders.difference
-        return (measured.bsr if kind == "bsr" else measured.hump_height)[what]
+        if one.quantity == "max_hump_mm":
+            return measured.hump_height[self.hump_level]
+        return QUANTITIES[one.quantity].function(measured, ())[one.level]
 
 
 def agree(names: list[str], predicted: np.ndarray, wanted: np.ndarray) -> None:
     """Each within 2 % of the largest change of its kind."""
-    for kind in {name.split()[0] for name in names}:
-        of_kind = [name.split()[0] == kind for name in names]
+    for kind in set(names):
+        of_kind = [name == kind for name in names]
         worst = np.abs(predicted - wanted)[of_kind].max()
         assert worst <= WITHIN * np.abs(wanted)[of_kind].max(), (kind, predicted[of_kind], wanted[of_kind])
 
@@ -117,7 +119,7 @@ def check_landmarks(simulated: Simulated, directions: int) -> None:
         predicted.append(
             [np.vdot(s.landmarks_before, before) + np.vdot(s.landmarks_after, after) for s in simulated.found]
         )
-    agree([s.name for s in simulated.found], np.array(predicted).T, np.array(wanted).T)
+    agree([s.quantity for s in simulated.found], np.array(predicted).T, np.array(wanted).T)
 
 
 def check_constants(simulated: Simulated, tissue: Tissue) -> None:
@@ -126,7 +128,9 @@ def check_constants(simulated: Simulated, tissue: Tissue) -> None:
         step = 1e-3 * value
         ends = [simulated.with_tissue(replace(tissue, **{name: value + s * step})) for s in (1.0, -1.0)]
         wanted = (ends[0] - ends[1]) / (2.0 * step)
-        agree([s.name for s in simulated.found], np.array([s.constants[name] for s in simulated.found]), wanted)
+        agree(
+            [s.quantity for s in simulated.found], np.array([s.constants[name] for s in simulated.found]), wanted
+        )
 
 
 BOX = boned_case()
@@ -138,7 +142,7 @@ BOX = boned_case()
 def test_a_box_of_tissue_in_twenty_directions(energy: EnergyName, bones: Literal["spline", "follow"]) -> None:
     case, trunk = BOX
     box = Simulated(case, options_of(energy, bones), trunk)
-    assert [one.name for one in box.found if one.name.startswith("bsr")] == [f"bsr {level}" for level in LEVELS]
+    assert [one.level for one in box.found if one.quantity == "bsr_deg"] == [*LEVELS]
     check_landmarks(box, 20)
     if bones == "follow":  # all that moves is one bone, and the box with it: whatever it is made of
         np.testing.assert_allclose([list(one.constants.values()) for one in box.found], 0.0, atol=1e-7)
@@ -158,7 +162,7 @@ def test_the_rigidity_of_the_skin() -> None:
         for there in (value + step, value - step)
     ]
     predicted = np.array([one.constants["skin_rigidity"] for one in box.found])
-    agree([one.name for one in box.found], predicted, (ends[0] - ends[1]) / (2.0 * step))
+    agree([one.quantity for one in box.found], predicted, (ends[0] - ends[1]) / (2.0 * step))
 
 
 def test_layers_and_gravity() -> None:
@@ -180,9 +184,9 @@ def phantom(request: pytest.FixtureRequest) -> Simulated:
 
 
 def test_a_phantom(phantom: Simulated) -> None:
-    names = [one.name for one in phantom.found]
-    assert {"bsr T1", "bsr T8", "bsr L4", "shoulder difference"} <= set(names)
-    assert sum(name.startswith("hump ") for name in names) == 1
+    names = {(one.quantity, one.level) for one in phantom.found}
+    assert {("bsr_deg", "T1"), ("bsr_deg", "T8"), ("bsr_deg", "L4"), ("shoulder_difference_mm", "")} <= names
+    assert ("max_hump_mm", "") in names
     np.testing.assert_allclose(
         [one.value for one in phantom.found], phantom.numbers(phantom.case, phantom.last), rtol=0.0, atol=1e-9
     )
@@ -205,7 +209,7 @@ def test_thickness_of_layers(energy: EnergyName) -> None:
             prepared = prepare(thicker, layered.options, replace(layered.prepared.trunk, tissue=None))
             ends.append(layered.numbers(case, layered.end(prepared)))
         predicted = np.array([one.constants[f"{layer}.thickness"] for one in layered.found])
-        agree([one.name for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
+        agree([one.quantity for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
 
 
 @pytest.mark.skipif(not ANATOMY, reason="WARP_TRUNK_ANATOMY names no folder")

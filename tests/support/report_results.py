@@ -10,8 +10,9 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.quantities import EXACT, PREDICTED, Measured
 from warp_trunk.results import result_of
-from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
+from warp_trunk.results.bands import Bands, BandSource, FoundBands
 
 from .small_trunk import made_up_increments, small_case
 
@@ -70,25 +71,21 @@ def write_small_result(
 
 def small_bands(vertices: int) -> FoundBands:
     """Bands of the small result: a deviation of 1.5 degrees at every level, of 2 mm on all of the skin."""
-    rotations = {
-        level: Band.of(angle, 1.5, linear=level != "T4")
-        for level, angle in (("T4", 12.0), ("T8", 9.3), ("T12", 6.7), ("L3", 4.0))
-    }
+    angles = {"T4": 12.0, "T8": 9.3, "T12": 6.7, "L3": 4.0}
+    rows = [
+        Measured.with_sd(state, level, "bsr_deg", angle, sd)
+        for state, sd in ((PREDICTED, 1.5), (EXACT, 0.5))
+        for level, angle in angles.items()
+    ]
+    rows.append(Measured.with_sd(PREDICTED, "", "max_hump_mm", 11.0, 2.0))
+    rows.append(Measured.with_sd(PREDICTED, "T5-T12", "kyphosis_deg", 30.0, 6.0))
+    rows.append(Measured.with_sd(PREDICTED, "", "trunk_shift_mm", -2.0, 1.0))
     source = BandSource(
         name="landmarks",
         spread="2.1 +- 1.5 mm",
         reference="section <5.2> of [2]",
-        sd={"bsr T4": 1.4, "hump T4": 0.7},
+        sd={"bsr_deg": {"T4": 1.4}, "max_hump_mm": {"": 0.7}},
     )
-    bands = Bands(
-        bsr_deg=rotations,
-        max_hump_mm=Band.of(11.0, 2.0),
-        shoulder_difference_mm=None,
-        spine={"kyphosis_deg T5-T12": Band.of(30.0, 6.0), "trunk_shift_mm": Band.of(-2.0, 1.0)},
-        exact={f"bsr {level}": Band.of(band.value, 0.5) for level, band in rotations.items()},
-        sources=(source,),
-        skin_mean_mm=2.0,
-        skin_max_mm=2.0,
-        draws=32,
-    )
-    return FoundBands(bands, np.full(vertices, 2.0))
+    nonlinear = (("bsr_deg", "T4"),)
+    bands = Bands(sources=(source,), nonlinear=nonlinear, skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)
+    return FoundBands(tuple(rows), bands, np.full(vertices, 2.0))

@@ -16,7 +16,6 @@ from warp_trunk.cohort.calibration.one_fit import FitJob
 from warp_trunk.cohort.calibration.report import calibration_text, check_file, write_calibration
 from warp_trunk.cohort.cluster import connected
 from warp_trunk.cohort.one_case import CohortOptions
-from warp_trunk.cohort.tables import cohort_text, write_cohort
 from warp_trunk.cohort.working import CPU_THREADS, case_folders, check_out, work
 from warp_trunk.errors import InputError
 from warp_trunk.run.progress import Progress
@@ -32,7 +31,7 @@ class Cohort(SimulationArguments):
     folder: Positional[Path]
     """Folder of case folders."""
     out: Path
-    """Folder for the results of the cases, and for cohort.csv, cohort.json and cohort.html."""
+    """Folder for the results of the cases, and for cohort.csv, cases.csv, cohort.json and cohort.html."""
     workers: int = 0
     """Number of cases that are simulated at the same time, each in a process with one thread (or --threads); 0 is
     one for each GPU, or one for each core with 4 GB of memory."""
@@ -53,11 +52,13 @@ class Cohort(SimulationArguments):
             with connected(self.workers, self.scheduler, self.options.device) as client:
                 progress.message(f"{len(folders)} cases; Dask's dashboard: {client.dashboard_link}")
                 done = work(client, folders, self.out, options, progress)
+            from warp_trunk.cohort.tables import cohort_text, write_cohort  # of the extra, as `connected` verified
+
             with progress.stage("report", "writing tables and page"):
                 cohort = write_cohort(self.out, [one.row for one in done])
         print(cohort_text(cohort))
         page = self.out / "cohort.html"
-        print(f"\nOpen {page} in a browser; the tables are cohort.csv and cohort.json beside it")
+        print(f"\nOpen {page} in a browser; the tables are cohort.csv, cases.csv and cohort.json beside it")
         return OK if cohort.complete else INCOMPLETE
 
 

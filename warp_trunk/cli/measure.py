@@ -24,7 +24,7 @@ from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures.back import measure_back
 from warp_trunk.results import read_result, read_summary
-from warp_trunk.results.judging import judged, write_record
+from warp_trunk.results.judging import judged, write_measures
 from warp_trunk.run.progress import Progress
 
 from .output import OK
@@ -69,9 +69,9 @@ class Measure:
                 skin = read_skin(file, self.case, case)
                 actual = None if self.against is None else read_skin(self.against, self.case, case)
             with progress.stage("measure", "measuring"):
-                record, text = judged(case, file, skin, actual, self.when)
-        print(text)
-        write_record(stem, record)
+                found = judged(case, file, skin, actual, self.when)
+        print(found.text)
+        write_measures(stem, found.words, found.table.rows)
         if actual is not None and not case.landmarks_before.names:
             from warp_trunk.report.part_pictures import write_distances  # brings matplotlib
 
@@ -91,7 +91,8 @@ class Measure:
             line = Landmarks(line.names, size * line.points) if isinstance(line, Landmarks) else size * line
             found = measure_back(back, line, markers)
         print(found.text())
-        write_record(stem, {"back": file.name} | found.record())
+        words = {"back": file.name, "pelvis": found.pelvis, "spine": found.spine}
+        write_measures(stem, words, found.measured())
         print(f"\nWritten to {stem}.json and {stem}.csv")
         return OK
 

@@ -45,9 +45,10 @@ def connected(workers: int, scheduler: str | None, device: str) -> Iterator[Clie
     """
     try:
         import distributed
+        import polars  # noqa: F401 (tables are made after hours of work)
     except ImportError as error:
         cure = "uv sync --extra cluster, or pip install warp-trunk[cluster]"
-        raise InputError(f"cohorts: run on Dask, which is not installed ({error}); {cure}") from error
+        raise InputError(f"cohorts: need Dask and polars, which are not installed ({error}); {cure}") from error
     if scheduler is None:
         with _own_cluster(workers, device) as cluster, distributed.Client(cluster) as client:
             yield client

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from warp_trunk.case import read_checked_case
 from warp_trunk.errors import InputError
@@ -15,20 +15,20 @@ from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
 from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import BEFORE, PREDICTED, Measured, measured
 from warp_trunk.results import Result, fingerprint_of
 from warp_trunk.results.fingerprint import Fingerprint, surface_digest
 from warp_trunk.results.fingerprint import difference as first_difference
-from warp_trunk.results.judging import judged, write_record
+from warp_trunk.results.judging import judged, write_measures
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.starting import start_warp
 
-from .rows import FAILED, JUDGED, CaseRow, Judged, LevelRow, read_judged, write_judged
+from .rows import FAILED, JUDGED, CaseRow, Judged, read_judged, write_judged
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
-    from warp_trunk.results import Summary
 
 LOG = "log.txt"
 """Progress of a worker that simulates a case, in the case's result folder."""
@@ -119,13 +119,12 @@ def _made_from(case: Case, options: RunOptions) -> Fingerprint:
 
 def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     """The row of a case whose result is complete."""
-    record, _ = judged(case, result.folder / PREDICTED_SKIN, result.skin, case.actual_skin, "after")
-    write_record(result.folder / MEASURES, record)
-    summary, curves, study = result.summary, result.summary.cobb_deg, case.study
-    main = max(range(len(curves.before)), key=lambda i: curves.before[i].angle, default=None)
-    cobb = None if main is None else curves.before[main].angle
-    left = None if main is None else curves.followed[main]
-    back = record["against"]["distance"]["back"] if "against" in record else None
+    found = judged(case, result.folder / PREDICTED_SKIN, result.skin, case.actual_skin, "after")
+    write_measures(result.folder / MEASURES, found.words, found.table.rows)
+    summary, study = result.summary, case.study
+    main = max(summary.curves[BEFORE], key=lambda curve: curve.angle, default=None)
+    left = None if main is None else result.table.value(PREDICTED, "cobb_deg", f"{main.upper}-{main.lower}")
+    of_errors = [row for row in found.table.rows if row.state == "error"]
     return CaseRow(
         folder=folder.name,
         status=summary.status,
@@ -133,34 +132,19 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
         patient=study.patient or folder.name,
         pose=study.pose,
         virtual=study.virtual,
-        cobb_deg=cobb,
-        correction_percent=None if not cobb or left is None else 100.0 * (1.0 - left / cobb),
+        cobb_deg=None if main is None else main.angle,
+        correction_percent=None if main is None or left is None else 100.0 * (1.0 - left / main.angle),
         months_after=study.months_after,
         tets=summary.tets,
-        hump_before_mm=result.measures_before.max_hump,
-        hump_predicted_mm=record["skin"]["max_hump_mm"],
-        hump_actual_mm=record["actual"]["max_hump_mm"] if "actual" in record else None,
-        skin_distance_mm=None if back is None else back["mean_mm"],
-        levels=_levels(case, summary, record),
+        measures=(*summary.measures, *_carried(case), *of_errors),
         warnings=len(summary.warnings),
         seconds=summary.seconds.get("total"),
         peak_memory_mb=summary.peak_memory_mb,
     )
 
 
-def _levels(case: Case, summary: Summary, record: dict[str, Any]) -> tuple[LevelRow, ...]:
-    rotation, before = summary.bsr_deg, case.landmarks_before
-    carry = fit_spline(before.points, case.planned_landmarks.points)  # no tissue, no relaxation
-    carried = measure(Surface(carry(case.skin.vertices), case.skin.faces), case.planned_landmarks).bsr
-    inside = record.get("against", {}).get("in_band", {})
-    return tuple(
-        LevelRow(
-            level=level,
-            before=rotation.before.get(level),
-            predicted=predicted,
-            spline=carried.get(level),
-            actual=None if rotation.actual is None else rotation.actual.get(level),
-            in_band=inside.get(level),
-        )
-        for level, predicted in rotation.after.items()
-    )
+def _carried(case: Case) -> list[Measured]:
+    """The skin before surgery where the spline of the landmarks carries it: no tissue, no relaxation."""
+    carry = fit_spline(case.landmarks_before.points, case.planned_landmarks.points)
+    skin = Surface(carry(case.skin.vertices), case.skin.faces)
+    return measured("spline", measure(skin, case.planned_landmarks), skin_only=True)

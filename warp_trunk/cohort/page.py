@@ -6,14 +6,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import polars as pl
 
-from warp_trunk.measures.comparison import DETECTABLE, BsrError
+from warp_trunk.measures.comparison import RANGES
+from warp_trunk.measures.quantities import DETECTABLE, MeasureTable
 from warp_trunk.report.page import rendered
 from warp_trunk.report.style import ACTUAL, BEFORE, INK, PREDICTED, RC, file_of, new_figure
 
-from .rows import FAILED, CaseRow, case_error, level_errors
+from .rows import FAILED, CaseRow
 from .statistics import Estimate
-from .summary import AGAINST, WHOLE, CohortSummary
+from .summary import AGAINST, WHOLE, CohortSummary, case_errors, errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,10 +70,10 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
 
 def _range_rows(summary: CohortSummary) -> list[list[str]]:
     return [
-        [WHAT[name], *_error_cells(one.error), plus_minus(one.nothing_changes), plus_minus(one.spline)]
-        + [_percent(share) for share in (one.within, one.cases_within, one.in_band)]
+        [WHAT[name], *_error_cells(one["error"]), plus_minus(one["nothing_changes"]), plus_minus(one["spline"])]
+        + [_percent(one[share]) for share in ("within", "cases_within", "in_band")]
         for name in WHAT
-        if (one := summary.ranges[name]).error is not None
+        if (one := summary.ranges[name])["error"] is not None
     ]
 
 
@@ -91,11 +93,19 @@ def _trend_rows(summary: CohortSummary) -> list[list[str]]:
 
 
 def _case_row(row: CaseRow) -> list[str]:
+    table = MeasureTable(row.measures)
+    parts = {
+        part: (mean, sd)
+        for part, mean, sd in case_errors(errors([row]))
+        .filter(guess="predicted")
+        .select("range", "mean", "sd")
+        .iter_rows()
+    }
     return [
         f"{row.folder}: {row.case}" if row.case and row.case != row.folder else row.folder,
-        *(plus_minus(case_error(row, of)) for of in _PARTS),
-        _number(row.skin_distance_mm, " mm"),
-        *(_number(value) for value in (row.hump_before_mm, row.hump_predicted_mm, row.hump_actual_mm)),
+        *(_mean_sd(*parts.get(of, (None, None))) for of in _PARTS),
+        _number(table.value("error", "distance_mean_mm", "back"), " mm"),
+        *(_number(table.value(state, "max_hump_mm")) for state in ("before", "predicted", "actual")),
         row.status + (", bending" if row.pose == "bending" else ""),
     ]
 
@@ -122,11 +132,13 @@ def _hump(summary: CohortSummary) -> str:
     return text + "."
 
 
-def plus_minus(one: Estimate | BsrError | None) -> str:
+def plus_minus(one: Estimate | None) -> str:
     """A mean with its standard deviation, if it has one."""
-    if one is None:
-        return _NONE
-    return f"{one.mean:.2f}" + ("" if one.sd is None else f" ± {one.sd:.2f}")
+    return _NONE if one is None else _mean_sd(one.mean, one.sd)
+
+
+def _mean_sd(mean: float | None, sd: float | None) -> str:
+    return _NONE if mean is None else f"{mean:.2f}" + ("" if sd is None else f" ± {sd:.2f}")
 
 
 def _error_cells(one: Estimate | None) -> list[str]:
@@ -191,11 +203,12 @@ def _finish(figure: Figure, axes: Axes, across: str, up: str) -> None:
 
 def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure:
     """Bland and Altman's plot: every level's difference over its mean, with the limits of agreement."""
-    ones = level_errors([row for row in rows if row.counts], WHOLE)
+    ones = errors(row for row in rows if row.counts)
+    ones = ones.filter(pl.col("level").is_in(RANGES[WHOLE]), guess="predicted")
+    ones = ones.with_columns(lumbar=pl.col("level").str.starts_with("L"))
     figure = new_figure(4.6, 4.6, "constrained")
     axes = figure.subplots()
-    guessed, actual = np.array([(one.guessed, one.actual) for one in ones]).T
-    lumbar = np.array([one.level.startswith("L") for one in ones])
+    guessed, actual, lumbar = (ones[name].to_numpy() for name in ("guessed", "actual", "lumbar"))
     pale: dict[str, Any] = {"markersize": 3.5, "alpha": PALE, "markeredgewidth": 0.0}
     for part, marker, colour, label in (
         (~lumbar, "s", PREDICTED.colour, "thoracic"),
@@ -228,12 +241,13 @@ def worse_parts(summary: CohortSummary) -> list[str]:
     for name, part in REGIONS.items():
         found = summary.ranges[name]
         for what, gain, other in (
-            ("saying that nothing changes", found.better_than_nothing, found.nothing_changes),
-            ("moving the skin with the spline of the landmarks", found.better_than_spline, found.spline),
+            ("saying that nothing changes", found["better_than_nothing"], found["nothing_changes"]),
+            ("moving the skin with the spline of the landmarks", found["better_than_spline"], found["spline"]),
         ):
-            if gain is not None and other is not None and found.error is not None and gain.mean < 0.0:
+            error = found["error"]
+            if gain is not None and other is not None and error is not None and gain.mean < 0.0:
                 sentences.append(
-                    f"{part} is predicted worse than by {what}: the error is {found.error.mean:.2f} degrees, not "
+                    f"{part} is predicted worse than by {what}: the error is {error.mean:.2f} degrees, not "
                     f"{other.mean:.2f}; the difference is {-gain.mean:.2f}{_interval_of_loss(gain)}."
                 )
     return sentences

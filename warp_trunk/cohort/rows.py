@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 
 from warp_trunk.io.atomic_write import write_whole
-from warp_trunk.measures.comparison import RANGES, BsrError, bsr_error
+from warp_trunk.measures.quantities import ACTUAL, Measured, MeasureTable
 from warp_trunk.results.fingerprint import Fingerprint
 
 JUDGED = "judged.json"
@@ -19,24 +17,6 @@ FAILED = "FAILED"
 """Status of a case without a result; every other one is a name of `RelaxStatus`."""
 CONVERGED = "CONVERGED"
 """Status of the cases that count."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LevelRow:
-    """Back surface rotation at one vertebra [degrees]; None where it is missing."""
-
-    level: str
-    """The vertebra."""
-    before: float | None = None
-    """Of the skin before surgery."""
-    predicted: float | None = None
-    """Of the predicted skin."""
-    spline: float | None = None
-    """Of the skin before surgery where the spline of the landmarks takes it, without any tissue."""
-    actual: float | None = None
-    """Of the actual skin."""
-    in_band: bool | None = None
-    """Whether the actual rotation lies in the band of the prediction; None where there is no band."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,16 +45,9 @@ class CaseRow:
     """Months from surgery to the actual skin."""
     tets: int | None = None
     """Tetrahedra of its mesh."""
-    hump_before_mm: float | None = None
-    """Largest hump before surgery [mm], by its size, positive on the right."""
-    hump_predicted_mm: float | None = None
-    """The same, predicted."""
-    hump_actual_mm: float | None = None
-    """The same of the actual skin."""
-    skin_distance_mm: float | None = None
-    """Mean distance of the predicted back from the actual one [mm]."""
-    levels: tuple[LevelRow, ...] = ()
-    """Every vertebra, top to bottom."""
+    measures: tuple[Measured, ...] = ()
+    """Every number of the states before, predicted, spline (the skin before surgery where the spline of the
+    landmarks takes it, without any tissue), actual and error."""
     warnings: int = 0
     """How many warnings its result has."""
     seconds: float | None = None
@@ -85,8 +58,12 @@ class CaseRow:
     @property
     def counts(self) -> bool:
         """Whether statistics take it in: it converged, after surgery, and the actual skin is known."""
-        known = any(level.actual is not None for level in self.levels)
-        return self.status == CONVERGED and self.pose == "surgery" and known
+        return self.status == CONVERGED and self.pose == "surgery" and self.judged
+
+    @property
+    def judged(self) -> bool:
+        """Whether its actual back is known at any level."""
+        return any(value is not None for value in MeasureTable(self.measures).values(ACTUAL, "bsr_deg").values())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,50 +87,3 @@ def read_judged(folder: Path) -> Judged | None:
         return msgspec.json.decode((folder / JUDGED).read_bytes(), type=Judged)
     except (OSError, msgspec.MsgspecError, RecursionError):
         return None
-
-
-Guess = Literal["predicted", "before", "spline"]
-"""The guess that is compared with the actual skin: the prediction, "nothing changes", or "the spline carries
-the skin"."""
-
-
-@dataclass(frozen=True)
-class LevelError:
-    """One level of one case."""
-
-    case: CaseRow
-    """The case."""
-    level: str
-    """The vertebra."""
-    guessed: float
-    """The guess [degrees]."""
-    actual: float
-    """Actual rotation [degrees]."""
-    in_band: bool | None
-    """Whether the actual rotation lies in the band of the prediction."""
-
-    @property
-    def error(self) -> float:
-        """Guessed less actual [degrees]."""
-        return self.guessed - self.actual
-
-
-def level_errors(rows: Sequence[CaseRow], of: str, guess: Guess = "predicted") -> list[LevelError]:
-    """The errors of cases at the levels of a range of `RANGES` where all three guesses and the actual are known.
-
-    Only those are taken, so that guesses are compared at the same places.
-    """
-    return [
-        LevelError(row, level.level, getattr(level, guess), level.actual, level.in_band)
-        for row in rows
-        for level in row.levels
-        if level.level in RANGES[of]
-        and level.actual is not None
-        and None not in (level.predicted, level.before, level.spline)
-    ]
-
-
-def case_error(row: CaseRow, of: str, guess: Guess = "predicted") -> BsrError | None:
-    """The error of a case over a range as the papers give it: mean absolute and its standard deviation."""
-    known = {one.level: (one.guessed, one.actual) for one in level_errors([row], of, guess)}
-    return bsr_error(known, RANGES[of])

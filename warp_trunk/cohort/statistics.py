@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,12 +115,6 @@ def limits_of_agreement(differences: Sequence[float], patients: Sequence[str]) -
         sd = math.sqrt(variance)
     low, high = (None if sd is None else bias + side * LIMIT * sd for side in (-1.0, 1.0))
     return LimitsOfAgreement(bias, sd, low, high, pairs, people)
-
-
-def share_true(flags: Iterable[bool | None]) -> float | None:
-    """The part that is true of what is known; None where nothing is."""
-    known = [flag for flag in flags if flag is not None]
-    return sum(known) / len(known) if known else None
 
 
 LEAST = 3

@@ -1,16 +1,18 @@
-"""The summary of a whole cohort."""
+"""The summary of a whole cohort: group-by over the rows of all its cases. Imports polars, which the extra
+`cluster` brings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
-import numpy as np
+import polars as pl
 
-from warp_trunk.measures.comparison import DETECTABLE, RANGES
+from warp_trunk.measures.comparison import RANGES
+from warp_trunk.measures.quantities import DETECTABLE
 
-from .rows import CONVERGED, FAILED, CaseRow, Guess, case_error, level_errors
-from .statistics import Estimate, LimitsOfAgreement, Trend, limits_of_agreement, over_patients, share_true, trend
+from .rows import CONVERGED, FAILED, CaseRow
+from .statistics import Estimate, LimitsOfAgreement, Trend, limits_of_agreement, over_patients, trend
 
 WHOLE = "T3-L5"
 """The range over which a case has one error."""
@@ -21,28 +23,20 @@ AGAINST = {
     "months_after": "months since surgery",
 }
 """The covariates of an error, by their field in a row."""
+GUESSES = ("predicted", "before", "spline")
+"""Guesses that are compared with the actual skin: the prediction, "nothing changes", and "the spline carries the
+skin"."""
+Estimates = dict[str, Estimate | None]
+"""Means over patients by what they are of, of one range of levels:
 
-
-@dataclass(frozen=True, kw_only=True)
-class RangeSummary:
-    """Back surface rotation over a range of levels; every number is a mean over patients."""
-
-    error: Estimate | None
-    """Mean absolute error of the prediction [degrees], by case and then by patient."""
-    nothing_changes: Estimate | None
-    """The same, had one said that the back stays as it was."""
-    spline: Estimate | None
-    """The same, had one moved the skin with the spline of the landmarks."""
-    better_than_nothing: Estimate | None
-    """How much smaller the error is than where nothing changes [degrees]; above 0 where the method helps."""
-    better_than_spline: Estimate | None
-    """How much smaller it is than that of the spline [degrees]."""
-    within: Estimate | None
-    """Share of a patient's levels whose error is below 2.5 degrees, from 0 to 1."""
-    cases_within: Estimate | None
-    """Share of cases whose mean error is below 2.5 degrees, which both papers ask for."""
-    in_band: Estimate | None
-    """Share of a patient's levels whose actual rotation lies in the prediction's 95 % band; None without bands."""
+- `error`: mean absolute error of the prediction [degrees], by case and then by patient;
+- `nothing_changes`, `spline`: the same of the two other guesses;
+- `better_than_nothing`, `better_than_spline`: how much smaller the error is [degrees], above 0 where the method
+  helps;
+- `within`: share of a patient's levels whose error is below 2.5 degrees, from 0 to 1;
+- `cases_within`: share of cases whose mean error is below 2.5 degrees, which both papers ask for;
+- `in_band`: share of a patient's levels whose actual rotation lies in the prediction's 95 % interval.
+"""
 
 
 @dataclass(frozen=True)
@@ -91,7 +85,7 @@ class CohortSummary:
     """Cases of a patient who bends; they do not count among surgeries."""
     virtual: int
     """Cases that a computer made."""
-    ranges: dict[str, RangeSummary]
+    ranges: dict[str, Estimates]
     """By the ranges that the papers use."""
     levels: dict[str, LevelSummary]
     """By level, top to bottom."""
@@ -108,81 +102,119 @@ class CohortSummary:
         return not (self.failed or self.unfinished)
 
 
+def tidy(rows: Iterable[CaseRow]) -> pl.DataFrame:
+    """Every measured number of some cases, with its `folder` and `patient`."""
+    schema = {name: pl.String for name in ("folder", "patient", "state", "level", "quantity")}
+    schema |= {name: pl.Float64 for name in ("value", "low", "high")}
+    numbers = (
+        {"folder": row.folder, "patient": row.patient, **asdict(one)} for row in rows for one in row.measures
+    )
+    return pl.DataFrame(list(numbers), schema)
+
+
+def errors(rows: Iterable[CaseRow]) -> pl.DataFrame:
+    """Back surface rotation of some cases by folder, patient, guess and level: guessed, actual, error and
+    `in_band`.
+
+    Only levels at which all three guesses and the actual rotation are known are taken, so that guesses are
+    compared at the same places.
+    """
+    rotations = tidy(rows).filter(quantity="bsr_deg")
+    key, states = ["folder", "patient", "level"], (*GUESSES, "actual")
+    wide = rotations.pivot("state", on_columns=states, index=key, values="value").drop_nulls()
+    inside = pl.col("actual").is_between(pl.col("low"), pl.col("high"))
+    bands = rotations.filter(state="predicted").select(*key, "low", "high")
+    return (
+        wide.join(bands, key, maintain_order="left")
+        .select(*key, *states, in_band=inside.cast(pl.Float64))
+        .unpivot(GUESSES, index=[*key, "actual", "in_band"], variable_name="guess", value_name="guessed")
+        .with_columns(error=pl.col("guessed") - pl.col("actual"))
+    )
+
+
+def case_errors(of: pl.DataFrame) -> pl.DataFrame:
+    """`errors` of each case over the ranges of the papers: mean absolute error, its SD, and shares of levels."""
+    by_range = [
+        of.filter(pl.col("level").is_in(levels)).with_columns(range=pl.lit(name))
+        for name, levels in RANGES.items()
+    ]
+    size = pl.col("error").abs()
+    return (
+        pl.concat(by_range)
+        .group_by("range", "folder", "patient", "guess", maintain_order=True)
+        .agg(mean=size.mean(), sd=size.std(), within=(size < DETECTABLE).mean(), in_band=pl.col("in_band").mean())
+    )
+
+
 def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
     """The numbers of a cohort; only cases count that converged, after surgery, and have an actual skin."""
     counted = [row for row in rows if row.counts]
     known = [row for row in rows if row.status == CONVERGED]
-    whole = level_errors(counted, WHOLE)
-    errors = case_errors(counted)
+    found = errors(counted)
+    cases, predicted = case_errors(found), found.filter(pl.col("level").is_in(RANGES[WHOLE]), guess="predicted")
+    whole = dict(cases.filter(range=WHOLE, guess="predicted").select("folder", "mean").iter_rows())
     return CohortSummary(
         cases=len(rows),
         counted=len(counted),
         patients=len({row.patient for row in counted}),
         failed=tuple(row.folder for row in rows if row.status == FAILED),
         unfinished=tuple(row.folder for row in rows if row.status not in (FAILED, CONVERGED)),
-        without_actual=tuple(r.folder for r in known if all(level.actual is None for level in r.levels)),
+        without_actual=tuple(row.folder for row in known if not row.judged),
         bending=tuple(row.folder for row in known if row.pose == "bending"),
         virtual=sum(row.virtual for row in rows),
-        ranges={name: _range(counted, name) for name in RANGES},
-        levels=_levels(counted),
-        agreement=limits_of_agreement([one.error for one in whole], [one.case.patient for one in whole]),
-        hump=_hump(counted),
-        trends={name: trend([getattr(row, name) for row in counted], errors) for name in AGAINST},
+        ranges={name: _estimates(cases.filter(range=name)) for name in RANGES},
+        levels={level: one for level in RANGES[WHOLE] if (one := _level(found.filter(level=level)))},
+        agreement=limits_of_agreement(predicted["error"].to_list(), predicted["patient"].to_list()),
+        hump=_hump(tidy(counted).filter(quantity="max_hump_mm")),
+        trends={
+            name: trend([getattr(row, name) for row in counted], [whole.get(row.folder) for row in counted])
+            for name in AGAINST
+        },
     )
 
 
-def case_errors(rows: Sequence[CaseRow], of: str = WHOLE, guess: Guess = "predicted") -> list[float | None]:
-    """The mean absolute error of every case over a range [degrees]; None where it has none."""
-    return [None if (error := case_error(row, of, guess)) is None else error.mean for row in rows]
-
-
-def _range(rows: Sequence[CaseRow], of: str) -> RangeSummary:
-    def estimate(values: Iterable[float | None]) -> Estimate | None:
-        known = [(value, row.patient) for value, row in zip(values, rows, strict=True) if value is not None]
-        return over_patients([value for value, _ in known], [patient for _, patient in known])
-
-    predicted, before, spline = (case_errors(rows, of, guess) for guess in ("predicted", "before", "spline"))
-    gains = [
-        [None if a is None or b is None else a - b for a, b in zip(errors, predicted, strict=True)]
-        for errors in (before, spline)
-    ]
-    levels = [level_errors([row], of) for row in rows]
-    return RangeSummary(
-        error=estimate(predicted),
-        nothing_changes=estimate(before),
-        spline=estimate(spline),
-        better_than_nothing=estimate(gains[0]),
-        better_than_spline=estimate(gains[1]),
-        within=estimate(share_true(abs(one.error) < DETECTABLE for one in case) for case in levels),
-        cases_within=estimate(None if error is None else float(error < DETECTABLE) for error in predicted),
-        in_band=estimate(share_true(one.in_band for one in case) for case in levels),
+def _estimates(cases: pl.DataFrame) -> Estimates:
+    """Every estimate of a range, from the errors of its cases."""
+    key = ["folder", "patient"]
+    means = cases.pivot("guess", on_columns=GUESSES, index=key, values="mean")
+    shares = cases.filter(guess="predicted").select(*key, "within", "in_band")
+    predicted = pl.col("predicted")
+    numbers = means.join(shares, key, maintain_order="left").select(
+        "patient",
+        error=predicted,
+        nothing_changes="before",
+        spline="spline",
+        better_than_nothing=pl.col("before") - predicted,
+        better_than_spline=pl.col("spline") - predicted,
+        within="within",
+        cases_within=(predicted < DETECTABLE).cast(pl.Float64),
+        in_band="in_band",
     )
 
+    def estimate(name: str) -> Estimate | None:
+        known = numbers.select("patient", name).drop_nulls()
+        return over_patients(known[name].to_list(), known["patient"].to_list())
 
-def _levels(rows: Sequence[CaseRow]) -> dict[str, LevelSummary]:
-    found = {}
-    for level in RANGES[WHOLE]:
-        predicted, before, spline = (
-            [one for one in level_errors(rows, WHOLE, guess) if one.level == level]
-            for guess in ("predicted", "before", "spline")
-        )
-        sizes = [[abs(one.error) for one in ones] for ones in (predicted, before, spline)]
-        error = over_patients(sizes[0], [one.case.patient for one in predicted])
-        if error is not None:
-            bias = np.mean([one.error for one in predicted])
-            found[level] = LevelSummary(error, *map(float, (bias, np.mean(sizes[1]), np.mean(sizes[2]))))
-    return found
+    return {name: estimate(name) for name in numbers.columns[1:]}
 
 
-def _hump(rows: Sequence[CaseRow]) -> HumpSummary | None:
-    humps = [(row.hump_predicted_mm, row.hump_actual_mm, row.patient) for row in rows]
-    known = [(guess, actual, who) for guess, actual, who in humps if guess is not None and actual is not None]
-    if not known:
+def _level(of: pl.DataFrame) -> LevelSummary | None:
+    predicted = of.filter(guess="predicted")
+    error = over_patients(predicted["error"].abs().to_list(), predicted["patient"].to_list())
+    if error is None:
         return None
-    predicted, actual, patients = zip(*known, strict=True)
+    means = dict(of.group_by("guess").agg(pl.col("error").abs().mean()).iter_rows())
+    bias = predicted.select(pl.col("error").mean()).item()
+    return LevelSummary(error, bias, nothing_changes=means["before"], spline=means["spline"])
+
+
+def _hump(humps: pl.DataFrame) -> HumpSummary | None:
+    states = ("predicted", "actual")
+    known = humps.pivot("state", on_columns=states, index=["folder", "patient"], values="value").drop_nulls()
+    predicted, actual, patients = (known[name].to_list() for name in (*states, "patient"))
     differences = [a - b for a, b in zip(predicted, actual, strict=True)]
     error = over_patients([abs(difference) for difference in differences], patients)
     agreement = limits_of_agreement(differences, patients)
-    assert error is not None
-    assert agreement is not None
+    if error is None or agreement is None:
+        return None
     return HumpSummary(error, agreement, trend(actual, predicted))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from warp_trunk.geometry.relief import relief
 from warp_trunk.geometry.section import pieces
 
 from .back_rotation import DualTangent, tangent_of
+from .quantities import Measured
 from .spine import spine_of
 from .table import as_text
 
@@ -90,11 +91,14 @@ class BackMeasures:
                if self.spine == "body line" else "."),
         ])  # fmt: skip
 
-    def record(self) -> dict[str, Any]:
-        """The measures in plain JSON types."""
+    def measured(self) -> list[Measured]:
+        """The measures as rows of the state `back`."""
         names = ("height_mm", "bsr_deg", "slope_deg")
-        levels = {level: dict(zip(names, values, strict=True)) for level, *values in self.rows()}
-        return {"pelvis": self.pelvis, "spine": self.spine, "levels": levels}
+        return [
+            Measured("back", level, name, value)
+            for level, *values in self.rows()
+            for name, value in zip(names, values, strict=True)
+        ]
 
     def rows(self) -> list[tuple[str, float | None, float | None, float | None]]:
         """Level, height [mm], rotation and slope [degrees]."""

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .back_rotation import back_surface_rotation
+from .quantities import DETECTABLE, Measured
 from .skin_distance import DistanceStatistics, distance_statistics, skin_distance
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.geometry.surface import Surface
 
-DETECTABLE = 2.5
-"""Smallest detectable difference of the maximum back surface rotation [degrees] (section 4.5 of [2])."""
+_DISTANCES = [field.name for field in fields(DistanceStatistics) if field.name != "area"]
 _SPINE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
 RANGES = {
     f"{first}-{last}": _SPINE[_SPINE.index(first) : _SPINE.index(last) + 1]
@@ -91,6 +91,23 @@ def compare_skins(predicted: Surface, actual: Surface, landmarks: Landmarks) -> 
         signed_distance=distance.signed,
         counted=distance.counted,
     )
+
+
+def comparison_rows(comparison: SkinComparison) -> list[Measured]:
+    """A prediction against the actual skin as rows of the state `error`, without its values by vertex.
+
+    Levels are vertebrae, ranges of `RANGES`, and regions of the skin; a number that is missing is None.
+    """
+    rows = [("bsr_deg", level, difference) for level, difference in comparison.bsr_difference.items()]
+    for name, error in comparison.bsr_error.items():
+        rows += [
+            (f"bsr_error_{part}_deg", name, error and getattr(error, part))
+            for part in ("mean", "sd", "of_maximum")
+        ]
+    for region, found in comparison.distance.items():
+        rows.append(("area_cm2", region, found and found.area))
+        rows += [(f"distance_{part}_mm", region, found and getattr(found, part)) for part in _DISTANCES]
+    return [Measured("error", level, quantity, value) for quantity, level, value in rows]
 
 
 def bsr_error(angles: Mapping[str, tuple[float, float] | None], levels: tuple[str, ...]) -> BsrError | None:

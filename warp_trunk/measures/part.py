@@ -44,10 +44,10 @@ def agreement(predicted: Surface, actual: Surface) -> tuple[dict[str, float], np
     signed, counted = same_skin(predicted, actual)
     size, area = np.abs(signed)[counted], corner_areas(predicted)[counted]
     found = {
-        "within_percent": 100.0 * float(area[size <= NEAR].sum() / area.sum()),
-        "mean_mm": float(np.average(size, weights=area)),
-        "p95_mm": float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
-        "largest_mm": float(size.max()),
+        "distance_within_2_mm_percent": 100.0 * float(area[size <= NEAR].sum() / area.sum()),
+        "distance_mean_mm": float(np.average(size, weights=area)),
+        "distance_p95_mm": float(np.quantile(size, 0.95, weights=area, method="inverted_cdf")),
+        "distance_maximum_mm": float(size.max()),
     }
     return found, np.where(counted, signed, np.nan)
 
@@ -55,10 +55,10 @@ def agreement(predicted: Surface, actual: Surface) -> tuple[dict[str, float], np
 def agreement_rows(agreed: Mapping[str, float]) -> list[list[str]]:
     """The numbers of `agreement` as rows of a table."""
     return [
-        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed['within_percent']:.0f}"],
-        ["Mean distance [mm]", f"{agreed['mean_mm']:.2f}"],
-        ["95 % of the skin is nearer than [mm]", f"{agreed['p95_mm']:.2f}"],
-        ["Largest distance [mm]", f"{agreed['largest_mm']:.2f}"],
+        [f"Skin nearer than {NEAR:g} mm [%]", f"{agreed['distance_within_2_mm_percent']:.0f}"],
+        ["Mean distance [mm]", f"{agreed['distance_mean_mm']:.2f}"],
+        ["95 % of the skin is nearer than [mm]", f"{agreed['distance_p95_mm']:.2f}"],
+        ["Largest distance [mm]", f"{agreed['distance_maximum_mm']:.2f}"],
     ]
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from .comparison import DETECTABLE
-from .rows import MISSING, measure_rows, number, sided, value_at
+from .quantities import DETECTABLE
+from .rows import MISSING, measure_rows, number, sided
 
 if TYPE_CHECKING:
     from .comparison import SkinComparison
@@ -66,19 +66,11 @@ def measures_text(measures: TrunkMeasures) -> str:
     by_level = (measures.bsr, measures.axial_rotation, measures.hump_height)
     levels = [
         [level, *(sided(each[level]) for each in by_level)]
-        + [number(value_at(flanks, side)) for side in ("left", "right")]
-        + [sided(value_at(flanks, "index"))]
+        + ([number(flanks.left), number(flanks.right), sided(flanks.index)] if flanks else [MISSING] * 3)
         for level, flanks in measures.flanks.items()
     ]
-    head = [
-        "level",
-        "back [°]",
-        "vertebra [°]",
-        "hump [mm]",
-        "left flank [mm]",
-        "right flank [mm]",
-        "asymmetry [%]",
-    ]
+    head = ["level", "back [°]", "vertebra [°]", "hump [mm]"]
+    head += ["left flank [mm]", "right flank [mm]", "asymmetry [%]"]
     missing = [f"missing: {what}: {why}" for what, why in measures.missing.items()]
     return "\n".join([as_text(["measure", "value"], whole), "", as_text(head, levels), SIDES, *missing])
 

@@ -9,9 +9,9 @@ import rerun as rr
 
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.quantities import Measured
 from warp_trunk.measures.rows import measure_rows
 from warp_trunk.measures.table import RESEARCH, as_markdown
-from warp_trunk.results.bands import Band
 
 from .colours import BEFORE, NOW, TARGET, TEXT
 
@@ -86,9 +86,11 @@ class Numbers:
         text = table(self._before, now, self._target, self._name, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
 
-    def bands(self, bands: Mapping[str, Band]) -> None:
+    def bands(self, rotations: Mapping[str, Measured]) -> None:
         """Logs how sure the rotations at the end are, as whiskers over their bars."""
-        lines = self._plot.whiskers({level: (band.low, band.high) for level, band in bands.items()})
+        known = {level: (row.low, row.high) for level, row in rotations.items()}
+        ends = {level: (low, high) for level, (low, high) in known.items() if low is not None and high is not None}
+        lines = self._plot.whiskers(ends)
         radii = rr.Radius.ui_points(1.0)
         self._log("bars/whiskers", rr.LineStrips2D(lines, radii=radii, colors=TEXT, draw_order=40.0))
 

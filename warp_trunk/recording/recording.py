@@ -4,6 +4,7 @@ Rerun keeps references to the arrays it is given and writes them later from anot
 logged here is a new array (a test holds this).
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Self
 
@@ -15,7 +16,7 @@ from warp_trunk.engine.simulation import Increment
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.results.bands import Bands
+from warp_trunk.measures.quantities import PREDICTED, Measured, MeasureTable
 
 from .colours import BEFORE, NOW, TARGET
 from .stream import open_streams
@@ -90,9 +91,9 @@ class Recording:
         self._numbers.relaxation(increment.relaxation.energy, increment.relaxation.estimated_error)
         self._send()
 
-    def bands(self, bands: Bands) -> None:
-        """Adds to the last increment how sure its rotations are."""
-        self._numbers.bands(bands.bsr_deg)
+    def bands(self, rows: Iterable[Measured]) -> None:
+        """Adds to the last increment how sure its rotations are, from the rows that have an interval."""
+        self._numbers.bands(MeasureTable(rows).column(PREDICTED, "bsr_deg"))
         self._send()
 
     def wait(self) -> None:

@@ -22,7 +22,7 @@ BONES = {
 def modelled(summary: Summary) -> list[str]:
     """The modelled effects, a phrase for each."""
     options, terms = summary.parameters, summary.terms
-    bones = options.get("bones", "spline") if summary.bsr_deg.before else "given"
+    bones = options.get("bones", "spline") if summary.has_spine else "given"
     energy = "springs on edges, faces and volumes [2]" if "distance" in terms else "a neo-Hookean continuum"
     return [
         f"Soft tissue: {_tissues(summary.tissues)} in {summary.tets:,} tetrahedra, as {energy} "

@@ -14,10 +14,10 @@ from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.measures import SkinComparison
-from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.part import agreement_rows, swept_volumes
 from warp_trunk.measures.points import FollowedPoint, profile
-from warp_trunk.measures.rows import level_rows, number, skin_rows, spine_rows
+from warp_trunk.measures.quantities import DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
+from warp_trunk.measures.rows import MeasureRow, level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.measures.table import as_html
 
@@ -63,14 +63,14 @@ def page(
         stretch=f"{LOOK:g}",
         implausible=f"{STRETCH:g}",
         glance=glance(poses),
-        sentences=sentences(poses, comparison, summary.bands),
+        sentences=sentences(poses, comparison, summary),
         measure_head=head(poses, "measure"),
         measure_rows=measure_table(poses),
         rotation_head=head(poses, "level"),
         rotation_rows=rotation_table(poses),
         bands=summary.bands,
         band_head=BAND_HEAD,
-        band_rows=band_table(poses, summary.bands) if summary.bands else [],
+        band_rows=band_table(summary) if summary.bands else [],
         source_head=SOURCE_HEAD,
         source_rows=source_table(summary.bands) if summary.bands else [],
         error_rows=error_table(comparison) if comparison else [],
@@ -186,36 +186,40 @@ def measure_table(poses: Sequence[TrunkState]) -> list[list[str]]:
 def rotation_table(poses: Sequence[TrunkState]) -> list[list[str]]:
     """The rotation of the back [degrees], one row for each level."""
     rows = level_rows([pose.measures for pose in poses])
-    return [[row.name, *row.compared_cells()[1:]] for row in rows]
+    return [[row.level, *row.compared_cells()[1:]] for row in rows]
 
 
-def band_table(poses: Sequence[TrunkState], bands: Bands) -> list[list[str]]:
-    """Every measure that has a band: of the skin, then of the planned spine."""
-    measures = [pose.measures for pose in poses[:2]]
-    known = {f"bsr {level}": band for level, band in bands.bsr_deg.items()} | bands.spine
-    known |= {"hump": bands.max_hump_mm, "shoulder difference": bands.shoulder_difference_mm}
-    exact = {"hump" if key.startswith("hump ") else key: band for key, band in bands.exact.items()}
-    rows = [*level_rows(measures), *skin_rows(measures)]
-    rows += [row for group in spine_rows(measures).values() for row in group]
-    table = []
-    for row in rows:
-        band = known.get(row.key)
-        if band is not None:
-            met = exact.get(row.key)
-            linear = "" if row.key in bands.spine else "yes" if band.linear else "no"
-            values = [row.text(band.value), number(band.sd), row.text(band.low), row.text(band.high)]
-            table.append([row.title, *values, number(None if met is None else met.sd), linear])
-    return table
+def band_table(summary: Summary) -> list[list[str]]:
+    """Every number that has an interval: of the skin, then of the planned spine."""
+    measures, found, nonlinear = (
+        MeasureTable(summary.measures),
+        [],
+        summary.bands.nonlinear if summary.bands else (),
+    )
+    for quantity in QUANTITIES.values():
+        for level, row in measures.column(PREDICTED, quantity.key).items():
+            if row.low is None:
+                continue
+            met = measures.column(EXACT, quantity.key).get(level)
+            line = MeasureRow(quantity=quantity, level=level, values=(row.value, row.low, row.high))
+            value, low, high = map(line.text, line.values)
+            linear = "no" if (quantity.key, level) in nonlinear else "yes" if quantity.of_skin else ""
+            found.append([line.title, value, number(row.sd), low, high, number(met and met.sd), linear])
+    return found
 
 
 def source_table(bands: Bands) -> list[list[str]]:
     """Every source of error, the largest first: what it alone does."""
-    rows = []
-    for source in bands.sources:
-        rotation = max((sd for name, sd in source.sd.items() if name.startswith("bsr ")), default=None)
-        hump = next((sd for name, sd in source.sd.items() if name.startswith("hump ")), None)
-        rows.append([source.name, source.spread, number(rotation), number(hump), source.reference])
-    return rows
+    return [
+        [
+            source.name,
+            source.spread,
+            number(max(source.sd.get("bsr_deg", {}).values(), default=None)),
+            number(source.sd.get("max_hump_mm", {}).get("")),
+            source.reference,
+        ]
+        for source in bands.sources
+    ]
 
 
 def error_table(comparison: SkinComparison) -> list[list[str]]:

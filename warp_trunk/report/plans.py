@@ -10,8 +10,8 @@ import numpy as np
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.measures.comparison import DETECTABLE
-from warp_trunk.measures.rows import LENGTH, SPINE_ANGLE, MeasureRow, measure_rows
+from warp_trunk.measures.quantities import DETECTABLE, LENGTH, SPINE_ANGLE
+from warp_trunk.measures.rows import MeasureRow, measure_rows
 
 from .page import rendered
 from .style import BEFORE, PLANS, TrunkState
@@ -116,7 +116,7 @@ def differences(before: TrunkState, plans: Sequence[TrunkState]) -> list[str]:
 
 def _listed(row: MeasureRow, plans: Sequence[TrunkState]) -> str:
     """The value of a measure in each plan, with its unit."""
-    unit = "°" if row.unit == "°" else f" {row.unit}"
+    unit = "°" if row.quantity.unit == "°" else f" {row.quantity.unit}"
     cells = []
     for plan, value in zip(plans, row.values[1:], strict=True):
         size, *side = row.text(value).split(" ")

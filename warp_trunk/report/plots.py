@@ -16,11 +16,11 @@ from .relief import in_pelvis
 from .style import FAINT, INK, PREDICTED, TrunkState, new_figure
 
 if TYPE_CHECKING:
+    from warp_trunk.measures.quantities import Measured
     from warp_trunk.results import Summary
-    from warp_trunk.results.bands import Band
 
 
-def rotation_plot(poses: Sequence[TrunkState], bands: Mapping[str, Band] | None = None) -> Figure:
+def rotation_plot(poses: Sequence[TrunkState], bands: Mapping[str, Measured] | None = None) -> Figure:
     """The angle of every pose at every level, top to bottom; a level that was not measured leaves a gap.
 
     Where it is known how sure the prediction is, whiskers reach as far as it lies in 19 of 20 cases.
@@ -42,7 +42,7 @@ def rotation_plot(poses: Sequence[TrunkState], bands: Mapping[str, Band] | None 
             label=pose.look.title,
         )
     for level, band in (bands or {}).items():
-        if level in levels:
+        if level in levels and band.low is not None and band.high is not None:
             axes.plot([band.low, band.high], [levels.index(level)] * 2, "|-", color=PREDICTED.colour, alpha=0.5)
     axes.set_yticks(range(len(levels)), levels)
     axes.set_ylim(len(levels) - 0.4, -0.6)

@@ -6,30 +6,29 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from warp_trunk.measures import SkinComparison, TrunkMeasures
-from warp_trunk.measures.comparison import DETECTABLE
 from warp_trunk.measures.followed_curves import FollowedCurve, followed_curves, main_curves
-from warp_trunk.measures.rows import value_at
+from warp_trunk.measures.quantities import DETECTABLE, PREDICTED, MeasureTable
 
 from .style import TrunkState
 
 if TYPE_CHECKING:
-    from warp_trunk.results.bands import Bands
+    from warp_trunk.results import Summary
 
 
 def sentences(
-    poses: Sequence[TrunkState], comparison: SkinComparison | None, bands: Bands | None = None
+    poses: Sequence[TrunkState], comparison: SkinComparison | None, summary: Summary | None = None
 ) -> dict[str, str]:
     """Sentences on the plan, the changes, the rest and the certainty, by these headings.
 
     Args:
         poses: before surgery and predicted.
         comparison: of the predicted skin with the actual one, where that is known.
-        bands: how sure the numbers are, where that is known.
+        summary: of the result, with its intervals where it has them.
     """
     before, predicted = poses[0].measures, poses[1].measures
     curves = _known_curves(before, predicted)
     several = len(main_curves(curves)) > 1
-    sure = ["" if bands is None else band_sentence(bands, before.worst_level), _trust(comparison)]
+    sure = ["" if summary is None else band_sentence(summary, before.worst_level or ""), _trust(comparison)]
     return {
         "What is planned": _plan(curves),
         "What changes": " ".join(filter(None, [_change(before, predicted, several), _bearing(before, predicted)])),
@@ -59,11 +58,12 @@ def glance(poses: Sequence[TrunkState]) -> list[tuple[str, str]]:
     return tiles
 
 
-def band_sentence(bands: Bands, level: str | None) -> str:
+def band_sentence(summary: Summary, level: str) -> str:
     """How sure the rotation at a level is; empty where that is not known."""
-    band = bands.bsr_deg.get(level or "")
-    if band is None:
+    band = MeasureTable(summary.measures).column(PREDICTED, "bsr_deg").get(level)
+    if band is None or band.low is None or band.high is None:
         return ""
+    nonlinear = summary.bands is not None and ("bsr_deg", level) in summary.bands.nonlinear
     least, most = sorted((abs(band.low), abs(band.high)))
     between = f"between {least:.0f} and {most:.0f} degrees"
     if round(band.low) * round(band.high) < 0:
@@ -71,7 +71,7 @@ def band_sentence(bands: Bands, level: str | None) -> str:
             f"between {abs(band.low):.0f} degrees with the left side further back and {band.high:.0f} with the "
             "right side"
         )
-    rough = "" if band.linear else " That is a rough figure: small errors have uneven effects there."
+    rough = " That is a rough figure: small errors have uneven effects there." if nonlinear else ""
     return (
         f"In 19 of 20 such operations the rotation at {level} would be {between}, if the bones are seen and moved "
         f"as exactly as is usual; \u201cHow sure each number is\u201d below explains this.{rough}"
@@ -89,12 +89,12 @@ def _rotations(before: TrunkMeasures, after: TrunkMeasures) -> tuple[float | Non
 
 
 def _height_gained(before: TrunkMeasures, after: TrunkMeasures) -> float | None:
-    was, will = (value_at(measures, "spine_height.height") for measures in (before, after))
-    return None if was is None or will is None else will - was
+    was, will = before.spine_height, after.spine_height
+    return None if was is None or will is None else will.height - was.height
 
 
 def _shoulders(measures: TrunkMeasures) -> float | None:
-    return value_at(measures, "shoulders.difference")
+    return measures.shoulders and measures.shoulders.difference
 
 
 def _minus(text: str) -> str:

@@ -79,7 +79,7 @@ def _whole(result: Result, folder: Path) -> str:
         "shoulders": skins.shoulders_picture(poses),
         "spine_behind": spine_picture(poses[:2], BEHIND),
         "spine_side": spine_picture(poses[:2], RIGHT),
-        "rotation": rotation_plot(poses, None if summary.bands is None else summary.bands.bsr_deg),
+        "rotation": rotation_plot(poses, result.table.column("predicted", "bsr_deg")),
         "sure": skins.sure_picture(poses[1], result.skin_sd),
         "stretch_behind": skins.stretch_picture(poses[1], change, BEHIND),
         "stretch_front": skins.stretch_picture(poses[1], change, FRONT),

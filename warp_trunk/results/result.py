@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from warp_trunk.io.result_files import (
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures.quantities import MeasureTable
 
 from .bands import Bands, read_skin_sd, write_skin_sd
 from .summary import Summary, read_summary, write_summary
@@ -115,8 +116,26 @@ class Result:
 
     @property
     def bands(self) -> Bands | None:
-        """95 % intervals of the numbers; None unless the simulation was asked for them (`bands=True`)."""
+        """The sources of the 95 % intervals; None unless the simulation was asked for them (`bands=True`)."""
         return self.summary.bands
+
+    @cached_property
+    def table(self) -> MeasureTable:
+        """Every measured number, by state, quantity and level."""
+        return MeasureTable(self.summary.measures)
+
+    def to_rows(self) -> list[dict[str, Any]]:
+        """Every measured number as a row of state, level, quantity, value, low and high, as summary.json has it.
+
+        >>> rows = result.to_rows()  # pandas.DataFrame(rows) or polars.DataFrame(rows)
+        >>> [row["level"] for row in rows if row["state"] == "before" and row["quantity"] == "cobb_deg"]
+        ['T1-T5', 'T5-T12', 'T12-L5']
+
+        Returns:
+            A dictionary for each number. A unit ends the name of the quantity; `low` and `high` are None without
+            bands.
+        """
+        return self.table.to_rows()
 
     @cached_property
     def measures(self) -> TrunkMeasures:
@@ -265,7 +284,7 @@ def read_result(folder: str | Path) -> Result:
         other = f"its vertices or faces are not those of {SKIN_BEFORE}"
         raise InputError(f"{folder / PREDICTED_SKIN}: {other}; {AGAIN}")
     planned = reached = NO_LANDMARKS
-    if summary.bsr_deg.before or (folder / LANDMARKS_BEFORE).exists():
+    if summary.has_spine or (folder / LANDMARKS_BEFORE).exists():
         planned, reached = (read_landmarks(present(name)) for name in (LANDMARKS_BEFORE, LANDMARKS_AFTER))
     if planned.names != reached.names:
         rule = f"its names must be those of {LANDMARKS_BEFORE}, in their order"
@@ -275,7 +294,7 @@ def read_result(folder: str | Path) -> Result:
     return Result(
         skin_before=before,
         skin=after,
-        actual_skin=None if summary.bsr_deg.actual is None else read_surface(present(ACTUAL_SKIN)),
+        actual_skin=read_surface(present(ACTUAL_SKIN)) if summary.has_actual else None,
         landmarks_before=planned,
         landmarks_after=reached,
         summary=summary,

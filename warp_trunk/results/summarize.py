@@ -16,21 +16,12 @@ from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.chest import chest_indices, is_of_chest
-from warp_trunk.measures.cobb import curves_after
 from warp_trunk.measures.points import follow_points
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable, measured
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 
 from .result import Result, predicted_skin
-from .summary import (
-    CobbSummary,
-    IncrementSummary,
-    RotationSummary,
-    SpringSummary,
-    StepSummary,
-    Summary,
-    Terms,
-    as_read,
-)
+from .summary import IncrementSummary, SpringSummary, StepSummary, Summary, Terms, as_read
 from .versions import versions
 
 if TYPE_CHECKING:
@@ -87,7 +78,12 @@ def result_of(
     displacement, last = increments[-1].displacement, increments[-1].relaxation
     skin, planned = predicted_skin(case, trunk, displacement), case.planned_landmarks
     before, after = measures or (measure(case.skin, case.landmarks_before), measure(skin, planned, case.skin))
-    actual = None if case.actual_skin is None else measure(case.actual_skin, planned).bsr
+    table = MeasureTable([*measured(BEFORE, before), *measured(PREDICTED, after, before.cobb)])
+    if case.actual_skin is not None:
+        actual = measured(ACTUAL, measure(case.actual_skin, planned), skin_only=True)
+        table = table.with_rows(actual)
+    if found is not None:
+        table = table.with_rows(found.rows)
     quality = quality or skin_quality(case.skin, skin, case.landmarks_before, case.bones)
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     constants = dataclasses.asdict(model.tissues[0]) if len(model.tissues) == 1 else {}
@@ -110,8 +106,8 @@ def result_of(
         tissues=model.tissues,
         terms=model.terms,
         increments=tuple(_increment(increment) for increment in increments),
-        bsr_deg=RotationSummary(before=before.bsr, after=after.bsr, actual=actual),
-        cobb_deg=CobbSummary(before=before.cobb, after=after.cobb, followed=curves_after(before.cobb, planned)),
+        measures=table.rows,
+        curves={BEFORE: before.cobb, PREDICTED: after.cobb},
         seconds={s: known.get(s) for s in (*STAGES, *SCENE_STAGES) if s in STAGES or s in known},
         peak_memory_mb=peak_memory(),
         versions=versions(),

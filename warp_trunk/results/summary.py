@@ -20,12 +20,11 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.io.result_files import SUMMARY
 from warp_trunk.measures import CobbAngle
 from warp_trunk.measures.points import FollowedPoint
+from warp_trunk.measures.quantities import ACTUAL, Measured
 from warp_trunk.measures.skin_quality import SkinQuality
 
 from .bands import Bands
 
-Rotations = dict[str, float | None]
-"""Back surface rotation [degrees] by vertebral level; None where it is missing."""
 Terms = dict[str, float | None]
 """Energy by term, and their `total`."""
 
@@ -66,31 +65,6 @@ class IncrementSummary:
     """Duration [s]."""
     history: tuple[StepSummary, ...]
     """Every step in order."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RotationSummary:
-    """Back surface rotation of each skin."""
-
-    before: Rotations
-    """Before surgery."""
-    after: Rotations
-    """Predicted."""
-    actual: Rotations | None
-    """As scanned after surgery, where that is known."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CobbSummary:
-    """Curves of the spine, top to bottom."""
-
-    before: tuple[CobbAngle, ...]
-    """Before surgery."""
-    after: tuple[CobbAngle, ...]
-    """As planned, each between the vertebrae that end it then."""
-    followed: tuple[float | None, ...] = ()
-    """Angle of each curve before [degrees], as planned, between the vertebrae that ended it before; see
-    `curves_after`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,10 +125,11 @@ class Summary:
     """Terms of the energy."""
     increments: Annotated[tuple[IncrementSummary, ...], msgspec.Meta(min_length=1)]
     """Increments in order."""
-    bsr_deg: RotationSummary
-    """Back surface rotation [degrees] by level."""
-    cobb_deg: CobbSummary
-    """Cobb angles [degrees]."""
+    measures: tuple[Measured, ...]
+    """Every measured number: a table of state, level, quantity, value and interval."""
+    curves: dict[str, tuple[CobbAngle, ...]]
+    """Curves of the spine by state, before and predicted (as planned), top to bottom, each between the vertebrae
+    that end it then."""
     seconds: dict[str, float | None]
     """Time [s] by stage of the run."""
     peak_memory_mb: float | None
@@ -168,7 +143,7 @@ class Summary:
     virtual: bool = False
     """Whether the trunk is synthetic."""
     bands: Bands | None = None
-    """95 % intervals; None without `--bands`."""
+    """The sources of the 95 % intervals of the measures; None without `--bands`."""
     springs: SpringSummary | None = None
     """Eq. 4.6, where the energy is itmsm."""
     points: tuple[FollowedPoint, ...] = ()
@@ -185,6 +160,16 @@ class Summary:
     def ending(self) -> RelaxStatus:
         """Why the last relaxation ended."""
         return RelaxStatus[self.status]
+
+    @property
+    def has_spine(self) -> bool:
+        """Whether the back was measured at vertebrae."""
+        return any(row.quantity == "bsr_deg" for row in self.measures)
+
+    @property
+    def has_actual(self) -> bool:
+        """Whether the actual skin after surgery is known."""
+        return any(row.state == ACTUAL for row in self.measures)
 
 
 def as_read(summary: Summary) -> Summary:

@@ -9,6 +9,7 @@ import numpy as np
 
 from warp_trunk.io.folders import seen_from_here
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.rows import level_rows, measure_rows, sided
 from warp_trunk.measures.table import RESEARCH, as_markdown, as_text
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
 
     from .result import Result
-    from .summary import SpringSummary, Summary
+    from .summary import SpringSummary
 
 
 def plain(result: Result, name: str = "") -> str:
@@ -45,7 +46,7 @@ def plain(result: Result, name: str = "") -> str:
     lines += ["", as_text([f"{of}measure", "before", "predicted"], _rows(before, result.measures))]
     if before.bsr:
         lines += ["", f"{of}Rotation of the back (BSR) at every vertebra, with the side that stands further back"]
-        lines.append(_levels(summary, before, result.measures))
+        lines.append(_levels(result.table))
     files = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     return "\n".join([*lines, "", f"{of}Written to {seen_from_here(folder)}: {', '.join(files)}", RESEARCH])
 
@@ -70,8 +71,8 @@ def markdown(
     lines += [line for warning in warnings for line in (f"**Warning:** {warning}", "")]
     lines += [as_markdown(["measure", "before", "predicted"], _rows(before, after)), ""]
     if before.bsr:
-        rows = [row.cells() for row in level_rows([before, after])]
-        lines += [as_markdown(["rotation of the back at", "before", "predicted"], rows), ""]
+        rows = [[row.level, *row.cells()[1:]] for row in level_rows([before, after])]
+        lines += [as_markdown(["rotation of the back [°] at", "before", "predicted"], rows), ""]
     return "\n".join([*lines, RESEARCH])
 
 
@@ -81,18 +82,15 @@ def _rows(before: TrunkMeasures, after: TrunkMeasures) -> list[list[str]]:
     return [line for heading, rows in groups.items() for line in ([heading], *(row.cells() for row in rows))]
 
 
-def _levels(summary: Summary, before: TrunkMeasures, after: TrunkMeasures) -> str:
+def _levels(table: MeasureTable) -> str:
     """The rotation at every vertebra, with the actual one and the band where they are known."""
-    actual, bands = summary.bsr_deg.actual, summary.bands
-    head = ["level [°]", "before", "predicted"]
-    head += ["actual"] if actual else []
-    head += ["19 of 20 between", "and"] if bands else []
-    table = []
-    for row in level_rows([before, after]):
-        cells = [row.name, *row.cells()[1:]]
-        cells += [sided(actual.get(row.name))] if actual else []
-        if bands:
-            band = bands.bsr_deg.get(row.name)
-            cells += [sided(band and band.low), sided(band and band.high)]
-        table.append(cells)
-    return as_text(head, table)
+    actual, predicted = table.values(ACTUAL, "bsr_deg"), table.column(PREDICTED, "bsr_deg")
+    with_intervals = any(row.low is not None for row in predicted.values())
+    head = ["level [°]", *([BEFORE, PREDICTED, ACTUAL] if actual else [BEFORE, PREDICTED])]
+    head += ["19 of 20 between", "and"] if with_intervals else []
+    lines = []
+    for level, row in predicted.items():
+        cells = [level, sided(table.value(BEFORE, "bsr_deg", level)), sided(row.value)]
+        cells += [sided(actual.get(level))] if actual else []
+        lines.append([*cells, sided(row.low), sided(row.high)] if with_intervals else cells)
+    return as_text(head, lines)

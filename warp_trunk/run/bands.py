@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,24 +20,23 @@ from warp_trunk.case.uncertainty import REFERENCES
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
-from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.cobb import CobbAngle, angles_between, cobb_angles
-from warp_trunk.measures.sagittal import kyphosis, lordosis
-from warp_trunk.measures.spine import asis_axis, spine_of
-from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift
+from warp_trunk.measures.cobb import CobbAngle, cobb_angles
+from warp_trunk.measures.measures import measure_spine
+from warp_trunk.measures.quantities import EXACT, PREDICTED, QUANTITIES, Measured, quantities_of
 from warp_trunk.results import predicted_skin
-from warp_trunk.results.bands import Band, Bands, BandSource, FoundBands
+from warp_trunk.results.bands import Bands, BandSource, FoundBands
 
-from .draws import draw_errors, linearity, skin_deviation
+from .draws import Draws, draw_errors, linearity, skin_deviation
 from .options import RunOptions
 from .patient import Prepared
-from .sensitivities import force_derivatives_of, from_adjoints, numbers_of, on_nodes
+from .sensitivities import Sensitivity, force_derivatives_of, from_adjoints, numbers_of, on_nodes
 from .sources import ErrorSource, sources_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.engine.newton import Relaxer
     from warp_trunk.engine.simulation import Increment
+    from warp_trunk.measures.derivatives import Derivative
 
 
 DRAWS = 16
@@ -71,11 +71,65 @@ def find_bands(
     Raises:
         InputError: the last relaxation did not converge.
     """
-    options, trunk, given = options or RunOptions(), prepared.trunk, case.uncertainty
-    linear = Linearization(prepared.model, increment, ACCURACY, relaxer=relaxer)
+    options = options or RunOptions()
     sources = sources_of(case, prepared, options)
-    skin = predicted_skin(case, trunk, increment.displacement)
-    numbers, normals = numbers_of(case, prepared, increment), vertex_normals(skin)
+    skin = predicted_skin(case, prepared.trunk, increment.displacement)
+    linear = Linearization(prepared.model, increment, ACCURACY, relaxer=relaxer)
+    solved = _solve(case, prepared, increment, options, sources, linear, vertex_normals(skin), draws)
+    effects, exact = _effects(case, sources, solved)
+    on_skin = solved.followed[:, prepared.trunk.skin_nodes]
+    ratio, in_proportion = linearity(solved.drawn, on_skin, solved.numbers, skin, case.planned_landmarks)
+    deviation = skin_deviation(solved.drawn, on_skin, vertex_normals(skin))
+    skin_sd = np.hypot(deviation, case.uncertainty.mesh_length)
+    names = [*solved.numbers]
+
+    def intervals(state: str, effects: Mapping[str, np.ndarray]) -> list[Measured]:
+        sds = np.sqrt(sum(np.square(effect * ratio) for effect in effects.values()) + _mesh(case, solved) ** 2)
+        numbers = zip(names, solved.numbers.values(), sds.tolist(), strict=True)
+        return [Measured.with_sd(state, level, name, one.value, sd) for (name, level), one, sd in numbers]
+
+    bands = Bands(
+        sources=_ranked(case, sources, solved, effects),
+        nonlinear=tuple(name for name, straight in zip(names, in_proportion, strict=True) if not straight),
+        skin_mean_mm=float(skin_sd.mean()),
+        skin_max_mm=float(skin_sd.max()),
+        draws=draws,
+    )
+    rows = [*intervals(PREDICTED, effects), *spine_bands(case, sources), *intervals(EXACT, exact)]
+    return FoundBands(tuple(rows), bands, skin_sd)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """The results of the linear solves at the equilibrium."""
+
+    numbers: dict[tuple[str, str], Derivative]
+    """The numbers of the skin by quantity and level."""
+    found: tuple[Sensitivity, ...]
+    """Their sensitivities."""
+    apart: tuple[Sensitivity, ...]
+    """The same where motions of bones are smoothed against errors of landmarks."""
+    by_field: np.ndarray
+    """The change of each number by each field of `drawn` that is a source of its own, shape (sources, numbers)."""
+    drawn: Draws
+    """All errors, drawn."""
+    followed: np.ndarray
+    """How the nodes follow each field of `drawn` [mm], shape (fields, nodes, 3)."""
+
+
+def _solve(
+    case: Case,
+    prepared: Prepared,
+    increment: Increment,
+    options: RunOptions,
+    sources: Sequence[ErrorSource],
+    linear: Linearization,
+    normals: np.ndarray,
+    draws: int,
+) -> _Solved:
+    """Adjoints of all numbers, and how the tissue follows all fields of error, in one go."""
+    trunk, given = prepared.trunk, case.uncertainty
+    numbers = numbers_of(case, prepared, increment)
     force_derivatives = force_derivatives_of(case, prepared, options, linear)
     seen = response, _ = spline_response(case.landmarks_before.points, trunk.nodes), normals
     sizes = draws, np.random.default_rng(SEED)
@@ -107,63 +161,59 @@ def find_bands(
             force_derivatives=force_derivatives,
             expected_error=error,
         )
-
-    # the effect of one standard deviation of each source on each number, shape (numbers,) each
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
-    others = iter((_changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.force_derivatives[own])).T)
+    by_field = _changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.force_derivatives[own])
+    return _Solved(numbers, found, apart, by_field.T, drawn, followed)
+
+
+def _effects(
+    case: Case, sources: Sequence[ErrorSource], solved: _Solved
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The effect of one standard deviation of each source on each number, shape (numbers,) each.
+
+    Returns:
+        By the name of the source: as surgery and films vary, and where the plan is carried out exactly.
+    """
+    others = iter(solved.by_field)
     effects = {
         source.name: next(others)
         if (moved := source.landmarks_after) is None
-        else np.array([float(np.vdot(one.landmarks_after, moved)) for one in found])
+        else np.array([float(np.vdot(one.landmarks_after, moved)) for one in solved.found])
         for source in sources
     }
-    separate = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in apart]
-    same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in found]
-    effects[_LANDMARKS] = given.landmark_sd * np.array(separate)
-    of_surgery = {source.name for source in sources if source.of_surgery}
-    exact = {name: effect for name, effect in effects.items() if name not in of_surgery}
-    exact[_LANDMARKS] = given.landmark_sd * np.array(same)
-    rotation = np.array([one.unit == "degrees" for one in found])
-    mesh = np.where(rotation, given.mesh_rotation, given.mesh_length)
+    exact = {source.name: effects[source.name] for source in sources if not source.of_surgery}
+    sd = case.uncertainty.landmark_sd
+    separate = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in solved.apart]
+    same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in solved.found]
+    return {**effects, _LANDMARKS: sd * np.array(separate)}, {**exact, _LANDMARKS: sd * np.array(same)}
 
-    followed = followed[:, trunk.skin_nodes]
-    ratio, linear_ones = linearity(drawn, followed, numbers, skin, case.planned_landmarks)
 
-    def bands_of(effects: Mapping[str, np.ndarray], linear_ones: np.ndarray) -> dict[str, Band]:
-        sds = np.sqrt(sum(np.square(effect * ratio) for effect in effects.values()) + mesh**2)
-        return {
-            one.name: Band.of(one.value, float(sd), linear=bool(straight))
-            for one, sd, straight in zip(found, sds, linear_ones, strict=True)
-        }
+def _mesh(case: Case, solved: _Solved) -> np.ndarray:
+    """The deviation of each number by the mesh."""
+    given = case.uncertainty
+    return np.where(_of_rotation(solved), given.mesh_rotation, given.mesh_length)
 
-    bands = bands_of(effects, linear_ones)
-    texts = {source.name: (source.spread, source.reference) for source in sources}
+
+def _of_rotation(solved: _Solved) -> np.ndarray:
+    return np.array([QUANTITIES[quantity].unit == "°" for quantity, _ in solved.numbers], dtype=bool)
+
+
+def _ranked(
+    case: Case, sources: Sequence[ErrorSource], solved: _Solved, effects: Mapping[str, np.ndarray]
+) -> tuple[BandSource, ...]:
+    """Every source with its effects, that which changes rotations most first."""
+    given = case.uncertainty
     size = f"{given.landmark_error:g} ± {given.landmark_error_sd:g} mm, before and after each"
-    texts[_LANDMARKS] = (size, REFERENCES["landmark_error"])
-    texts[_MESH] = (f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm", REFERENCES["mesh"])
-    effects[_MESH] = mesh
-    ranked = sorted(effects, key=lambda name: -float(np.square(effects[name][rotation]).sum()))
-    skin_sd = np.sqrt(skin_deviation(drawn, followed, normals) ** 2 + given.mesh_length**2)
-    result = Bands(
-        bsr_deg={name.removeprefix("bsr "): band for name, band in bands.items() if name.startswith("bsr ")},
-        max_hump_mm=next((band for name, band in bands.items() if name.startswith("hump ")), None),
-        shoulder_difference_mm=bands.get("shoulder difference"),
-        spine=spine_bands(case, sources),
-        exact=bands_of(exact, np.ones_like(linear_ones)),
-        sources=tuple(
-            BandSource(
-                name=name,
-                spread=texts[name][0],
-                reference=texts[name][1],
-                sd={one.name: abs(float(sd)) for one, sd in zip(found, effects[name], strict=True)},
-            )
-            for name in ranked
-        ),
-        skin_mean_mm=float(skin_sd.mean()),
-        skin_max_mm=float(skin_sd.max()),
-        draws=draws,
-    )
-    return FoundBands(result, skin_sd)
+    mesh = f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm"
+    texts = {source.name: (source.spread, source.reference) for source in sources}
+    texts |= {_LANDMARKS: (size, REFERENCES["landmark_error"]), _MESH: (mesh, REFERENCES["mesh"])}
+    found = []
+    for name, effect in {**effects, _MESH: _mesh(case, solved)}.items():
+        sd: dict[str, dict[str, float]] = {}
+        for (quantity, level), one in zip(solved.numbers, effect.tolist(), strict=True):
+            sd.setdefault(quantity, {})[level] = abs(one)
+        found.append(BandSource(name=name, spread=texts[name][0], reference=texts[name][1], sd=sd))
+    return tuple(sorted(found, key=lambda one: -sum(sd**2 for sd in one.sd.get("bsr_deg", {}).values())))
 
 
 def _changes(derivatives: np.ndarray, fields: np.ndarray) -> np.ndarray:
@@ -178,8 +228,8 @@ OBLIQUE = np.array([0.7, 0.5, 0.3])
 """A generic direction, on which every measure depends."""
 
 
-def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> dict[str, Band]:
-    """Bands of the measures of the planned spine, by their names in the record of measures.
+def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> list[Measured]:
+    """The measures of the planned spine with their intervals.
 
     A Cobb angle is that between the end vertebrae that the curve has before surgery, and rotation that of its apex
     before. Each landmark after surgery has its own error; how surgery misses the plan comes on top.
@@ -188,16 +238,19 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> dict[str, Band]:
     values = spine_measures(after, curves)
     by_point = _derivatives(after, curves, values)
     missed = [source.landmarks_after for source in sources if source.landmarks_after is not None]
-    found = {}
-    for name, derivative in zip(values, by_point, strict=True):
+    found = []
+    for (quantity, level), derivative in zip(values, by_point, strict=True):
         parts = [case.uncertainty.landmark_sd * float(np.linalg.norm(derivative))]
         parts += [float(np.vdot(derivative, move)) for move in missed]
         if np.isfinite(parts).all():
-            found[name] = Band.of(values[name], float(np.linalg.norm(parts)))
+            sd = float(np.linalg.norm(parts))
+            found.append(Measured.with_sd(PREDICTED, level, quantity, values[quantity, level], sd))
     return found
 
 
-def _derivatives(after: Landmarks, curves: Sequence[CobbAngle], values: Mapping[str, float]) -> np.ndarray:
+def _derivatives(
+    after: Landmarks, curves: Sequence[CobbAngle], values: Mapping[tuple[str, str], float]
+) -> np.ndarray:
     """Of each measure in each landmark, shape (measures, landmarks, 3); NaN where one goes missing."""
     derivative = np.zeros((len(values), *after.points.shape))
 
@@ -214,16 +267,12 @@ def _derivatives(after: Landmarks, curves: Sequence[CobbAngle], values: Mapping[
     return derivative
 
 
-def spine_measures(landmarks: Landmarks, curves: Sequence[CobbAngle]) -> dict[str, float]:
-    """Measures of a spine by their names in the record of measures; those that are missing are left out."""
-    spine = spine_of(landmarks)
-    shift, turned = trunk_shift(spine, sacral_line(landmarks)), axial_rotation(spine, asis_axis(landmarks))
-    values: dict[str, float | None] = {}
-    for curve, angle in zip(curves, angles_between(curves, spine), strict=True):
-        values[f"cobb_deg {curve.upper}-{curve.lower}"] = angle
-        values[f"apical_rotation_deg {curve.apex}"] = turned.get(curve.apex)
-    values |= {f"kyphosis_deg {ends}": angle for ends, angle in kyphosis(spine).items()}
-    values |= {f"lordosis_deg {ends}": angle for ends, angle in lordosis(spine).items()}
-    if shift is not None:
-        values |= {"trunk_shift_mm": shift.lateral, "trunk_shift_forward_mm": shift.forward}
-    return {name: value for name, value in values.items() if value is not None}
+def spine_measures(landmarks: Landmarks, curves: Sequence[CobbAngle]) -> dict[tuple[str, str], float]:
+    """Measures of a spine by quantity and level; those that are missing are left out."""
+    found = measure_spine(landmarks)
+    return {
+        (quantity.key, level): value
+        for quantity in quantities_of("curve", "spine")
+        for level, value in quantity.function(found, curves).items()
+        if value is not None
+    }

@@ -19,8 +19,8 @@ from warp_trunk.engine.linearization import Linearization
 from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import QUANTITIES, WIDTH
 from warp_trunk.results import predicted_skin
-from warp_trunk.results.bands import WIDTH
 
 from .options import RunOptions, with_changes
 from .patient import Patient, Prepared, patient_of, prepare_plan
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 
 Aim = Literal["hump", "bsr"]
+AIMS = {"hump": "hump_mm", "bsr": "bsr_deg"}
+"""The quantity of each."""
 MOST = 9
 """Relaxations of a search, that of the plan as given included."""
 ENOUGH = 2e-4
@@ -60,7 +62,7 @@ class PlanTrial:
 
         skin = predicted_skin(self.case, self.prepared.trunk, self.end.displacement)
         measured = measure(skin, self.case.planned_landmarks)
-        found = measured.hump_height if search.aim == "hump" else measured.bsr
+        found = QUANTITIES[AIMS[search.aim]].function(measured, ())
         self.values = {level: value for level, value in found.items() if value is not None}
 
     @property
@@ -81,7 +83,7 @@ class PlanTrial:
         found = sensitivities(
             self.case, self.prepared, end, patient.options, all_humps=aim == "hump", linear=linear
         )
-        return {one.name.partition(" ")[2]: one for one in found if one.name.startswith(f"{aim} ")}
+        return {one.level: one for one in found if one.quantity == AIMS[aim]}
 
     def slopes(self) -> dict[str, np.ndarray]:
         """The derivative of each number in each bounded share, shape (bounds,)."""

@@ -7,7 +7,7 @@ these by one linear solve. The measures of a drawn skin are compared with the pr
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,10 +16,8 @@ import numpy as np
 from warp_trunk.bone_motion.prescribed_motion import rigid_displacement
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures import back_surface_rotation
-from warp_trunk.measures.hump import hump_height
-from warp_trunk.measures.shoulders import shoulder_heights
-from warp_trunk.measures.spine import asis_axis, spine_of
+from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import QUANTITIES
 
 from .options import RunOptions
 from .patient import Prepared, motions_of
@@ -123,7 +121,7 @@ def skin_deviation(draws: Draws, followed: np.ndarray, normals: np.ndarray) -> n
 def linearity(
     draws: Draws,
     followed: np.ndarray,
-    numbers: Mapping[str, Derivative],
+    numbers: Mapping[tuple[str, str], Derivative],
     skin: Surface,
     landmarks: Landmarks,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -132,7 +130,7 @@ def linearity(
     Args:
         draws: what is drawn.
         followed: how the skin follows each field [mm], shape (fields, vertices, 3).
-        numbers: by name, with their derivatives on the skin.
+        numbers: by quantity and level, with their derivatives on the skin.
         skin: as predicted.
         landmarks: after surgery, as planned.
 
@@ -148,7 +146,7 @@ def linearity(
     measured = []
     for by, after in zip(moved, draws.after, strict=True):
         there = Surface(skin.vertices + by, skin.faces)
-        measured.append(measured_again(there, replace(landmarks, points=landmarks.points + after), [*numbers]))
+        measured.append(measured_again(there, replace(landmarks, points=landmarks.points + after), numbers))
     seen = np.array(measured) - [one.value for one in found]
     known = np.isfinite(seen)
     seen = np.where(known, seen, predicted)
@@ -158,24 +156,14 @@ def linearity(
     return ratio, known.all(axis=0) & (stray <= MOST_NONLINEAR * np.maximum(wanted, 1e-9))
 
 
-def measured_again(skin: Surface, landmarks: Landmarks, names: Sequence[str]) -> list[float]:
-    """The numbers of these names, as sensitivities have them, on another skin; NaN where one is missing.
+def measured_again(skin: Surface, landmarks: Landmarks, names: Iterable[tuple[str, str]]) -> list[float]:
+    """Numbers by quantity and level on another skin; NaN where one is missing.
 
-    A hump is the largest on that skin, at whatever level: its top jumps from one level or side to another where
+    The largest hump is that of this skin, at whatever level: its top jumps from one level or side to another where
     two are nearly as high, and the largest is reported.
     """
-    tangents = back_surface_rotation(skin, landmarks)
-    humps = [hump_height(tangent) for tangent in tangents.values() if tangent is not None]
-    hump = max((height for height in humps if height is not None), key=abs, default=None)
-    values: list[float | None] = []
-    for name in names:
-        kind, _, level = name.partition(" ")
-        if kind == "shoulder":
-            shoulders = shoulder_heights(skin, spine_of(landmarks), asis_axis(landmarks))
-            values.append(None if shoulders is None else shoulders.difference)
-        else:
-            tangent = tangents.get(level)
-            values.append(hump if kind == "hump" else None if tangent is None else tangent.angle)
+    found = measure(skin, landmarks)
+    values = [QUANTITIES[quantity].function(found, ()).get(level) for quantity, level in names]
     return [math.nan if value is None else value for value in values]
 
 

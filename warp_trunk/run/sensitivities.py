@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 class Sensitivity:
     """A number of the predicted trunk, and its derivative in everything it depends on."""
 
-    name: str
-    """`bsr T8`, `hump T9` or `shoulder difference`."""
-    unit: str
-    """Its unit: degrees or mm."""
+    quantity: str
+    """The measured quantity: a key of `QUANTITIES`, with its unit."""
+    level: str
+    """Where; empty for the whole trunk."""
     value: float
     """The number."""
     landmarks_before: np.ndarray
@@ -93,22 +93,28 @@ def sensitivities(
 
 def numbers_of(
     case: Case, prepared: Prepared, increment: Increment, *, all_humps: bool = False
-) -> dict[str, Derivative]:
-    """The numbers of a predicted skin by name, each with its derivative in the skin and in the landmarks after."""
+) -> dict[tuple[str, str], Derivative]:
+    """The numbers of a predicted skin, each with its derivative in the skin and in the landmarks after.
+
+    Returns:
+        By quantity and level.
+    """
     skin, landmarks = predicted_skin(case, prepared.trunk, increment.displacement), case.planned_landmarks
     measured = measure(skin, landmarks)
     tangents = {level: tangent for level, tangent in measured.tangents.items() if tangent is not None}
-    found: dict[str, Derivative | None] = {
-        f"bsr {level}": rotation_derivative(skin, landmarks, level, tangent) for level, tangent in tangents.items()
+    found: dict[tuple[str, str], Derivative | None] = {
+        ("bsr_deg", level): rotation_derivative(skin, landmarks, level, tangent)
+        for level, tangent in tangents.items()
     }
     for level, tangent in tangents.items():
         if all_humps or level == measured.hump_level:
-            found[f"hump {level}"] = hump_derivative(skin, landmarks, level, tangent)
-    found["shoulder difference"] = shoulder_derivative(skin, landmarks)
+            name = ("hump_mm", level) if all_humps else ("max_hump_mm", "")
+            found[name] = hump_derivative(skin, landmarks, level, tangent)
+    found["shoulder_difference_mm", ""] = shoulder_derivative(skin, landmarks)
     return {name: number for name, number in found.items() if number is not None}
 
 
-def on_nodes(prepared: Prepared, numbers: Mapping[str, Derivative]) -> np.ndarray:
+def on_nodes(prepared: Prepared, numbers: Mapping[tuple[str, str], Derivative]) -> np.ndarray:
     """Derivatives of numbers in the vertices of the skin as those in the nodes, (numbers, nodes, 3)."""
     by_node = np.zeros((len(numbers), *prepared.trunk.nodes.shape))
     for row, number in enumerate(numbers.values()):
@@ -122,7 +128,7 @@ def from_adjoints(
     options: RunOptions,
     response: np.ndarray,
     *,
-    solved: tuple[Mapping[str, Derivative], Adjoints, np.ndarray],
+    solved: tuple[Mapping[tuple[str, str], Derivative], Adjoints, np.ndarray],
     force_derivatives: Mapping[str, np.ndarray],
     expected_error: float | None = None,
 ) -> tuple[Sensitivity, ...]:
@@ -147,8 +153,8 @@ def from_adjoints(
     by_bones = np.where(held[:, None], places, 0.0)
     return tuple(
         Sensitivity(
-            name=name,
-            unit="degrees" if name.startswith("bsr") else "mm",
+            quantity=quantity,
+            level=level,
             value=number.value,
             landmarks_before=before[i] - carried[i],
             landmarks_after=after[i] + carried[i] + number.landmarks,
@@ -157,7 +163,7 @@ def from_adjoints(
                 constant: -float(np.vdot(adjoints.fields[i], pull)) for constant, pull in force_derivatives.items()
             },
         )
-        for i, (name, number) in enumerate(numbers.items())
+        for i, ((quantity, level), number) in enumerate(numbers.items())
     )
 
 

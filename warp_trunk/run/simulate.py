@@ -266,7 +266,7 @@ class _Simulation:
             found = _bands(case, prepared, last, patient, progress)
             if recording is not None:
                 if found is not None:
-                    recording.bands(found.bands)
+                    recording.bands(found.rows)
                 recording.finish(markdown(case, last, before, after, [*warnings, *quality.faults]))
         taken = {name: value - known.get(name, 0.0) for name, value in progress.seconds.items()}
         seconds = {name: value for name, value in taken.items() if value > 0.0}  # without a shared patient's

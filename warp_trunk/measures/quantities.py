@@ -1,0 +1,243 @@
+"""Every measured quantity, defined once, and the table of measured numbers that all who show or keep them read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from .apical import apical_vertebrae
+from .cobb import angles_between
+
+if TYPE_CHECKING:
+    from .cobb import CobbAngle
+    from .measures import TrunkMeasures
+
+DETECTABLE = 2.5
+"""Smallest detectable difference of the maximum back surface rotation [degrees] (section 4.5 of [2])."""
+SPINE_ANGLE = 5.0
+"""Angles of the spine that differ by less are alike [degrees]: two readers of a film differ by so much."""
+LENGTH = 5.0
+"""Lengths that differ by less are alike [mm]."""
+WIDTH = 1.959964
+"""Standard deviations to either side that hold 95 % of a normal distribution."""
+BEFORE, PREDICTED, ACTUAL, EXACT = "before", "predicted", "actual", "exact"
+"""States of a result: before surgery, predicted (of the spine: as planned), as scanned after surgery, and as
+predicted with the intervals of a plan that is carried out exactly."""
+
+Values = Mapping[str, float | None]
+"""A quantity by level: a vertebra, the ends of a curve such as T5-T12, or "" for the whole trunk; None is
+missing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A measured quantity."""
+
+    key: str
+    """Its name in tables and files; a unit ends it."""
+    label: str
+    """Its name for a reader; {level} and {ends} stand for where it is measured."""
+    unit: str
+    """°, mm or %."""
+    group: Literal["level", "back", "curve", "spine"]
+    """Whether it is known at each vertebra, of the back, of each curve of the spine, or of the spine as a
+    whole."""
+    function: Callable[[TrunkMeasures, Sequence[CobbAngle]], Values]
+    """Its values by level, from the measures of a trunk and the curves that its spine had before surgery."""
+    side: bool = False
+    """Whether it is positive to the patient's right, or where the right side stands further back."""
+    detectable: float = LENGTH
+    """States that differ by less cannot be distinguished by it [unit]."""
+    short: str = ""
+    """Its name within a sentence; empty for a quantity by which no plan is chosen."""
+    short_at: str = ""
+    """The only level at which a plan is chosen by it; empty for every level."""
+    of_skin: bool = False
+    """Whether it is measured on the skin."""
+
+    def label_at(self, level: str) -> str:
+        """Its name for a reader at a level."""
+        return self.label.format(level=level, ends=level.replace("-", " to "))
+
+    def short_name(self, level: str) -> str:
+        """Its name within a sentence at a level; empty where no plan is chosen by it."""
+        chosen = not self.short_at or level == self.short_at
+        return self.short.format(level=level, ends=level.replace("-", " to ")) if chosen else ""
+
+
+def _apical(measures: TrunkMeasures, curves: Sequence[CobbAngle], what: str) -> Values:
+    """A field of the apical vertebra that each curve had before surgery."""
+    if measures.sacral_line is None:
+        return {}
+    apices = apical_vertebrae(measures.spine, curves, measures.axial_rotation, measures.sacral_line)
+    return {apex.level: getattr(apex, what) for apex in apices}
+
+
+def _cobb(measures: TrunkMeasures, curves: Sequence[CobbAngle]) -> Values:
+    angles = angles_between(curves, measures.spine)
+    return {f"{curve.upper}-{curve.lower}": angle for curve, angle in zip(curves, angles, strict=True)}
+
+
+def _flank(what: str) -> Callable[[TrunkMeasures, Sequence[CobbAngle]], Values]:
+    def values(measures: TrunkMeasures, _: Sequence[CobbAngle]) -> Values:
+        return {level: flank and getattr(flank, what) for level, flank in measures.flanks.items()}
+
+    return values
+
+
+_LEVEL: dict[str, Any] = {"group": "level"}
+_BACK: dict[str, Any] = {"group": "back", "of_skin": True}
+_CURVE: dict[str, Any] = {"group": "curve"}
+_SPINE: dict[str, Any] = {"group": "spine"}
+_BSR = "Rotation of the back (BSR)"
+_DEFINED = (
+    Quantity(key="bsr_deg", label=f"{_BSR} at {{level}}", unit="°", side=True, detectable=DETECTABLE, **_LEVEL,
+             of_skin=True, function=lambda m, _: m.bsr),
+    Quantity(key="axial_rotation_deg", label="Rotation of the vertebra {level}", unit="°", side=True,
+             detectable=SPINE_ANGLE, **_LEVEL, function=lambda m, _: m.axial_rotation),
+    Quantity(key="hump_mm", label="Hump at {level}", unit="mm", side=True, **_LEVEL, of_skin=True,
+             function=lambda m, _: m.hump_height),
+    Quantity(key="left_flank_mm", label="Width to the left at {level}", unit="mm", **_LEVEL, of_skin=True,
+             function=_flank("left")),
+    Quantity(key="right_flank_mm", label="Width to the right at {level}", unit="mm", **_LEVEL, of_skin=True,
+             function=_flank("right")),
+    Quantity(key="flank_asymmetry_percent", label="Asymmetry of the flanks at {level}", unit="%", side=True,
+             **_LEVEL, of_skin=True, function=_flank("index")),
+    Quantity(key="max_thoracic_bsr_deg", label=f"{_BSR}, largest from T1 to T12", unit="°", side=True,
+             detectable=DETECTABLE, short="rotation of the upper back", **_BACK,
+             function=lambda m, _: {"": m.max_thoracic_bsr}),
+    Quantity(key="max_lumbar_bsr_deg", label=f"{_BSR}, largest from L1 to L5", unit="°", side=True,
+             detectable=DETECTABLE, short="rotation of the lower back", **_BACK,
+             function=lambda m, _: {"": m.max_lumbar_bsr}),
+    Quantity(key="max_hump_mm", label="Hump, largest", unit="mm", side=True, short="hump", **_BACK,
+             function=lambda m, _: {"": m.max_hump}),
+    Quantity(key="shoulder_difference_mm", label="Higher shoulder, by", unit="mm", side=True, short="shoulders",
+             **_BACK, function=lambda m, _: {"": m.shoulders and m.shoulders.difference}),
+    Quantity(key="skin_change_max_mm", label="Movement of the skin, largest", unit="mm", **_BACK,
+             function=lambda m, _: {"": m.skin_change_max}),
+    Quantity(key="skin_change_mean_mm", label="Movement of the skin, mean", unit="mm", **_BACK,
+             function=lambda m, _: {"": m.skin_change_mean}),
+    Quantity(key="cobb_deg", label="Cobb angle {ends}", unit="°", detectable=SPINE_ANGLE, **_CURVE,
+             short="Cobb angle {ends}", function=_cobb),
+    Quantity(key="apical_rotation_deg", label="Rotation of the apical vertebra {level}", unit="°", side=True,
+             detectable=SPINE_ANGLE, short="rotation of {level}", **_CURVE,
+             function=lambda m, curves: _apical(m, curves, "rotation")),
+    Quantity(key="apical_translation_mm", label="Apical vertebra {level} beside the vertical", unit="mm",
+             side=True, **_CURVE, function=lambda m, curves: _apical(m, curves, "translation")),
+    Quantity(key="trunk_shift_mm", label="Top of the spine beside the sacrum", unit="mm", side=True, **_SPINE,
+             short="balance to the side", function=lambda m, _: {"": m.trunk_shift and m.trunk_shift.lateral}),
+    Quantity(key="trunk_shift_forward_mm", label="Top of the spine in front of the sacrum", unit="mm", **_SPINE,
+             function=lambda m, _: {"": m.trunk_shift and m.trunk_shift.forward}),
+    Quantity(key="kyphosis_deg", label="Kyphosis {ends}", unit="°", detectable=SPINE_ANGLE, short="kyphosis",
+             short_at="T5-T12", **_SPINE, function=lambda m, _: m.kyphosis),
+    Quantity(key="lordosis_deg", label="Lordosis {ends}", unit="°", detectable=SPINE_ANGLE, short="lordosis",
+             short_at="L1-L5", **_SPINE, function=lambda m, _: m.lordosis),
+    Quantity(key="spine_height_mm", label="Height of the spine", unit="mm", short="height of the spine", **_SPINE,
+             function=lambda m, _: {"": m.spine_height and m.spine_height.height}),
+)  # fmt: skip
+QUANTITIES = {quantity.key: quantity for quantity in _DEFINED}
+"""The registry: every quantity by its key, in the order in which tables show them."""
+
+
+def quantities_of(*groups: str) -> list[Quantity]:
+    """The quantities of some groups."""
+    return [quantity for quantity in _DEFINED if quantity.group in groups]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One measured number: a row of the table of a result."""
+
+    state: str
+    """Of which state of the trunk: before, predicted, actual, or another that the table defines."""
+    level: str
+    """Where: a vertebra, the ends of a curve such as T5-T12, a region of the skin; empty for the whole trunk."""
+    quantity: str
+    """What: a key of `QUANTITIES`, which a unit ends."""
+    value: float | None
+    """The number, positive to the patient's right where it has a side; None where it cannot be measured."""
+    low: float | None = None
+    """Where the interval begins that holds it in 19 of 20 cases; None without `--bands` ..."""
+    high: float | None = None
+    """... and where it ends."""
+
+    @classmethod
+    def with_sd(cls, state: str, level: str, quantity: str, value: float, sd: float) -> Measured:
+        """A number that is normally distributed with a standard deviation."""
+        return cls(state, level, quantity, value, value - WIDTH * sd, value + WIDTH * sd)
+
+    @property
+    def sd(self) -> float:
+        """Its standard deviation; NaN where it has no interval."""
+        return math.nan if self.low is None or self.high is None else (self.high - self.low) / (2.0 * WIDTH)
+
+    def holds(self, value: float | None) -> bool | None:
+        """Whether a value lies in its interval; None where one of them is not known."""
+        if value is None or self.low is None or self.high is None:
+            return None
+        return self.low <= value <= self.high
+
+
+COLUMNS = ("state", "level", "quantity", "value", "low", "high")
+"""The fields of `Measured`: the columns of the table."""
+
+
+def measured(
+    state: str, measures: TrunkMeasures, curves: Sequence[CobbAngle] | None = None, *, skin_only: bool = False
+) -> list[Measured]:
+    """The rows of one state of a trunk, for every quantity.
+
+    Args:
+        state: its name.
+        measures: what `measure` found.
+        curves: those that the spine had before surgery; its own when left out.
+        skin_only: whether the spine of this state is not known.
+    """
+    curves = measures.cobb if curves is None else curves
+    return [
+        Measured(state, level, quantity.key, value)
+        for quantity in _DEFINED
+        if quantity.of_skin or not skin_only
+        for level, value in quantity.function(measures, curves).items()
+    ]
+
+
+class MeasureTable:
+    """The rows of a result, found by state, quantity and level."""
+
+    def __init__(self, rows: Iterable[Measured]) -> None:
+        self.rows = tuple(rows)
+        """Every row, in order."""
+
+    @cached_property
+    def _columns(self) -> dict[tuple[str, str], dict[str, Measured]]:
+        found: dict[tuple[str, str], dict[str, Measured]] = {}
+        for row in self.rows:
+            found.setdefault((row.state, row.quantity), {})[row.level] = row
+        return found
+
+    def column(self, state: str, quantity: str) -> dict[str, Measured]:
+        """The rows of a quantity in a state, by level, top to bottom."""
+        return self._columns.get((state, quantity), {})
+
+    def values(self, state: str, quantity: str) -> dict[str, float | None]:
+        """The values of a quantity in a state, by level."""
+        return {level: row.value for level, row in self.column(state, quantity).items()}
+
+    def value(self, state: str, quantity: str, level: str = "") -> float | None:
+        """A single value; None where it is missing or not in the table."""
+        row = self.column(state, quantity).get(level)
+        return None if row is None else row.value
+
+    def with_rows(self, known: Iterable[Measured]) -> MeasureTable:
+        """The table with other rows in place of those of the same state, level and quantity, or after all."""
+        new = {(row.state, row.level, row.quantity): row for row in known}
+        rows = [new.pop((row.state, row.level, row.quantity), row) for row in self.rows]
+        return MeasureTable([*rows, *new.values()])
+
+    def to_rows(self) -> list[dict[str, Any]]:
+        """The rows as dictionaries of `COLUMNS`, for pandas or polars as they are."""
+        return [asdict(row) for row in self.rows]
