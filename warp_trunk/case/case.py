@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface
 
+from .invented import Invented
 from .landmarks import Landmarks, bone_of
 from .layers import Layers
 from .motions import Motion, rigid_motions
@@ -61,6 +64,10 @@ class Case:
     """Uncertainty of the input and of the assumptions of the model."""
     study: Study = dataclasses.field(default_factory=Study)
     """The patient, and what else a study of several cases needs."""
+    invented: Invented | None = None
+    """What of the case was not measured, where it was fitted to a part of the trunk."""
+    unseen: np.ndarray | None = None
+    """Which vertices of the skin were not measured, bool, shape (vertices,); None where all were."""
     bending_left: Landmarks | None = None
     """Landmarks of the vertebrae while the patient bends to the left, some or all of those before surgery."""
     bending_right: Landmarks | None = None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
@@ -17,6 +19,7 @@ from .axes import MILLIMETRES
 from .case import Case
 from .checks import CaseSource, check_case, check_names
 from .header import read_header
+from .invented import read_invented_skin
 from .landmark_checks import align_pelvis
 from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
 from .layers import read_layers
@@ -78,6 +81,7 @@ def read_checked_case(
         after = Landmarks(before.names, after.points[[after.index(name) for name in before.names]])
     skin, actual = files.skin(), surface_files(files.folder, "actual_skin").get("actual_skin")
     scanned = files.surface("skin", skin)
+    unseen = read_invented_skin(files.folder, len(scanned.vertices))
     case = Case(
         name=header.name,
         skin=without_slivers(scanned),
@@ -90,6 +94,8 @@ def read_checked_case(
         posture=header.posture,
         uncertainty=header.uncertainty,
         study=header.study,
+        invented=header.invented,
+        unseen=unseen,
         rib_coupling=header.ribs,
         bones_after={name: files.surface(f"bones_after/{name}", path) for name, path in bones_after.items()},
         motions=moved,
@@ -104,6 +110,8 @@ def read_checked_case(
         case = align_pelvis(case)
     warnings = [*files.notes, *check_case(case, source)]
     if case.skin is not scanned:
+        if unseen is not None:
+            case = replace(case, unseen=unseen[nearest_vertices(scanned.vertices, case.skin.vertices)])
         thin = slivers(scanned)
         place = f"the first number {thin[0]} near {place_of(scanned, thin)}"
         warnings.insert(
@@ -112,6 +120,13 @@ def read_checked_case(
             f"{place}; they were merged with their neighbours.",
         )
     return case, tuple(warnings)
+
+
+def nearest_vertices(of: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The row of the nearest of some vertices (n, 3) to each of other points (m, 3), shape (m,)."""
+    from scipy.spatial import KDTree  # heavy
+
+    return np.asarray(KDTree(of).query(points)[1])
 
 
 class _Files:

@@ -12,6 +12,7 @@ from warp_trunk.io.surface_files import surface_files, write_surface
 from .axes import Axes
 from .case import Case
 from .header import CaseHeader, header_text
+from .invented import write_invented_skin
 from .landmarks import write_landmarks
 from .layers import write_layers
 from .motions import FILE as MOTIONS
@@ -68,6 +69,7 @@ def write_case(folder: str | Path, case: Case) -> None:
     for file, text in texts.items():
         if text:
             write_whole(folder / file, text)
+    write_invented_skin(folder, case.unseen)
     header = CaseHeader(
         name=case.name,
         axes=Axes("LPS"),
@@ -75,6 +77,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         tissue=case.tissue,
         uncertainty=case.uncertainty,
         study=case.study,
+        invented=case.invented,
         ribs=case.rib_coupling,
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )

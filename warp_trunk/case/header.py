@@ -13,6 +13,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import in_lps, read_stated
 
 from .axes import MILLIMETRES, Axes
+from .invented import Invented
 from .keys import changed, converted, read_toml, refuse_unknown, table_lines, toml
 from .landmarks import COLUMNS
 from .layers import LayerTable, layer_lines
@@ -48,6 +49,8 @@ class CaseHeader:
     """Uncertainty of the case, from the table [uncertainty]."""
     study: Study = dataclasses.field(default_factory=Study)
     """Data for a study of several cases, from the table [study]."""
+    invented: Invented | None = None
+    """What was not measured, from the table [invented]."""
 
     def surface(self, path: Path) -> tuple[Surface, str | None]:
         """A surface of the folder in LPS [mm], and a sentence where its header states other axes than are used.
@@ -70,6 +73,7 @@ _KINDS = {
     "ribs": RibCoupling,
     "uncertainty": Uncertainty,
     "study": Study,
+    "invented": Invented,
 }
 """The type of each value of case.toml."""
 
@@ -112,6 +116,7 @@ def header_text(header: CaseHeader) -> str:
         *table_lines("ribs", changed(header.ribs)),
         *table_lines("uncertainty", changed(header.uncertainty)),
         *table_lines("study", changed(header.study)),
+        *table_lines("invented", {} if header.invented is None else dataclasses.asdict(header.invented)),
         *([] if header.layers is None else layer_lines(header.layers)),
     ]
     return "\n".join(lines) + "\n"

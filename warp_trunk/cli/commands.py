@@ -20,6 +20,7 @@ COMMANDS = {
     "triangulate": "films.Triangulate",
     "register": "films.Register",
     "fit-atlas": "films.FitAtlas",
+    "fit-back": "back.FitBack",
     "import": "import_case.Import",
     "landmarks": "surfaces.FindLandmarks",
     "plan": "plan.PlanCommand",

@@ -1,0 +1,117 @@
+"""A back cut from a whole body, fitted again: there the truth is known."""
+
+import numpy as np
+import pytest
+
+from warp_trunk.bone_motion.rib_cage import ends
+from warp_trunk.case import read_case, write_case
+from warp_trunk.case.checks import check_case
+from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.normals import area_vectors, unit
+from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import crossings
+from warp_trunk.measures import cobb_angles
+from warp_trunk.measures.back_rotation import back_surface_rotation
+from warp_trunk.preparation.back_scan import fit_back
+from warp_trunk.preparation.back_scan.body import made_body
+from warp_trunk.preparation.back_scan.cut import cut_back
+from warp_trunk.preparation.back_scan.spine import spine_of_marks
+from warp_trunk.preparation.deformity import SpineCurve, impose
+
+ANGLE = np.radians(11.0)
+TURNED = np.array([[np.cos(ANGLE), -np.sin(ANGLE), 0.0], [np.sin(ANGLE), np.cos(ANGLE), 0.0], [0.0, 0.0, 1.0]])
+SHIFT = np.array([120.0, -900.0, 40.0])
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """A body 7 % larger than the one that is fitted, with a curve, turned on its feet."""
+    body = made_body().scaled(1.07)
+    skin, _, marks = impose(body.skin, body.bones, body.landmarks, SpineCurve(cobb=50.0))
+    marks = Landmarks(marks.names, marks.points @ TURNED.T + SHIFT)
+    return Surface(skin.vertices @ TURNED.T + SHIFT, skin.faces), marks, body.psis @ TURNED.T + SHIFT
+
+
+@pytest.fixture(scope="module")
+def scan(whole):
+    """Its back, with an arm beside it and stray points behind."""
+    points, spine, markers = cut_back(*whole)
+    rng = np.random.default_rng(1)
+    arm = np.array([340.0, -960.0, 280.0]) + rng.normal(0.0, 6.0, (400, 3))
+    stray = np.array([120.0, -500.0, 300.0]) + rng.normal(0.0, 3.0, (30, 3))
+    return np.vstack([points, arm, stray]), spine, markers
+
+
+@pytest.fixture(scope="module")
+def fit(scan):
+    return fit_back(*scan)
+
+
+def test_the_skin_is_the_scan_and_what_is_beyond_the_trunk_is_left_out(fit, scan):
+    assert fit.distance.mean() < 0.5
+    assert np.percentile(fit.distance, 95.0) < 1.5
+    assert len(fit.left_out) + len(fit.distance) < len(scan[0])
+    far = SurfaceDistance(fit.case.skin).at(fit.left_out) > 20.0
+    assert far.sum() > 100
+    assert (~far).sum() < 0.01 * len(fit.distance)
+    assert not len(crossings(fit.case.skin))
+    assert 0.4 < fit.invented < 0.7
+    assert fit.case.unseen.sum() == (~fit.seen).sum()
+
+
+def test_the_joined_skin_has_no_step(fit):
+    """At the rim of the scan the skin folds no more than skin does."""
+    skin, facing = fit.case.skin, unit(area_vectors(fit.case.skin.vertices, fit.case.skin.faces))
+    edges = np.sort(skin.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)
+    pairs = np.repeat(np.arange(len(skin.faces)), 3)[order].reshape(-1, 2)
+    rim = np.logical_xor(*fit.seen[edges[order][::2]].T)
+    cosine = np.einsum("ei,ei->e", *facing[pairs].swapaxes(0, 1))
+    fold = np.degrees(np.arccos(np.clip(cosine[rim], -1.0, 1.0)))
+    assert len(fold) > 50
+    assert np.percentile(fold, 95.0) < 20.0
+    assert fold.max() < 40.0
+
+
+def test_the_rotation_of_the_back_and_the_curve_are_those_of_the_whole_body(fit, whole):
+    marks = fit.case.landmarks_before
+    truth, found = back_surface_rotation(*whole[:2]), back_surface_rotation(fit.case.skin, marks)
+    for level in VERTEBRAE[5:15]:
+        assert found[level].angle == pytest.approx(truth[level].angle, abs=1.0), level
+    main = max(cobb_angles(marks), key=lambda curve: curve.angle)
+    assert main.angle == pytest.approx(50.0, abs=3.0)
+    assert (main.upper, main.lower) == ("T5", "T12")
+    assert fit.scale == pytest.approx(1.07, abs=0.01)
+
+
+def test_bones_lie_inside_and_vertebrae_are_rigid_with_ribs_on_them(fit):
+    assert check_case(fit.case) == ()
+    straight, bones = made_body().scaled(fit.scale).bones, fit.case.bones
+    distance = SurfaceDistance(fit.case.skin)
+    for name, bone in bones.items():
+        assert distance.at(bone.vertices).max() < -2.0, name
+        if name in VERTEBRAE:
+            moved = fit_rigid(straight[name].vertices, bone.vertices).apply(straight[name].vertices)
+            assert np.allclose(moved, bone.vertices, atol=1e-6), name
+        if name.startswith("rib_"):
+            level = f"T{int(name[-2:])}"
+            was, now = (ends(one[name], one[level])[0] for one in (straight, bones))
+            carried = fit_rigid(straight[level].vertices, bones[level].vertices).apply(was)
+            assert np.linalg.norm(now - carried) < 3.0, name
+
+
+def test_what_is_invented_is_read_back_with_the_case(fit, tmp_path):
+    write_case(tmp_path / "case", fit.case)
+    read = read_case(tmp_path / "case")
+    assert read.invented == fit.case.invented
+    assert np.array_equal(read.unseen, fit.case.unseen)
+
+
+def test_landmarks_of_films_leave_less_to_invent(scan, whole):
+    fit = fit_back(scan[0], spine_of_marks(whole[1]), scan[2])
+    found = fit.case.landmarks_before
+    off = np.linalg.norm(found.points - whole[1].points, axis=1)
+    assert off[["asis" not in name for name in found.names]].mean() < 2.0
+    assert fit.case.invented.vertebral_turn < 6.0

@@ -1,0 +1,114 @@
+"""warp-trunk fit-back"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from tyro.conf import Positional
+
+from warp_trunk.case import write_case
+from warp_trunk.case.axes import MILLIMETRES
+from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.landmarks import VERTEBRAE, Landmarks, read_landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import write_whole
+from warp_trunk.io.point_files import read_points
+from warp_trunk.io.surface_files import read_surface
+from warp_trunk.measures import cobb_angles
+from warp_trunk.preparation.back_scan.body import atlas_body, made_body
+from warp_trunk.preparation.back_scan.fit import FittedBack, fit_back
+from warp_trunk.preparation.back_scan.spine import TURN, TURN_SD, read_patient_spine
+from warp_trunk.run.progress import Progress
+
+from .output import OK, next_command, read_bones
+
+LEAST_COBB = 25.0
+"""A smaller curve is not operated [degrees]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitBack:
+    """Make a case from a scan of the back, the line of the spine and markers of the pelvis.
+
+    What they do not show, above all front and ribs, is taken from a body that is fitted to them; the case says so.
+    """
+
+    back: Positional[Path]
+    """Points or an open surface of the back (.ply, .obj, .stl, .xyz, .csv): +x left, +y back, +z up."""
+    spine: Path
+    """In the frame of the scan: a line x,y,z through the vertebral bodies from C7 down; or a table name,x,y,z of
+    T4_body, T4_left_pedicle, T4_right_pedicle and so on down to L5; or landmarks as `triangulate` writes them."""
+    markers: Path
+    """Markers on the skin: name,x,y,z with C7, PSIS_left and PSIS_right (or ASIS_left and ASIS_right)."""
+    out: Path
+    """Case folder to write, with fit.png."""
+    atlas: Path | None = None
+    """Folder with skin.ply and bones/ of a straight body to fit; one that the program makes when left out."""
+    units: Literal["mm", "cm", "m"] = "mm"
+    """Unit of the scan, the spine and the markers."""
+
+    def run(self, arguments: list[str]) -> int:
+        """Writes the case and prints how well it fits, and what is invented."""
+        refuse_case(self.out)
+        if self.out.exists() and not self.out.is_dir():
+            raise InputError(f"{self.out}: is a file; give the name of a folder")
+        size = MILLIMETRES[self.units]
+        with Progress() as progress:
+            with progress.stage("load", f"reading {self.back}"):
+                points = read_points(self.back) * size
+                spine = read_patient_spine(self.spine, size)
+                found = read_landmarks(self.markers)
+                markers = Landmarks(found.names, found.points * size)
+                if self.atlas is None:
+                    body = made_body()
+                else:
+                    bones = read_bones(self.atlas / "bones")
+                    body = atlas_body(read_surface(self.atlas / "skin.ply"), bones, self.atlas.resolve().name)
+            with progress.stage("fit", "fitting a body to the scan"):
+                files = str(self.back), str(self.spine), str(self.markers)
+                fit = fit_back(points, spine, markers, body, self.out.resolve().name, files=files)
+            with progress.stage("write", f"writing {self.out}"):
+                from warp_trunk.report.fit_picture import fit_picture  # brings matplotlib
+
+                write_case(self.out, fit.case)
+                write_whole(self.out / "fit.png", fit_picture(fit))
+        print(fit_text(fit, spine.kind))
+        print(f"Case written to {self.out}; look at {self.out / 'fit.png'}")
+        curves = cobb_angles(fit.case.landmarks_before)
+        largest = max(curves, key=lambda curve: curve.angle, default=None)
+        if largest is None or largest.angle < LEAST_COBB:
+            most = (
+                "none" if largest is None else f"{largest.angle:.0f} degrees, {largest.upper} to {largest.lower}"
+            )
+            print(f"There is no curve of {LEAST_COBB:g} degrees to correct; the largest is {most}")
+            return OK
+        print(f"The largest curve is {largest.angle:.0f} degrees, {largest.upper} to {largest.lower}. Plan it:")
+        curve = f"{largest.apex},correction=0.65"
+        print(
+            next_command(
+                "plan", self.out, "--out", f"{self.out}_planned", "--uiv", "T4", "--liv", "L1", "--curve", curve
+            )
+        )
+        return OK
+
+
+def fit_text(fit: FittedBack, kind: str) -> str:
+    """How well a body fits a scan, and what of it is invented, in lines."""
+    d = fit.distance
+    far = f"mean {d.mean():.2f} mm, 95 % nearer than {np.percentile(d, 95.0):.2f} mm, largest {d.max():.1f} mm"
+    forward = int(fit.forward.argmax())
+    turn = f"{TURN:g} degrees for each mm of sideways way" if kind == "line" else "as given"
+    lines = [
+        f"Fitted {fit.body}, scaled by {fit.scale:.2f}: {len(d)} points of the trunk, {far}",
+        f"Left out {len(fit.left_out)} of {len(d) + len(fit.left_out)} points: arms, hair, clothes, stray points",
+        f"Invented: {100.0 * fit.invented:.0f} % of the skin, the ribs, the pelvis but for its turn",
+        f"Turn of the vertebrae: {turn}, ±{TURN_SD[kind]:g} degrees",
+    ]
+    if fit.forward[forward] >= 1.0:
+        level = VERTEBRAE[forward]
+        lines.append(f"Vertebrae went forward to lie under the skin, {level} by {fit.forward[forward]:.0f} mm")
+    if abs(fit.moved[0]) >= 5.0:
+        side = "left" if fit.moved[0] > 0.0 else "right"
+        lines.append(f"The pelvis went {abs(fit.moved[0]):.0f} mm to the {side} of the markers, to lie under L5")
+    return "\n".join(lines)

@@ -1,0 +1,5 @@
+"""From a scan of the back and a spine to a case: a body is fitted, and what nobody measured is called invented."""
+
+from .fit import FittedBack, fit_back
+
+__all__ = ["FittedBack", "fit_back"]

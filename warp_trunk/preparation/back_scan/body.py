@@ -1,0 +1,102 @@
+"""The straight body that is fitted to a patient: one that the program makes, or an atlas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.geometry.coarsening import coarsen
+from warp_trunk.geometry.surface import Surface
+
+from ..deformity.deformity import check_straight
+from ..landmark_finder import find_landmarks
+from ..phantom.phantom import straight_trunk
+
+EDGE = 7.0
+"""Edge length of the skin of the body that the program makes [mm]."""
+_UPPER = 0.45
+"""The posterior iliac spine is the hindmost point of a hip bone above this part of its height."""
+
+
+@dataclass(frozen=True, eq=False)
+class StraightBody:
+    """A healthy trunk, upright in LPS axes."""
+
+    name: str
+    """What it is."""
+    skin: Surface
+    """Closed."""
+    bones: dict[str, Surface]
+    """By name."""
+    landmarks: Landmarks
+    """Of its bones, six for each of T1 to L5 and both ASIS."""
+    psis: np.ndarray
+    """The skin behind the left and the right posterior iliac spine [mm], shape (2, 3)."""
+
+    @property
+    def endplates(self) -> np.ndarray:
+        """Superior and inferior endplate centres of T1 to L5 [mm], shape (17, 2, 3)."""
+        names = [f"{level}_{end}_endplate" for level in VERTEBRAE for end in ("superior", "inferior")]
+        return np.array([self.landmarks.point(name) for name in names]).reshape(-1, 2, 3)
+
+    @property
+    def centres(self) -> np.ndarray:
+        """Middles of the bodies of T1 to L5 [mm], shape (17, 3)."""
+        return self.endplates.mean(axis=1)
+
+    @property
+    def arcs(self) -> np.ndarray:
+        """Distance along the spine from the upper end of T1 to the middle of each vertebra [mm], shape (17,)."""
+        way = np.vstack([self.endplates[0, 0], self.centres])
+        return np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))
+
+    def pair(self, which: str) -> np.ndarray:
+        """The left and the right iliac spine, `psis` on the skin or `asis` on the bone [mm], shape (2, 3)."""
+        if which == "psis":
+            return self.psis
+        return np.array([self.landmarks.point(f"asis_{side}") for side in ("left", "right")])
+
+    def scaled(self, scale: float) -> StraightBody:
+        """The body made larger about the origin."""
+
+        def larger(surface: Surface) -> Surface:
+            return Surface(scale * surface.vertices, surface.faces)
+
+        bones = {name: larger(bone) for name, bone in self.bones.items()}
+        marks = Landmarks(self.landmarks.names, scale * self.landmarks.points)
+        return StraightBody(self.name, larger(self.skin), bones, marks, scale * self.psis)
+
+
+def made_body() -> StraightBody:
+    """The body of the built-in case, with a skin as fine as a scan needs."""
+    import trimesh  # heavy
+
+    skin, bones, landmarks = straight_trunk()
+    vertices, faces = trimesh.remesh.subdivide_loop(skin.vertices, skin.faces, 1)
+    fine = coarsen(Surface(np.asarray(vertices), np.asarray(faces, dtype=np.int32)), EDGE, 0.5)
+    return _body("the body that the program makes", fine, bones, landmarks)
+
+
+def atlas_body(skin: Surface, bones: Mapping[str, Surface], name: str) -> StraightBody:
+    """The body of an atlas, which must be straight.
+
+    Raises:
+        InputError: see `check_straight` and `find_landmarks`.
+    """
+    check_straight(bones)
+    return _body(name, skin, dict(bones), find_landmarks(bones).complete())
+
+
+def _body(name: str, skin: Surface, bones: dict[str, Surface], landmarks: Landmarks) -> StraightBody:
+    spines = []
+    for side in ("left", "right"):
+        hip = bones[f"hip_{side}"].vertices
+        upper = hip[hip[:, 2] > hip[:, 2].min() + _UPPER * np.ptp(hip[:, 2])]
+        spine = upper[upper[:, 1].argmax()]
+        off = np.hypot(skin.vertices[:, 0] - spine[0], skin.vertices[:, 2] - spine[2])
+        behind = (skin.vertices[:, 1] > spine[1]) & (off < 1.5 * off[skin.vertices[:, 1] > spine[1]].min() + 5.0)
+        spines.append([spine[0], skin.vertices[behind, 1].max(), spine[2]])
+    return StraightBody(name, skin, bones, landmarks, np.array(spines))

@@ -1,0 +1,217 @@
+"""A case from a scan of the back, a spine and markers: a body is fitted to all three."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from warp_trunk.case import Case
+from warp_trunk.case.invented import Invented
+from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.normals import corner_areas
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import crossings
+
+from ..deformity.deformity import PELVIS, grown
+from ..deformity.spine_curve import VertebraPose
+from .body import StraightBody, made_body
+from .bones import all_under_skin, carried, forward_under_skin, ribs_on_vertebrae
+from .frame import PelvisFrame, find_frame
+from .joining import draw_to_scan, on_trunk, seen_by
+from .markers import back_markers, check_on_scan
+from .scan import BackScan, clean_scan
+from .spine import TURN_SD, PatientSpine, PlacedSpine, place_levels, place_on_line, poses_of, smoothed
+from .warping import ScanField, warp_onto
+
+_GROWS = 18.0
+"""Points of the scan that the smooth warps missed are followed to this distance from the warped body [mm]."""
+_CLEAR = 15.0
+"""Where the skin would cross itself, points of the scan nearer than this are left out [mm]."""
+_TRIES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class FittedBack:
+    """A case fitted to a scan of the back, and how well it fits."""
+
+    case: Case
+    """In the frame of the scan, without a plan."""
+    seen: np.ndarray
+    """Which vertices of its skin lie on the scan, bool, shape (vertices,)."""
+    scan: BackScan
+    """The points of the trunk, in the frame of the scan."""
+    left_out: np.ndarray
+    """Points beyond the trunk: arms, hair, clothes, stray points [mm], shape (m, 3)."""
+    distance: np.ndarray
+    """From each point of the scan to the skin [mm], shape (n,)."""
+    body: str
+    """What body was fitted."""
+    scale: float
+    """Its size over what it was."""
+    forward: np.ndarray
+    """How far T1 to L5 were moved forward to lie under the skin [mm], shape (17,)."""
+    moved: tuple[float, float]
+    """How far the pelvis went to the left and back from where the markers put it, to lie under L5 [mm]."""
+
+    @property
+    def invented(self) -> float:
+        """Share of the area of the skin that the scan does not show."""
+        return 0.0 if self.case.invented is None else self.case.invented.share
+
+
+def fit_back(
+    points: np.ndarray,
+    spine: PatientSpine,
+    markers: Landmarks,
+    body: StraightBody | None = None,
+    name: str = "back",
+    *,
+    files: tuple[str, str, str] = ("back", "spine", "markers"),
+) -> FittedBack:
+    """Fit a straight body to a scan of the back, the spine under it and markers of the pelvis.
+
+    The body takes the size of the patient and the spine's curve, with ribs that follow; its pelvis is held square
+    to the iliac spines. Three smooth warps bring skin and ribs onto the scan, the vertebrae at rest; then the
+    skin is drawn to the points themselves where there are some (`draw_to_scan`).
+
+    Args:
+        points: of the scan in mm and LPS, shape (n, 3).
+        spine: `spine_line`, `spine_of_marks` or `read_patient_spine`, in the frame of the scan.
+        markers: C7 and both PSIS or ASIS on the skin.
+        body: what is fitted; one that the program makes when left out.
+        name: of the case.
+        files: what to call scan, spine and markers in an error.
+
+    Raises:
+        InputError: a scan, spine or markers that are none of a back, or not in one frame.
+    """
+    back, line, marks = files
+    held = back_markers(markers, marks)
+    scan = clean_scan(points, spine.line, back)
+    check_on_scan(markers, scan.points, marks)
+    check_inside(scan, spine.line, back, line)
+    body = body or made_body()
+    frame = find_frame(body, held, spine.line)
+    turned = spine.moved(frame.rotation.T, -frame.shift @ frame.rotation)
+    scan = replace(
+        scan,
+        points=frame.to_body(scan.points),
+        normals=scan.normals @ frame.rotation,
+        stray=frame.to_body(scan.stray),
+    )
+    straight = body.scaled(frame.scale)
+    if spine.levels:
+        placed = place_levels(turned, straight.centres, 1.0)
+    else:
+        top = float(frame.to_body(held.c7[None])[0, 2])
+        placed = place_on_line(smoothed(turned.line), top, straight.arcs, 1.0)
+    skin, bones, landmarks, used, forward = _fitted(straight, placed, scan, back, line)
+    everything = np.vstack([frame.to_patient(p) for p in (scan.points[~used], scan.stray)])
+    kept = scan.chosen(used)
+    distance = np.abs(SurfaceDistance(skin).at(kept.points))
+    seen = seen_by(skin, kept)
+    kept = replace(
+        kept,
+        points=frame.to_patient(kept.points),
+        normals=kept.normals @ frame.rotation.T,
+        stray=frame.to_patient(kept.stray),
+    )
+    area, unseen = corner_areas(skin), ~seen
+    case = Case(
+        invented=Invented(
+            body=body.name,
+            share=round(float(area[unseen].sum() / area.sum()), 3),
+            vertebral_turn=TURN_SD[spine.kind],
+        ),
+        unseen=unseen,
+        name=name,
+        skin=_turned(skin, frame),
+        bones={bone: _turned(surface, frame) for bone, surface in bones.items()},
+        landmarks_before=Landmarks(landmarks.names, frame.to_patient(landmarks.points)),
+    )
+    return FittedBack(case, seen, kept, everything, distance, body.name, frame.scale, forward, frame.moved)
+
+
+def check_inside(scan: BackScan, line: np.ndarray, back: str, spine: str) -> None:
+    """InputError where the spine does not lie in front of the skin of a back."""
+    from scipy.spatial import KDTree  # heavy
+
+    inner = line[(line[:, 2] > scan.points[:, 2].min()) & (line[:, 2] < scan.points[:, 2].max())]
+    if len(inner) < 3:
+        cure = "give both in one frame, in mm and LPS"
+        raise InputError(f"{spine}: has {len(inner)} points at the heights of the scan {back}; {cure}")
+    gap, near = KDTree(scan.points[:, [0, 2]]).query(inner[:, [0, 2]])
+    beside = int(np.argmax(gap))
+    if gap[beside] > 60.0:
+        cure = "give both in one frame, in mm and LPS"
+        raise InputError(f"{spine}: lies {gap[beside]:.0f} mm beside the scan {back}; {cure}")
+    depth = float(np.median(scan.points[near, 1] - inner[:, 1]))
+    if depth < 0.0:
+        cure = "scan the back, or turn the axes to LPS with +y to the back"
+        raise InputError(
+            f"{back}: lies {-depth:.0f} mm in front of the spine, so it is a scan of the front; {cure}"
+        )
+    if not 15.0 <= depth <= 180.0:
+        rule = (
+            f"{spine}: lies outside the body, {depth:.0f} mm in front of the skin of the back (15 to 180 is usual)"
+        )
+        raise InputError(f"{rule}; give spine and scan in one frame, in mm")
+
+
+def _fitted(
+    straight: StraightBody, placed: PlacedSpine, scan: BackScan, back: str, where: str
+) -> tuple[Surface, dict[str, Surface], Landmarks, np.ndarray, np.ndarray]:
+    """Skin, bones, landmarks, which points of the scan were used, and how far the vertebrae went forward."""
+    axes = straight.endplates[:, 0] - straight.endplates[:, 1]
+    pelvis = [straight.bones[bone].vertices[::12] for bone in PELVIS if bone in straight.bones]
+
+    def fitted(forward: np.ndarray) -> tuple[Surface, dict[str, Surface], Landmarks, dict[str, VertebraPose]]:
+        now = replace(placed, centres=placed.centres - forward[:, None] * [0.0, 1.0, 0.0])
+        poses = poses_of(now, straight.centres, axes)
+        landmarks, growth = grown(straight.skin, straight.bones, straight.landmarks, poses, 0.0)
+        skin = Surface(growth(straight.skin.vertices), straight.skin.faces)
+        ends = landmarks.points[["endplate" in name for name in landmarks.names]]
+        warp = warp_onto(skin, ScanField(scan), np.vstack([ends, *pelvis]))
+        bones = carried(straight.bones, poses, PELVIS, lambda points: warp(growth(points)))
+        return Surface(warp(skin.vertices), skin.faces), bones, landmarks, poses
+
+    forward = np.zeros(len(VERTEBRAE))
+    warped, bones, landmarks, poses = fitted(forward)
+    for _ in range(2):  # vertebrae that must go forward take their ribs along
+        more = forward_under_skin(bones, warped, where)
+        if not more.any():
+            break
+        forward = forward + more
+        warped, bones, landmarks, poses = fitted(forward)
+    drawn, used = _drawn(warped, scan, back)
+    bones = ribs_on_vertebrae(bones, straight.bones, poses)
+    bones = all_under_skin(bones, drawn, (*VERTEBRAE, *PELVIS))
+    return drawn, bones, landmarks, used, forward
+
+
+def _drawn(warped: Surface, scan: BackScan, where: str) -> tuple[Surface, np.ndarray]:
+    """The skin drawn to the scan without crossing itself, and the points that were used, bool."""
+    from scipy.spatial import KDTree  # heavy
+
+    first = on_trunk(warped, scan)
+    skin = draw_to_scan(warped, scan.chosen(first))
+    near = np.abs(SurfaceDistance(warped).at(scan.points)) < _GROWS
+    allowed = np.ones(len(near), dtype=bool)
+    for _ in range(_TRIES):
+        used = on_trunk(skin, scan) & near & allowed
+        skin = draw_to_scan(warped, scan.chosen(used))
+        crossed = crossings(skin)
+        if not len(crossed):
+            return skin, used
+        middles = skin.vertices[skin.faces[np.unique(crossed)]].mean(axis=1)
+        allowed &= np.asarray(KDTree(middles).query(scan.points)[0]) > _CLEAR
+        skin = warped
+    cure = "give a scan without loose pieces"
+    raise InputError(f"{where}: the skin crosses itself where it follows the scan; {cure}")
+
+
+def _turned(surface: Surface, frame: PelvisFrame) -> Surface:
+    return Surface(frame.to_patient(surface.vertices), surface.faces)

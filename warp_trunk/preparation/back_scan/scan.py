@@ -1,0 +1,94 @@
+"""The scan of a back: points, their normals, and where the scan ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_trunk.errors import InputError
+from warp_trunk.geometry.surface_checks import linked_parts
+
+FEWEST = 2000
+"""A scan of fewer points shows no back."""
+SPACING = 3.0
+"""Points nearer than this are averaged [mm]."""
+EXTENT = (250.0, 2500.0)
+"""The largest extent of a scan is between these [mm]."""
+_APART = 15.0
+"""Points farther than this from the rest [mm] are a piece of their own."""
+_NEIGHBOURS = 24
+_AT_RIM = 0.35
+"""At the rim of a scan the middle of the points around one is off by more than this part of their distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class BackScan:
+    """Points of the skin of the back in LPS axes."""
+
+    points: np.ndarray
+    """Averaged in cubes of `SPACING` [mm], shape (n, 3)."""
+    normals: np.ndarray
+    """Outward, of length 1, shape (n, 3)."""
+    areas: np.ndarray
+    """Of the skin that each point stands for [mm^2], shape (n,)."""
+    rim: np.ndarray
+    """Whether the scan ends there, bool, shape (n,)."""
+    given: int
+    """How many points were read."""
+    stray: np.ndarray
+    """Points apart from the largest piece [mm], shape (m, 3)."""
+
+    def chosen(self, kept: np.ndarray) -> BackScan:
+        """The scan of the points that are kept, bool, shape (n,)."""
+        rows = self.points[kept], self.normals[kept], self.areas[kept], self.rim[kept]
+        return BackScan(*rows, self.given, self.stray)
+
+
+def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> BackScan:
+    """Average what was measured twice, leave pieces apart out, and find the normals.
+
+    Args:
+        points: as read, in mm and LPS, shape (n, 3).
+        inner: points inside the body from top to bottom, such as the line of the spine: normals point away from
+            it, shape (m, 3) [mm].
+        what: name of the scan in an error.
+
+    Raises:
+        InputError: fewer than `FEWEST` points, or a scan that is too large or too small for a back in mm.
+    """
+    from scipy.spatial import KDTree  # heavy
+
+    if len(points) < FEWEST:
+        cure = "give the whole scan, without thinning it"
+        raise InputError(f"{what}: a back needs {FEWEST} points, and there are {len(points)}; {cure}")
+    extent = float(np.ptp(points, axis=0).max())
+    if not EXTENT[0] <= extent <= EXTENT[1]:
+        fits = [f"--units {unit}" for unit, size in (("cm", 10.0), ("m", 1000.0)) if 250 <= extent * size <= 2500]
+        rule = f"a back in mm extends over {EXTENT[0]:g} to {EXTENT[1]:g}"
+        raise InputError(f"{what}: extends over {extent:.4g}, and {rule}; give {(*fits, 'it in mm')[0]}")
+    cell, inverse = np.unique(np.floor(points / SPACING).astype(np.int64), axis=0, return_inverse=True)
+    count = np.bincount(inverse.reshape(-1), minlength=len(cell))
+    thin = np.column_stack([np.bincount(inverse.reshape(-1), column) for column in points.T]) / count[:, None]
+    tree = KDTree(thin)
+    pairs = tree.query_pairs(_APART, output_type="ndarray")
+    piece = linked_parts(pairs[:, 0], pairs[:, 1], len(thin))
+    main = piece == np.bincount(piece).argmax()
+    stray, thin = thin[~main], thin[main]
+    distance, near = KDTree(thin).query(thin, k=min(_NEIGHBOURS, len(thin)))
+    around = thin[near] - thin[near].mean(axis=1, keepdims=True)
+    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
+    inside = inner[np.argsort(inner[:, 2])]
+    middle = np.column_stack([np.interp(thin[:, 2], inside[:, 2], inside[:, axis]) for axis in (0, 1)])
+    outward = np.einsum("ni,ni->n", normals[:, :2], thin[:, :2] - middle)
+    normals *= np.where(outward < 0.0, -1.0, 1.0)[:, None]
+    reach = distance[:, -1]
+    off = np.linalg.norm(thin[near].mean(axis=1) - thin, axis=1)
+    return BackScan(
+        points=thin,
+        normals=normals,
+        areas=np.pi * reach**2 / distance.shape[1],
+        rim=off > _AT_RIM * reach,
+        given=len(points),
+        stray=stray,
+    )

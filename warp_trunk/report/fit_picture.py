@@ -1,0 +1,68 @@
+"""A body fitted to a scan of the back: what was measured, what is invented and what was left out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib import colormaps, rc_context
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm
+
+from .panels import panels, shaded
+from .relief import BEHIND, FRONT, LEFT, relief, seen_from, window
+from .style import FAINT, INK, RC, file_of
+
+if TYPE_CHECKING:
+    from warp_trunk.preparation.back_scan import FittedBack
+
+GREY = np.array([0.62, 0.62, 0.62])
+"""Colour of skin that nobody measured."""
+_OUT = "#aa3377"
+_STEPS = (0.0, 0.25, 0.5, 1.0, 1.5, 3.0)
+_PIXEL, _SHOWN = 1.0, 6000
+
+
+def fit_picture(fit: FittedBack) -> bytes:
+    """The fitted body from behind, from the left and from the front, as a PNG file.
+
+    The skin is grey where it is invented, and the points of the scan are coloured by their distance from it; those
+    that were left out are drawn over it.
+    """
+    skin, marks = fit.case.skin, fit.case.landmarks_before
+    unseen, norm = (~fit.seen).astype(np.float64), BoundaryNorm(_STEPS, 256, extend="max")
+    views = {"from behind": BEHIND, "from the left": LEFT, "from the front": FRONT}
+    frames = [window([(skin, marks)], _PIXEL, view) for view in views.values()]
+    images = []
+    for seen, view in zip(frames, views.values(), strict=True):
+        side = relief(skin, marks, seen, view)
+        part = np.nan_to_num(side.values(unseen))
+        images.append(shaded(side, GREY, part))
+    with rc_context(RC):
+        figure, plots = panels(list(views), frames[0].extent, BEHIND, images, legend=0.8)
+        for axes, view, seen in zip(plots[:3], views.values(), frames, strict=True):
+            axes.set(xlim=seen.extent[:2])
+            axes.images[0].set_extent(seen.extent)
+            for text, side in zip(axes.texts, view.sides, strict=False):
+                text.set_text(side)
+            if view is not FRONT:
+                at, values = _some(seen_from(fit.scan.points, marks, view), fit.distance)
+                axes.scatter(at[:, 0], at[:, 2], s=0.35, linewidths=0, c=values, cmap="viridis", norm=norm)
+            at, _ = _some(seen_from(fit.left_out, marks, view), np.zeros(len(fit.left_out)))
+            axes.scatter(at[:, 0], at[:, 2], s=0.5, linewidths=0, color=_OUT)
+            middles = np.array([marks.of_bone(level).points.mean(axis=0) for level in marks.vertebrae()])
+            centres = seen_from(middles, marks, view)
+            axes.plot(centres[:, 0], centres[:, 2], color=INK, lw=0.9, marker="o", ms=1.6)
+        mapped = ScalarMappable(norm, colormaps["viridis"])
+        bar = figure.colorbar(mapped, cax=plots[-1], orientation="horizontal", ticks=_STEPS)
+        bar.ax.set_xlabel("distance of the scan from the skin [mm]", fontsize=8.5)
+        words = f"grey: invented ({100.0 * fit.invented:.0f} % of the skin)"
+        figure.text(0.02, 0.02, words, fontsize=8.0, color=FAINT)
+        figure.text(0.98, 0.02, f"{len(fit.left_out)} points left out", fontsize=8.0, color=_OUT, ha="right")
+        return file_of(figure, "png")
+
+
+def _some(points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As many of some points (n, 3) and their values as a picture can show."""
+    rows = np.linspace(0, len(points) - 1, min(len(points), _SHOWN)).astype(int)
+    return points[rows], values[rows]
