@@ -24,7 +24,7 @@ def result() -> wt.Result:
     return wt.simulate(coarse_phantom(), tets=26_000, bone_voxel=8.0, bone_tolerance=2.0, increments=1)
 
 
-LONG = {"best_plan", "make_case"}
+LONG = {"best_plan", "fit_back", "make_case"}
 """Examples of whole searches, which run with the slow tests."""
 
 

@@ -9,6 +9,7 @@ from .errors import InputError
 from .geometry.surface import Surface
 from .io.surface_files import read_surface, write_surface
 from .measures import compare_skins, measure, measure_back
+from .preparation.back_scan import fit_back
 from .preparation.deformity import SpineCurve, make_case
 from .preparation.landmark_finder import find_landmarks
 from .preparation.phantom import phantom_case
@@ -36,6 +37,7 @@ __all__ = [
     "compare_skins",
     "find_landmarks",
     "fit_atlas",
+    "fit_back",
     "make_case",
     "measure",
     "measure_back",

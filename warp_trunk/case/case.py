@@ -65,7 +65,7 @@ class Case:
     study: Study = dataclasses.field(default_factory=Study)
     """The patient, and what else a study of several cases needs."""
     invented: Invented | None = None
-    """What of the case was not measured, where it was fitted to a part of the trunk."""
+    """The parts that were not measured, where the case was fitted to a part of the trunk."""
     unseen: np.ndarray | None = None
     """Which vertices of the skin were not measured, bool, shape (vertices,); None where all were."""
     bending_left: Landmarks | None = None

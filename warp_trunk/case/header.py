@@ -50,7 +50,7 @@ class CaseHeader:
     study: Study = dataclasses.field(default_factory=Study)
     """Data for a study of several cases, from the table [study]."""
     invented: Invented | None = None
-    """What was not measured, from the table [invented]."""
+    """The parts that were not measured, from the table [invented]."""
 
     def surface(self, path: Path) -> tuple[Surface, str | None]:
         """A surface of the folder in LPS [mm], and a sentence where its header states other axes than are used.

@@ -1,4 +1,4 @@
-"""The table [invented] of case.toml: what of a case nobody measured, and how far off it may be."""
+"""The table [invented] of case.toml: the parts of a case that were not measured, and their errors."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ FILE = "invented_skin.txt"
 
 @dataclass(frozen=True, kw_only=True)
 class Invented:
-    """What was invented where a case was fitted to a part of a trunk; standard deviations of each.
+    """The invented parts where a case was fitted to a part of a trunk; standard deviations of each.
 
     `fit-back` writes it. The deviations of ribs, pelvis and front are those of bodies whose whole trunk is known,
     see docs/from_a_back_scan.md.
     """
 
     source: str = "a scan of the back"
-    """What the case was fitted from, as the report says it."""
+    """The data from which the case was fitted, as the report names it."""
     body: str = ""
     """The body that was fitted."""
     share: float = 0.0

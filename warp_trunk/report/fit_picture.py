@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from warp_trunk.preparation.back_scan import FittedBack
 
 GREY = np.array([0.62, 0.62, 0.62])
-"""Colour of skin that nobody measured."""
+"""Colour of skin that was not measured."""
 _OUT = "#aa3377"
 _STEPS = (0.0, 0.25, 0.5, 1.0, 1.5, 3.0)
 _PIXEL, _SHOWN = 1.0, 6000

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warp_trunk.bone_motion.rib_cage import ends
-from warp_trunk.case import read_case, write_case
+from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.checks import check_case
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -29,15 +29,23 @@ SHIFT = np.array([120.0, -900.0, 40.0])
 def whole():
     """A body 7 % larger than the one that is fitted, with a curve, turned on its feet."""
     body = made_body().scaled(1.07)
-    skin, _, marks = impose(body.skin, body.bones, body.landmarks, SpineCurve(cobb=50.0))
-    marks = Landmarks(marks.names, marks.points @ TURNED.T + SHIFT)
-    return Surface(skin.vertices @ TURNED.T + SHIFT, skin.faces), marks, body.psis @ TURNED.T + SHIFT
+    skin, bones, marks = impose(body.skin, body.bones, body.landmarks, SpineCurve(cobb=50.0))
+
+    def turned(surface: Surface) -> Surface:
+        return Surface(surface.vertices @ TURNED.T + SHIFT, surface.faces)
+
+    return Case(
+        name="whole",
+        skin=turned(skin),
+        bones={name: turned(bone) for name, bone in bones.items()},
+        landmarks_before=Landmarks(marks.names, marks.points @ TURNED.T + SHIFT),
+    )
 
 
 @pytest.fixture(scope="module")
 def scan(whole):
     """Its back, with an arm beside it and stray points behind."""
-    points, spine, markers = cut_back(*whole)
+    points, spine, markers = cut_back(whole)
     rng = np.random.default_rng(1)
     arm = np.array([340.0, -960.0, 280.0]) + rng.normal(0.0, 6.0, (400, 3))
     stray = np.array([120.0, -500.0, 300.0]) + rng.normal(0.0, 3.0, (30, 3))
@@ -77,7 +85,10 @@ def test_the_joined_skin_has_no_step(fit):
 
 def test_the_rotation_of_the_back_and_the_curve_are_those_of_the_whole_body(fit, whole):
     marks = fit.case.landmarks_before
-    truth, found = back_surface_rotation(*whole[:2]), back_surface_rotation(fit.case.skin, marks)
+    truth, found = (
+        back_surface_rotation(whole.skin, whole.landmarks_before),
+        back_surface_rotation(fit.case.skin, marks),
+    )
     for level in VERTEBRAE[5:15]:
         assert found[level].angle == pytest.approx(truth[level].angle, abs=1.0), level
     main = max(cobb_angles(marks), key=lambda curve: curve.angle)
@@ -110,8 +121,8 @@ def test_what_is_invented_is_read_back_with_the_case(fit, tmp_path):
 
 
 def test_landmarks_of_films_leave_less_to_invent(scan, whole):
-    fit = fit_back(scan[0], spine_of_marks(whole[1]), scan[2])
+    fit = fit_back(scan[0], spine_of_marks(whole.landmarks_before), scan[2])
     found = fit.case.landmarks_before
-    off = np.linalg.norm(found.points - whole[1].points, axis=1)
+    off = np.linalg.norm(found.points - whole.landmarks_before.points, axis=1)
     assert off[["asis" not in name for name in found.names]].mean() < 2.0
     assert fit.case.invented.vertebral_turn < 6.0

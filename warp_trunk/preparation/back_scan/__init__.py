@@ -1,4 +1,4 @@
-"""From a scan of the back and a spine to a case: a body is fitted, and what nobody measured is called invented."""
+"""From a scan of the back and a spine to a case: a body is fitted, and what was not measured is invented."""
 
 from .fit import FittedBack, fit_back
 

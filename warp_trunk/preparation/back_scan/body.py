@@ -10,6 +10,7 @@ import numpy as np
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.spine import asis_axis
 
 from ..deformity.deformity import check_straight
 from ..landmark_finder import find_landmarks
@@ -17,6 +18,8 @@ from ..phantom.phantom import straight_trunk
 
 EDGE = 7.0
 """Edge length of the skin of the body that the program makes [mm]."""
+_AROUND = 12
+"""Vertices through which a plane gives the skin behind a point."""
 _UPPER = 0.45
 """The posterior iliac spine is the hindmost point of a hip bone above this part of its height."""
 
@@ -26,7 +29,7 @@ class StraightBody:
     """A healthy trunk, upright in LPS axes."""
 
     name: str
-    """What it is."""
+    """Its name."""
     skin: Surface
     """Closed."""
     bones: dict[str, Surface]
@@ -91,12 +94,26 @@ def atlas_body(skin: Surface, bones: Mapping[str, Surface], name: str) -> Straig
 
 
 def _body(name: str, skin: Surface, bones: dict[str, Surface], landmarks: Landmarks) -> StraightBody:
-    spines = []
+    return StraightBody(name, skin, bones, landmarks, posterior_spines(skin, bones, asis_axis(landmarks)))
+
+
+def posterior_spines(skin: Surface, bones: Mapping[str, Surface], across: np.ndarray) -> np.ndarray:
+    """The skin behind the left and the right posterior iliac spine of a body, shape (2, 3) [mm].
+
+    Args:
+        skin: of the body.
+        bones: hip_left and hip_right among them.
+        across: unit vector from right to left in the axial plane, shape (2,).
+    """
+    frame = np.array([[*across, 0.0], [-across[1], across[0], 0.0], [0.0, 0.0, 1.0]])
+    outside, spines = skin.vertices @ frame.T, []
     for side in ("left", "right"):
-        hip = bones[f"hip_{side}"].vertices
+        hip = bones[f"hip_{side}"].vertices @ frame.T
         upper = hip[hip[:, 2] > hip[:, 2].min() + _UPPER * np.ptp(hip[:, 2])]
         spine = upper[upper[:, 1].argmax()]
-        off = np.hypot(skin.vertices[:, 0] - spine[0], skin.vertices[:, 2] - spine[2])
-        behind = (skin.vertices[:, 1] > spine[1]) & (off < 1.5 * off[skin.vertices[:, 1] > spine[1]].min() + 5.0)
-        spines.append([spine[0], skin.vertices[behind, 1].max(), spine[2]])
-    return StraightBody(name, skin, bones, landmarks, np.array(spines))
+        behind = outside[outside[:, 1] > spine[1]]
+        aside = behind[:, [0, 2]] - spine[[0, 2]]
+        near = np.argsort(np.hypot(*aside.T))[:_AROUND]
+        plane = np.column_stack([np.ones(len(near)), aside[near]])
+        spines.append([spine[0], np.linalg.lstsq(plane, behind[near, 1])[0][0], spine[2]])
+    return np.array(spines) @ frame

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from warp_trunk.case import Case
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.geometry.normals import area_vectors, unit
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures.spine import asis_axis
 
+from .body import posterior_spines
 from .spine import PatientSpine, spine_line
 
 _FACING = -0.15
@@ -20,21 +22,19 @@ _EACH = 9.0
 """Area of skin for each point [mm^2]."""
 
 
-def cut_back(
-    skin: Surface, landmarks: Landmarks, psis: np.ndarray, noise: float = 0.3, seed: int = 0
-) -> tuple[np.ndarray, PatientSpine, Landmarks]:
+def cut_back(case: Case, noise: float = 0.3, seed: int = 0) -> tuple[np.ndarray, PatientSpine, Landmarks]:
     """Points of the back of a whole body with a scanner's noise, the line of its spine, and its markers.
 
     Args:
-        skin: closed, in LPS and mm.
-        landmarks: of the bones.
-        psis: the skin behind the left and the right posterior iliac spine [mm], shape (2, 3).
+        case: a trunk with a spine and hip bones.
         noise: standard deviation of a point along the normal [mm].
         seed: of points and noise.
 
     Returns:
         Points (n, 3) [mm], the line through the bodies from C7 down, and C7, PSIS_left and PSIS_right.
     """
+    skin, landmarks = case.skin, case.landmarks_before
+    psis = posterior_spines(skin, case.bones, asis_axis(landmarks))
     rng = np.random.default_rng(seed)
     ends = np.array([[landmarks.point(f"{v}_{e}_endplate") for e in ("superior", "inferior")] for v in VERTEBRAE])
     vectors = area_vectors(skin.vertices, skin.faces)

@@ -48,7 +48,7 @@ class FittedBack:
     distance: np.ndarray
     """From each point of the scan to the skin [mm], shape (n,)."""
     body: str
-    """What body was fitted."""
+    """The name of the body that was fitted."""
     scale: float
     """Its size over what it was."""
     forward: np.ndarray
@@ -76,6 +76,11 @@ def fit_back(
     The body takes the size of the patient and the spine's curve, with ribs that follow; its pelvis is held square
     to the iliac spines. Three smooth warps bring skin and ribs onto the scan, the vertebrae at rest; then the
     skin is drawn to the points themselves where there are some (`draw_to_scan`).
+
+    >>> from warp_trunk.preparation.back_scan.cut import cut_back
+    >>> points, spine, markers = cut_back(case)
+    >>> wt.fit_back(points, spine, markers).case.invented.source
+    'a scan of the back'
 
     Args:
         points: of the scan in mm and LPS, shape (n, 3).

@@ -16,7 +16,7 @@ _PAIRS = ("psis", "asis")
 
 @dataclass(frozen=True, eq=False)
 class BackMarkers:
-    """What the markers say of the trunk."""
+    """The markers of a trunk."""
 
     c7: np.ndarray
     """The seventh cervical vertebra on the skin [mm], shape (3,)."""
