@@ -57,6 +57,13 @@ def test_an_end_that_the_bones_cause_is_not_blamed_on_precision(ending):
     assert ("in float64 neither" in text) == (last.status is RelaxStatus.STALLED)
 
 
+def test_a_relaxation_along_the_gradient_says_how_far_it_ended_and_what_reaches_the_equilibrium():
+    (text,) = ending_warnings(replace(LAST, status=RelaxStatus.STOPPED, estimated_error=21.7), [], [])
+    assert "about 22 mm away; use --method newton" in text
+    (text,) = ending_warnings(replace(LAST, status=RelaxStatus.STEP_LIMIT), [], [])
+    assert "--max-steps, or use --method newton" in text
+
+
 def test_warnings_reach_console_summary_and_viewer(tmp_path, capsys):
     case, trunk = boned_case()
     write_trunk(tmp_path / "mesh.vtu", trunk)

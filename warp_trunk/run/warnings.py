@@ -49,6 +49,16 @@ def option_warnings(tissues: Iterable[Tissue], gravity: float) -> list[str]:
     return list(found)
 
 
+def _unfinished(last: Relaxation) -> list[str]:
+    """A sentence on a relaxation that took all its steps, or followed the gradient until the energy stood still."""
+    if last.status is RelaxStatus.STOPPED:
+        where = f"the equilibrium is about {last.estimated_error:.2g} mm away"
+        return [f"The energy no longer falls along the gradient, and {where}; use --method newton to reach it."]
+    if last.status is RelaxStatus.STEP_LIMIT:
+        return ["The relaxation took the most steps allowed; give more --max-steps, or use --method newton."]
+    return []
+
+
 def ending_warnings(last: Relaxation, held: list[str], folded: list[str]) -> list[str]:
     """Advice on a result that is incomplete.
 
@@ -57,9 +67,9 @@ def ending_warnings(last: Relaxation, held: list[str], folded: list[str]) -> lis
         held: where bones collide (`colliding_bones`), in words.
         folded: where the bones' path folds the tissue (`folded_tissue`), in words.
     """
-    stalled = last.status is RelaxStatus.STALLED
+    stalled, unfinished = last.status is RelaxStatus.STALLED, _unfinished(last)
     if not (last.inverted_tets or stalled):
-        return []
+        return unfinished
     count = last.inverted_tets
     what = (
         f"{count} {'tetrahedron is' if count == 1 else 'tetrahedra are'} inside out at the end"
@@ -67,7 +77,7 @@ def ending_warnings(last: Relaxation, held: list[str], folded: list[str]) -> lis
         else "The tissue found no equilibrium"
     )
     if held or folded:
-        return [f"{what}; {(held or folded)[0]}. Look at the landmarks there."]
+        return [*unfinished, f"{what}; {(held or folded)[0]}. Look at the landmarks there."]
     if stalled:
         return [f"{what}, in float64 neither; use a larger tolerance or more increments."]
-    return [f"{what}; do not trust the skin near them, and use more increments or another mesh."]
+    return [*unfinished, f"{what}; do not trust the skin near them, and use more increments or another mesh."]
