@@ -23,6 +23,7 @@ from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.case.study import Study
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.results.summary import read_summary
 
 ROOT = Path(__file__).parents[2]
 SMALL = "--tets 26000 --bone-voxel 8 --bone-tolerance 2"
@@ -101,6 +102,17 @@ def test_a_result_is_looked_at(page: str, tmp_path: Path) -> None:
         program = Path(sys.executable).with_name("warp-trunk")
         subprocess.run([program, "simulate", "cases/anna", *SMALL.split()], cwd=tmp_path, check=True)
     run(page, tmp_path)
+
+
+def test_the_papers_are_run_by_one_command_and_by_one_script(tmp_path: Path) -> None:
+    write_patient(tmp_path)
+    run("papers.md", tmp_path)
+    (script,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "docs" / "papers.md").read_text(), re.DOTALL | re.M)
+    small = script.replace("tets=225_000", "tets=26_000, bone_voxel=8.0, bone_tolerance=2.0")
+    subprocess.run([sys.executable, "-c", small], cwd=tmp_path, check=True)
+    said = [read_summary(tmp_path / "results" / name).springs for name in ("anna_papers", "anna_papers_python")]
+    assert said[0] == said[1]
+    assert (said[0].epsilon, said[0].theta, said[0].alpha) == pytest.approx((2.0, 5.0, 0.3), rel=1e-12)
 
 
 @pytest.mark.parametrize("page", ["index.md", "add_energy.md"])

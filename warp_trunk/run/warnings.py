@@ -50,7 +50,7 @@ def option_warnings(tissues: Iterable[Tissue], gravity: float) -> list[str]:
 
 
 def _unfinished(last: Relaxation) -> list[str]:
-    """A sentence on a relaxation that took all its steps, or followed the gradient until the energy stood still."""
+    """A sentence on a relaxation that took all its steps, or that followed the gradient to its end."""
     if last.status is RelaxStatus.STOPPED:
         where = f"the equilibrium is about {last.estimated_error:.2g} mm away"
         return [f"The energy no longer falls along the gradient, and {where}; use --method newton to reach it."]
