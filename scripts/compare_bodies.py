@@ -25,7 +25,6 @@ import tyro
 from virtual_patient import Drawn, curve_of, draw
 
 from warp_trunk import InputError, RunOptions, SpineCurve, make_case, read_surface
-from warp_trunk.bone_motion.articulation import bone_motions
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case
@@ -39,7 +38,7 @@ from warp_trunk.measures.spine import spine_of
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity.published_curves import Kind
 from warp_trunk.results import predicted_skin
-from warp_trunk.run.patient import Patient, patient_of, prepare_plan
+from warp_trunk.run.patient import Patient, motions_of, patient_of, prepare_plan
 
 LEVELS = ("T4", "T5", "T6", "T7", "T8", "T9", "T10", "T11", "T12", "L1", "L2", "L3", "L4")
 CURVES: dict[Kind, float] = {"thoracic": 50.0, "thoracolumbar": 50.0, "double_major": 60.0}
@@ -271,7 +270,7 @@ def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, flo
     around = [f"T{number}" for number in range(int(apex[1:]) - 1, int(apex[1:]) + 2)]
     if not (apex.startswith("T") and set(around) <= {f"T{number}" for number in range(1, 13)}):
         return math.nan, math.nan
-    motions = bone_motions(case.bones, case.landmarks_before, case.planned_landmarks, shares=case.rib_coupling)
+    motions = motions_of(case)
     concave = "left" if convex == "right" else "right"
     found = []
     for after in (False, True):

@@ -3,7 +3,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from support.synthetic import shell_trunk
 from warp_trunk.bone_motion.prescribed_motion import (
@@ -15,6 +14,7 @@ from warp_trunk.bone_motion.prescribed_motion import (
     spline_path,
 )
 from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.geometry.rigid import RigidMotion
 
 RNG = np.random.default_rng(3)
 NAMES = tuple(f"m{i}" for i in range(40))
@@ -38,8 +38,8 @@ def test_carries_landmarks_straight() -> None:
 def jointed():
     """Two spheres that touch, so that they share one surface, and a motion for each."""
     motions = {
-        "upper": RigidTransform.from_components([6.0, -2.0, 1.0], Rotation.from_rotvec([0.1, 0.9, -0.3])),
-        "lower": RigidTransform.identity(),
+        "upper": RigidMotion.exp(np.array([0.1, 0.9, -0.3, 6.0, -2.0, 1.0])),
+        "lower": RigidMotion.identity(),
     }
     return shell_trunk(), motions
 

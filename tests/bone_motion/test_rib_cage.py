@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
-from warp_trunk.bone_motion.rib_cage import ends, follow
-from warp_trunk.bone_motion.vertebra_motion import Vertebra, split
+from warp_trunk.bone_motion.rib_cage import RibCage, ends
+from warp_trunk.bone_motion.rib_cage import follow as follow_cage
+from warp_trunk.bone_motion.vertebra_motion import Vertebrae
 from warp_trunk.case.rib_coupling import RibCoupling
+from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
 
@@ -19,31 +22,43 @@ NO_STERNUM = {name: bone for name, bone in BONES.items() if name != "sternum"}
 RIBS = [name for name in BONES if name.startswith("rib")]
 
 
-def vertebrae_of(curve: SpineCurve) -> dict[str, Vertebra]:
-    return {
-        name: Vertebra(pose.motion, np.array([pose.before, pose.axis]))
-        for name, pose in vertebra_poses(LANDMARKS, curve).items()
-    }
+def vertebrae_of(curve: SpineCurve) -> Vertebrae:
+    poses = vertebra_poses(LANDMARKS, curve)
+    axes = np.array([[pose.before, pose.axis] for pose in poses.values()])
+    return Vertebrae(tuple(poses), RigidMotion.stack(pose.motion for pose in poses.values()), axes)
 
 
 CURVED = vertebrae_of(SpineCurve(cobb=40.0))
-UPRIGHT = np.array([np.zeros(3), [0.0, 0.0, 1.0]])
+UPRIGHT = np.array([[np.zeros(3), [0.0, 0.0, 1.0]]])
+
+
+def follow(
+    bones: dict[str, Surface],
+    vertebrae: Vertebrae,
+    coupling: RibCoupling,
+    known: dict[str, RigidMotion] | None = None,
+) -> dict[str, RigidMotion]:
+    return follow_cage(RibCage(bones, vertebrae.levels), vertebrae, coupling, known)
+
+
+def moved(level: str) -> RigidMotion:
+    return CURVED.motion[CURVED.levels.index(level)]
 
 
 def vertebra(rib: str) -> str:
     return f"T{int(rib[-2:])}"
 
 
-def turned(motion: RigidTransform) -> float:
+def turned(motion: RigidMotion) -> float:
     """Turn about the vertical [degrees]."""
-    return float(np.degrees(motion.rotation.as_euler("YXZ")[2]))
+    return float(np.degrees(Rotation.from_matrix(motion.rotation).as_euler("YXZ")[2]))
 
 
 def test_heads_stay_at_their_facets_and_ribs_keep_their_shape() -> None:
     motions = follow(BONES, CURVED, RibCoupling())
     for rib in RIBS:
         head, _ = ends(BONES[rib], BONES[vertebra(rib)])
-        there = CURVED[vertebra(rib)].motion.apply(head)
+        there = moved(vertebra(rib)).apply(head)
         np.testing.assert_allclose(motions[rib].apply(head), there, atol=1e-9)
 
 
@@ -51,14 +66,14 @@ def test_without_a_sternum_a_rib_takes_just_its_shares() -> None:
     shares = RibCoupling(axial_rotation=0.5, lateral_bending=0.2, reversible_part=0.6, upper=0.0)
     motions = follow(NO_STERNUM, CURVED, shares)
     for rib in ("rib_left_06", "rib_right_03"):
-        motion, moving = motions[rib], split(*CURVED[vertebra(rib)])
-        assert np.radians(turned(motion)) == pytest.approx(0.6 * 0.5 * moving.turn, rel=0.1)
-        axis = motion.rotation.apply(vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis)
-        assert np.arctan2(axis[0], axis[2]) == pytest.approx(0.6 * 0.2 * moving.tilt, abs=1e-9)
+        motion, moving = motions[rib], CURVED.parts([vertebra(rib)])
+        assert np.radians(turned(motion)) == pytest.approx(0.6 * 0.5 * moving.axial_rotation[0], rel=0.1)
+        axis = motion.rotation @ vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis
+        assert np.arctan2(axis[0], axis[2]) == pytest.approx(0.6 * 0.2 * moving.lateral_bending[0], abs=1e-9)
 
 
 def test_what_a_front_end_lacks_of_the_shift_turns_the_rib_about_its_head() -> None:
-    way = {"T8": Vertebra(RigidTransform.from_translation([20.0, 0.0, 0.0]), UPRIGHT)}
+    way = Vertebrae(("T8",), RigidMotion(np.eye(3)[None], np.array([[20.0, 0.0, 0.0]])), UPRIGHT)
     whole, part = (follow(NO_STERNUM, way, RibCoupling(shift=shift))["rib_left_08"] for shift in (1.0, 0.8))
     head, tip = ends(BONES["rib_left_08"], BONES["T8"])
     assert whole.apply(tip)[0] - tip[0] == pytest.approx(20.0, abs=1e-9)
@@ -79,11 +94,9 @@ def test_cartilages_keep_their_length_within_a_tenth() -> None:
                 assert abs(after - before) <= 0.1 * before + 0.011
 
 
-def directly(degrees: float) -> dict[str, Vertebra]:
+def directly(degrees: float) -> Vertebrae:
     """The motions of the curve, with so much of each vertebra's turn forced by screws."""
-    return {
-        name: moving._replace(coupled=split(*moving).turn - np.radians(degrees)) for name, moving in CURVED.items()
-    }
+    return CURVED._replace(coupled=CURVED.parts(CURVED.levels).axial_rotation - np.radians(degrees))
 
 
 @pytest.mark.parametrize("degrees", [-4.0, 4.0, 25.0])
@@ -92,7 +105,7 @@ def test_where_screws_turn_a_vertebra_its_ribs_lag_within_the_facets(degrees: fl
     gaps = []
     for rib in RIBS:
         head, _ = ends(BONES[rib], BONES[vertebra(rib)])
-        gaps.append(np.linalg.norm(motions[rib].apply(head) - CURVED[vertebra(rib)].motion.apply(head)))
+        gaps.append(np.linalg.norm(motions[rib].apply(head) - moved(vertebra(rib)).apply(head)))
     assert 0.5 < max(gaps) <= 3.0 + 1e-9
 
 
@@ -103,7 +116,7 @@ def test_ribs_take_a_share_of_their_own_of_what_screws_turn() -> None:
     assert turned(part) - turned(all_) == pytest.approx((0.2 - 0.5 * 0.6) * 5.0, abs=0.1)
     whole = follow(NO_STERNUM, directly(5.0), replace(shares, derotation_transfer=1.0))[rib]
     head, _ = ends(BONES[rib], BONES["T6"])
-    np.testing.assert_allclose(whole.apply(head), CURVED["T6"].motion.apply(head), atol=1e-9)
+    np.testing.assert_allclose(whole.apply(head), moved("T6").apply(head), atol=1e-9)
 
 
 def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -> None:
@@ -112,18 +125,20 @@ def test_ribs_below_the_seventh_take_a_part_of_the_tilt_that_grows_downwards() -
 
     def leaned(rib: str) -> float:
         axis = vertebra_poses(LANDMARKS, SpineCurve())[vertebra(rib)].axis
-        one, other = (motions[rib].rotation.apply(axis) for motions in (level, some))
+        one, other = (motions[rib].rotation @ axis for motions in (level, some))
         return float(np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2]))
 
     assert leaned("rib_left_06") == pytest.approx(0.0, abs=1e-12)
     for rib, part in (("rib_left_08", 0.2), ("rib_left_11", 0.8), ("rib_right_12", 1.0)):
-        assert leaned(rib) == pytest.approx(part * 0.5 * split(*CURVED[vertebra(rib)]).tilt, abs=2e-3)
+        assert leaned(rib) == pytest.approx(
+            part * 0.5 * CURVED.parts([vertebra(rib)]).lateral_bending[0], abs=2e-3
+        )
 
 
 def test_a_shoulder_blade_rides_on_the_ribs_under_it() -> None:
     bones = {**BONES, "scapula_left": BONES["rib_left_05"]}
-    way = RigidTransform.from_components([4.0, 0.0, 9.0], Rotation.from_rotvec([0.0, 0.1, 0.0]))
-    motions = follow(bones, {}, RibCoupling(), {name: way for name in RIBS})
+    way = RigidMotion.exp(np.array([0.0, 0.1, 0.0, 4.0, 0.0, 9.0]))
+    motions = follow_cage(RibCage(bones, ()), CURVED, RibCoupling(), {name: way for name in RIBS})
     assert "scapula_left" not in motions  # ribs whose vertebrae are unknown lead nothing
     known = dict.fromkeys(RIBS, way)
     motions = follow(bones, CURVED, RibCoupling(), known)

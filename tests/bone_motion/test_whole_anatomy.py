@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
 
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.preparation.deformity import SpineCurve, make_case
@@ -19,7 +19,7 @@ from warp_trunk.run.patient import motions_of
 
 
 @cache
-def moved() -> tuple[dict[str, Surface], dict[str, RigidTransform]]:
+def moved() -> tuple[dict[str, Surface], dict[str, RigidMotion]]:
     """Bones before surgery, and how they go as a curve of 60 degrees is corrected by 70 %."""
     anatomy = Path(os.environ.get("WARP_TRUNK_ANATOMY", ""))
     more = anatomy / "bones_extra"

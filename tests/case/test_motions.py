@@ -3,15 +3,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from support.part_phantom import part_case
 from support.small_case import small_case
 from warp_trunk.bone_motion.articulation import given_motions
+from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import check_case, read_case, write_case
 from warp_trunk.case.axes import Axes
 from warp_trunk.case.motions import Motion, Turn, check_passing, motions_text, read_motions, rigid_motions
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
 
 TURN = Turn(degrees=90.0, axis=(0.0, 0.0, 2.0), point=(1.0, 0.0, 0.0))
@@ -49,7 +51,7 @@ def test_axes_of_the_case_are_those_of_its_motions(tmp_path, code):
     turn = Rotation.from_rotvec(np.radians(30.0) * axes.matrix[:, 0])  # right-handed in the patient
     point, shift = axes.matrix @ [0.0, 5.0, 0.0], axes.matrix @ [1.0, 2.0, 3.0]
     np.testing.assert_allclose(found.apply([point])[0], point + shift, atol=1e-12)
-    np.testing.assert_allclose(found.rotation.as_matrix(), turn.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(found.rotation, turn.as_matrix(), atol=1e-12)
 
 
 def test_a_matrix_is_in_the_axes_of_the_case_and_an_itk_transform_in_lps_and_the_other_way(tmp_path):
@@ -66,7 +68,7 @@ def test_a_matrix_is_in_the_axes_of_the_case_and_an_itk_transform_in_lps_and_the
 
 
 def test_motions_come_back_from_their_text(tmp_path):
-    rows: Any = RigidTransform.from_exp_coords([0.1, 0.2, 0.3, 4.0, 5.0, 6.0]).as_matrix().tolist()
+    rows: Any = RigidMotion.exp(np.array([0.1, 0.2, 0.3, 4.0, 5.0, 6.0])).as_matrix().tolist()
     motions = {
         "a": Motion(rotation=TURN, translation=(0.1, 1.0 / 3.0, -5e-7), large=True),
         "b c": Motion(transform=rows),
@@ -117,17 +119,17 @@ def test_landmarks_go_with_the_bones_that_move_and_cartilages_with_both_ends():
         **case.bones,
         "costal_cartilage_left_07": Surface(bar - [1.0, 0.0, 0.0], case.bones["rib_left_07"].faces),
     }
-    found = given_motions(bones, lifted.given_motions)
-    assert not found["rib_left_07"].as_exp_coords().any()
-    assert found["costal_cartilage_left_07"].as_exp_coords().any()
+    found = given_motions(Skeleton(bones), lifted.given_motions)
+    assert not found["rib_left_07"].moves
+    assert found["costal_cartilage_left_07"].moves
 
 
 def test_bones_that_pass_into_each_other_are_named_with_the_place():
     case = part_case(front=Motion(translation=(0.0, 35.0, 0.0)))
     check_case(case)
     with pytest.raises(InputError, match=r"'front' passes .* into 'core' at \(.*, 100\) mm"):
-        check_passing(case, given_motions(case.bones, case.given_motions), "motions")
+        check_passing(case, given_motions(Skeleton(case.bones), case.given_motions), "motions")
     apart = part_case(front=Motion(translation=(0.0, 20.0, 0.0)))
-    check_passing(apart, given_motions(apart.bones, apart.given_motions), "motions")
+    check_passing(apart, given_motions(Skeleton(apart.bones), apart.given_motions), "motions")
     joined = part_case(front=Motion(translation=(0.0, 35.0, 0.0)), core=Motion(follows={"front": 1.0}))
-    check_passing(joined, given_motions(joined.bones, joined.given_motions), "motions")
+    check_passing(joined, given_motions(Skeleton(joined.bones), joined.given_motions), "motions")

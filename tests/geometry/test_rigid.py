@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from warp_trunk.geometry.rigid import fit_rigid, fit_rigid_adjoint, fit_rigid_all, misfit, part_of
+from warp_trunk.geometry.rigid import RigidMotion, fit_rigid, misfit
 
 RNG = np.random.default_rng(5)
 UP = np.array([0.0, 0.0, 1.0])
@@ -12,13 +12,13 @@ POINTS = RNG.uniform([-40, -20, 900], [40, 60, 1300], size=(12, 3))
 def test_finds_a_known_motion() -> None:
     R, shift = Rotation.from_rotvec([0.3, -0.8, 0.4]), np.array([30.0, -4.0, 90.0])
     motion = fit_rigid(POINTS, R.apply(POINTS) + shift)
-    np.testing.assert_allclose(motion.rotation.as_matrix(), R.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(motion.rotation, R.as_matrix(), atol=1e-12)
     np.testing.assert_allclose(motion.translation, shift, atol=1e-10)
 
 
 def test_never_mirrors() -> None:
     mirrored = POINTS * [-1.0, 1.0, 1.0]
-    assert np.linalg.det(fit_rigid(POINTS, mirrored).rotation.as_matrix()) == pytest.approx(1.0)
+    assert np.linalg.det(fit_rigid(POINTS, mirrored).rotation) == pytest.approx(1.0)
 
 
 def test_no_other_motion_is_nearer() -> None:
@@ -49,43 +49,57 @@ def test_a_part_of_a_motion_is_a_part_of_its_screw() -> None:
     motion = fit_rigid(POINTS, turn.apply(POINTS - aside) + aside + 8.0 * UP)
     third = Rotation.from_rotvec([0.0, 0.0, np.pi / 6])
     expected = third.apply(POINTS - aside) + aside + 8.0 / 3 * UP
-    np.testing.assert_allclose(part_of(motion, 1 / 3).apply(POINTS), expected, atol=1e-9)
+    np.testing.assert_allclose(motion.part(1 / 3).apply(POINTS), expected, atol=1e-9)
 
 
 def test_points_on_a_line_are_turned_by_the_least_angle() -> None:
     line = np.array([[0.0, 0.0, 1000.0], [100.0, 0.0, 1000.0], [250.0, 0.0, 1000.0]])
     motion = fit_rigid(line, Rotation.from_rotvec([0.0, 0.0, 0.2]).apply(line) + UP)
-    np.testing.assert_allclose(motion.rotation.as_rotvec(), [0.0, 0.0, 0.2], atol=1e-12)
+    np.testing.assert_allclose(motion.log()[:3], [0.0, 0.0, 0.2], atol=1e-12)
     np.testing.assert_array_equal(fit_rigid(line, line).apply(POINTS), POINTS)
 
 
-def test_many_bodies_at_once_are_as_each_alone() -> None:
-    """Bodies in space, one mirrored, one flat, and one on a line, whose turn about it is none."""
+def scipy_of(motion: RigidMotion) -> RigidTransform:
+    return RigidTransform.from_matrix(motion.as_matrix())
+
+
+@pytest.mark.parametrize("size", [1e-9, 0.03, 1.0, 3.0, np.pi - 1e-9, np.pi], ids="{:g}".format)
+def test_stacks_of_motions_against_scipy(size: float) -> None:
+    """Exponential, logarithm, products, inverses and points, for angles from none to half a turn."""
+    axes = RNG.normal(size=(2, 3, 3))
+    screws = np.concatenate(
+        [size * axes / np.linalg.norm(axes, axis=2)[..., None], 9.0 * RNG.normal(size=(2, 3, 3))], 2
+    )
+    found, wanted = RigidMotion.exp(screws), RigidTransform.from_exp_coords(screws.reshape(-1, 6))
+    np.testing.assert_allclose(found.as_matrix().reshape(-1, 4, 4), wanted.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(
+        RigidMotion.exp(found.log()).as_matrix(), found.as_matrix(), atol=1e-7 if size > 3 else 1e-12
+    )
+    np.testing.assert_allclose(found.angle, size, rtol=1e-7)
+    one, other, points = found[0], found[1, ::-1], RNG.normal(size=(3, 3))
+    both = scipy_of(one) * scipy_of(other)
+    np.testing.assert_allclose((one * other).as_matrix(), both.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose((one * other).inv().apply(points), both.inv().apply(points), atol=1e-12)
+    np.testing.assert_allclose((one[0] * other).apply(points)[1], (one[0] * other[1]).apply(points[1]), atol=1e-12)
+    np.testing.assert_array_equal(RigidMotion.stack([one[:2], one[2]]).last(1).as_matrix()[0], one[2].as_matrix())
+
+
+def test_many_bodies_at_once_are_as_scipy_aligns_each() -> None:
+    """Bodies in space, one mirrored, one flat, one on a line, whose turn about it is none, one by fewer points."""
     rng = np.random.default_rng(6)
-    before = rng.normal(size=(5, 7, 3)) * 20.0
+    before = rng.normal(size=(6, 7, 3)) * 20.0
     before[3, :, 2] = 0.0
     before[4] = np.linspace(-1.0, 1.0, 7)[:, None] * [3.0, 4.0, 5.0]
-    turns = Rotation.from_rotvec(rng.normal(size=(5, 3)))
-    after = np.array([turn.apply(body) for turn, body in zip(turns, before, strict=True)]) + rng.normal(
-        size=(5, 1, 3)
-    )
+    turns, weights = Rotation.from_rotvec(rng.normal(size=(6, 3))), np.ones((6, 7))
+    after = np.array([turn.apply(body) for turn, body in zip(turns, before, strict=True)])
+    after += rng.normal(size=(6, 1, 3))
     after[:3] += rng.normal(size=(3, 7, 3))
     after[2] *= [-1.0, 1.0, 1.0]
-    for one, there, body in zip(fit_rigid_all(before, after).as_matrix(), after, before, strict=True):
-        np.testing.assert_allclose(one, fit_rigid(body, there).as_matrix(), atol=1e-9)
-
-
-@pytest.mark.parametrize("count", [3, 12])
-def test_the_derivative_of_a_fit_against_differences_of_it(count: int) -> None:
-    before = POINTS[:count]
-    after = fit_rigid(POINTS, POINTS + RNG.normal(scale=30.0, size=POINTS.shape)).apply(before)
-    after += RNG.normal(scale=5.0, size=after.shape)  # the fit leaves something over
-    turn, shift = RNG.normal(size=(2, 4, 3))
-    fitted, step = fit_rigid(before, after), 1e-5
-    for way_before, way_after in RNG.normal(size=(3, 2, count, 3)):
-        ends = [fit_rigid(before + s * way_before, after + s * way_after) for s in (step, -step)]
-        turns, shifts = zip(*[np.split((end * fitted.inv()).as_exp_coords(), 2) for end in ends], strict=True)
-        wanted = (turn @ (turns[0] - turns[1]) + shift @ (shifts[0] - shifts[1])) / (2.0 * step)
-        by_before, by_after = fit_rigid_adjoint(before, after, turn, shift)
-        found = np.einsum("kni,ni->k", by_before, way_before) + np.einsum("kni,ni->k", by_after, way_after)
-        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-6)
+    weights[5, 4:] = 0.0
+    found = fit_rigid(before, after, weights)
+    for number, (body, there, weight) in enumerate(zip(before, after, weights, strict=True)):
+        own, goal = body[weight > 0.0], there[weight > 0.0]
+        a, b = own - own.mean(axis=0), goal - goal.mean(axis=0)
+        wanted = Rotation.align_vectors(b[:1], a[:1]) if number == 4 else Rotation.align_vectors(b, a)
+        np.testing.assert_allclose(found[number].rotation, wanted[0].as_matrix(), atol=1e-9)
+        np.testing.assert_allclose(found[number].apply(own.mean(axis=0)), goal.mean(axis=0), atol=1e-9)

@@ -21,7 +21,7 @@ SURGERY = plan_surgery(CASE, Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=AP
 
 
 def view(number: int = 1) -> PlanView:
-    return PlanView(number, {}, SURGERY, CASE.skin.vertices)
+    return PlanView(number, {}, SURGERY, {}, CASE.skin.vertices)
 
 
 def test_a_kept_plan_is_the_planned_case(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from warp_trunk.measures.rows import number
 CASE = curved_case()
 PLAN = Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex=APEX, correction=0.5),))
 BEFORE = measure(CASE.skin, CASE.landmarks_before)
-VIEW = PlanView(1, {}, plan_surgery(CASE, PLAN), CASE.skin.vertices, error=2.34, warnings=("a < b",))
+VIEW = PlanView(1, {}, plan_surgery(CASE, PLAN), {}, CASE.skin.vertices, error=2.34, warnings=("a < b",))
 
 
 def test_the_table_has_what_the_plan_and_the_skin_have() -> None:

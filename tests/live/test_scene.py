@@ -1,55 +1,12 @@
-"""Where bones are drawn, lines of depth on the skin, and the field between plans that are known."""
+"""Lines of depth on the skin, and the field between plans that are known."""
 
 from __future__ import annotations
 
 import numpy as np
 import trimesh
-from scipy.spatial.transform import Rotation
 
-from support.small_patient import curved_case
-from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
-from warp_trunk.geometry.spline import fit_spline
-from warp_trunk.live.bones import BonePoses
 from warp_trunk.live.image import Forecast
 from warp_trunk.live.scene import STEP, relief_lines
-from warp_trunk.run.patient import motions_of
-
-CASE = curved_case()
-RIB = CASE.bones["rib_left_08"].vertices
-
-
-def corrected(share: float):
-    return plan_surgery(CASE, Plan(uiv="T4", liv="T11", curves=(CurvePlan(apex="T7", correction=share),)))
-
-
-def moved(poses: BonePoses, landmarks, bone: str, points: np.ndarray) -> np.ndarray:
-    turn, shift = poses.at(landmarks)[bone]
-    return Rotation.from_quat(turn, scalar_first=True).apply(points) + shift
-
-
-def test_a_vertebra_goes_with_its_landmarks_and_a_rib_with_the_spline() -> None:
-    before, after, poses = CASE.landmarks_before, corrected(0.6).landmarks_after, BonePoses(CASE)
-    assert poses.at(after).keys() == CASE.bones.keys()
-    t8 = moved(poses, after, "T8", before.of_bone("T8").points)
-    np.testing.assert_allclose(t8, after.of_bone("T8").points, atol=1e-8)
-    there = fit_spline(before.points, after.points)(RIB)
-    off = np.linalg.norm(moved(poses, after, "rib_left_08", RIB) - there, axis=1)
-    assert off.max() < 0.1 * np.linalg.norm(there - RIB, axis=1).max()
-    np.testing.assert_allclose(moved(poses, before, "rib_left_08", RIB), RIB, atol=1e-7)
-
-
-def test_bones_that_follow_continue_from_where_the_model_has_them() -> None:
-    """Exactly there for the plan that is known, and near it for one a little further."""
-    poses, off = BonePoses(CASE), []
-    known, further = corrected(0.6), corrected(0.62)
-    poses.learn(known.landmarks_after, motions_of(known.planned_case(CASE)))
-    for surgery in (known, further):
-        wanted = motions_of(surgery.planned_case(CASE))["rib_left_08"].apply(RIB)
-        for drawn in (poses, BonePoses(CASE)):
-            here = moved(drawn, surgery.landmarks_after, "rib_left_08", RIB)
-            off.append(np.linalg.norm(here - wanted, axis=1).max())
-    assert off[0] < 1e-6
-    assert off[2] < 0.2 * off[3]  # less than by the spline alone
 
 
 def test_lines_of_a_sphere_are_its_circles() -> None:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
 
 from support.part_phantom import part_case
 from support.small_patient import curved_case
@@ -14,10 +13,12 @@ from warp_trunk.bone_motion.plan import CurvePlan, Plan
 from warp_trunk.bone_motion.plan.surgery import surgery_record
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.live.sliders import MotionSliders, SpineSliders, first_wish, with_handles
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import asis_axis, spine_of
+from warp_trunk.run.patient import motions_of
 
 CASE = curved_case()
 REST = SpineSliders(CASE)
@@ -70,7 +71,7 @@ def test_sliders_begin_where_a_plan_is() -> None:
 
 
 def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
-    shift = RigidTransform.from_exp_coords([0.1, -0.2, 0.3, 4.0, 5.0, 6.0])
+    shift = RigidMotion.exp(np.array([0.1, -0.2, 0.3, 4.0, 5.0, 6.0]))
     rows: tuple = tuple(map(tuple, shift.as_matrix().tolist()))
     case = part_case(**MOTIONS, right=Motion(transform=rows, large=True))
     sliders = MotionSliders(case)
@@ -84,8 +85,9 @@ def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
 
 
 def test_sliders_of_motions_at_zero_move_nothing_and_no_bone_passes_into_another() -> None:
-    sliders = MotionSliders(with_handles(part_case(**MOTIONS)))
+    case = with_handles(part_case(**MOTIONS))
+    sliders = MotionSliders(case)
     still = dict.fromkeys(first_wish(sliders), 0.0)
-    assert not any(motion.as_exp_coords().any() for motion in sliders.surgery(still).bones.values())
+    assert not any(motion.moves for motion in motions_of(sliders.surgery(still).planned_case(case)).values())
     with pytest.raises(InputError, match=r"'front' passes .* into 'core'"):
         sliders.surgery({**still, "front Back mm": 35.0})

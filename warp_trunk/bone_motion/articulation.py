@@ -2,55 +2,73 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterable, Mapping
-from functools import partial
-from operator import methodcaller, mul
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRAE, bone_of
-from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.geometry.rigid import fit_rigid
-from warp_trunk.geometry.spline import Spline, fit_spline
+from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.geometry.rigid import RigidMotion, rotated, smallest_turn
+from warp_trunk.measures.cobb import cobb_angles
 
-from .rib_cage import ends, follow
-from .steps import Steps
-from .vertebra_motion import Vertebra, coupled_turns
-from .vertebra_smoothing import smooth_vertebrae
+from .rib_cage import follow
+from .skeleton import PELVIS, Link, Skeleton
+from .vertebra_motion import Vertebrae
+from .vertebra_smoothing import vertebra_smoothing
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
-    from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.case.rib_coupling import RibCoupling
     from warp_trunk.case.study import Pose
-    from warp_trunk.geometry.surface import Surface
+    from warp_trunk.measures.cobb import CobbAngle
 
-_PELVIS = ("hip_left", "hip_right", "sacrum", "coccyx", "femur_left", "femur_right")
-"""Bones that move as one."""
+    from .vertebra_smoothing import VertebraSmoothing
+
 _THORACIC = tuple(vertebra for vertebra in VERTEBRAE if vertebra.startswith("T"))
-_THICK = 1.0
-"""Landmarks of a bone nearer than this to one line do not hold its turn about it [mm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpineFeatures:
+    """What the landmarks of a spine decide before any bone moves."""
+
+    curves: tuple[CobbAngle, ...]
+    """Its curves before surgery."""
+    smoothing: VertebraSmoothing | None
+    """How the motions of its vertebrae are smoothed; None for landmarks without errors."""
+
+
+def spine_features(
+    skeleton: Skeleton, before: np.ndarray, after: np.ndarray, expected_error: float | None = None
+) -> SpineFeatures:
+    """The features of one set of landmarks.
+
+    Args:
+        skeleton: the bones of the patient.
+        before: landmarks before, shape (landmarks, 3) [mm].
+        after: the same after.
+        expected_error: of landmarks that have none yet, see `vertebra_smoothing` [mm].
+    """
+    same = np.array_equal(before, skeleton.landmarks.points)
+    curves = skeleton.curves if same else cobb_angles(Landmarks(skeleton.landmarks.names, before))
+    return SpineFeatures(curves, vertebra_smoothing(skeleton.vertebrae, before, after, expected_error))
 
 
 def bone_motions(
-    bones: Mapping[str, Surface],
-    landmarks_before: Landmarks,
-    landmarks_after: Landmarks,
-    bones_after: Mapping[str, Surface] | None = None,
-    shares: RibCoupling | None = None,
+    skeleton: Skeleton,
+    before: np.ndarray,
+    after: np.ndarray,
+    coupling: RibCoupling | None,
+    known: Mapping[str, RigidMotion] | None = None,
     *,
     pose: Pose = "surgery",
-    steps: Steps | None = None,
-    expected_error: float | None = None,
-) -> dict[str, RigidTransform]:
+    features: SpineFeatures | None = None,
+) -> RigidMotion:
     """How each bone moves rigidly from before to after surgery, or from standing to bending sideways.
 
     The first of these that applies:
 
-    - A bone known after surgery, with the same vertices: the rigid motion nearest to theirs.
+    - A bone whose motion is known.
     - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs. Where those
       of vertebrae do not move rigidly, by their errors, these are smoothed along the spine (`smooth_vertebrae`).
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
@@ -63,159 +81,123 @@ def bone_motions(
     - All others, such as vertebrae without landmarks: the rigid motion nearest to the spline's.
 
     Args:
-        bones: surfaces by name, before.
-        landmarks_before: landmarks before.
-        landmarks_after: the same landmarks after, in the same order.
-        bones_after: surfaces after, of all, some or none of the bones; vertex for vertex those of `bones`.
-        shares: what of a vertebra's motion reaches its ribs; the default ones when left out.
+        skeleton: the bones, with the names of the landmarks.
+        before: sets of landmarks before, shape (sets, landmarks, 3) [mm].
+        after: the same after.
+        coupling: what of a vertebra's motion reaches its ribs; None: ribs, sternum and blades are as all others.
+        known: motions of bones that are known [mm].
         pose: what lies between before and after.
-        steps: how steps are taken; `RememberedSteps` of the same landmarks can then differentiate the motions.
-        expected_error: of landmarks that have none yet, see `vertebra_smoothing` [mm].
+        features: of the spine (`spine_features`), for all sets; those of each set when left out.
 
     Returns:
-        A motion for each of the bones [mm].
+        The motions [mm], shape (sets, bones), in the order of `skeleton.names`.
 
     Raises:
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
-    from scipy.spatial.transform import RigidTransform  # heavy
+    bones, known = skeleton.bones, known or {}
+    each = (
+        [features] if features else [spine_features(skeleton, *pair) for pair in zip(before, after, strict=True)]
+    )
 
-    steps = steps or Steps()
-    spline = fit_spline(landmarks_before.points, landmarks_after.points, names=landmarks_before.names)
-    landmarks_after = smooth_vertebrae(landmarks_before, landmarks_after, steps, expected=expected_error)
-    motions, pelvis = _by_landmarks(bones, landmarks_before, landmarks_after, steps)
-    for bone, after in (bones_after or {}).items():
-        motions[bone] = fit_rigid(bones[bone].vertices, after.vertices)
-    for bone in bones:
-        if bone not in motions and bone in VERTEBRAE:
-            motions[bone] = steps.fit(bones[bone].vertices, steps.carried(spline, bones[bone].vertices))
-    frame = next((motions[bone] for bone in _PELVIS if bone in motions), pelvis)
-    coupled: Mapping[str, float] = {}
-    if pose == "surgery":
-        coupled = coupled_turns(landmarks_before, landmarks_after, steps=steps)
-    else:
-        frame = _leaning(bones, motions, steps)
-    frame = RigidTransform.identity() if frame is None else frame
-    back = steps(methodcaller("inv"), frame)
-    against = {name: steps(mul, back, motion) for name, motion in motions.items()}
-    vertebrae = {
-        name: Vertebra(against[name], _axis(landmarks_before, name, bones[name], steps), coupled.get(name))
-        for name in VERTEBRAE
-        if name in bones
-    }
-    for name, motion in follow(bones, vertebrae, shares or RibCoupling(), against, steps=steps).items():
-        motions[name] = steps(mul, frame, motion)
-    for bone in sorted(bones.keys() - motions.keys(), key=lambda bone: bool(_neighbours(bone)[0])):
-        motions[bone] = _between_neighbours(bone, bones, motions, spline, steps)
-    return {bone: motions[bone] for bone in bones}
+    def of_each(found: Callable[..., np.ndarray], *stacks: np.ndarray) -> np.ndarray:
+        if len(each) == 1:
+            return found(each[0], *stacks)
+        return np.concatenate([found(one, *(stack[[i]] for stack in stacks)) for i, one in enumerate(each)])
+
+    def smoothed(one: SpineFeatures, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        return after if one.smoothing is None else one.smoothing.smoothed(skeleton.vertebrae, before, after)
+
+    def coupled_turns(one: SpineFeatures, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        return skeleton.coupled_turns.of(one.curves, before, after)
+
+    smooth = of_each(smoothed, before, after)
+    motions = _by_landmarks(skeleton, before, smooth)
+    pelvis = motions.pop("pelvis", RigidMotion.identity())
+    motions |= known
+    lost = {bone: bones[bone].vertices for bone in VERTEBRAE if bone in bones and bone not in motions}
+    motions |= skeleton.by_spline(lost, before, after)
+    if coupling is not None:
+        coupled = np.full((len(before), len(skeleton.levels)), np.nan)
+        if pose == "surgery":
+            frame = next((motions[bone] for bone in PELVIS if bone in motions), pelvis)
+            coupled = of_each(coupled_turns, before, smooth)
+        else:
+            frame = _leaning(skeleton.middles, motions)
+        back = (RigidMotion.identity(len(before)) * frame).inv()
+        against = RigidMotion.stack(motions[level] for level in skeleton.levels)
+        vertebrae = Vertebrae(skeleton.levels, back[:, None] * against, skeleton.axes(before), coupled)
+        cage = skeleton.cage
+        fixed = {name: back * motions[name] for name in cage.bones if name in motions}
+        followed = follow(cage, vertebrae, coupling, fixed)
+        motions |= {name: frame * motion for name, motion in followed.items()}
+    others = {bone: bones[bone].vertices for bone in bones if bone not in motions}
+    links = {bone: skeleton.links[bone] for bone in others if bone in skeleton.links}
+    loose = {f"end of {bone}": link.joints[1:] for bone, link in links.items() if link.second not in bones}
+    motions |= skeleton.by_spline({**others, **loose}, before, after)
+    motions |= _held_at_ends(motions, links)
+    return RigidMotion.stack([RigidMotion.identity(len(before)), *(motions[bone] for bone in bones)])[:, 1:]
 
 
-def given_motions(bones: Mapping[str, Surface], given: Mapping[str, RigidTransform]) -> dict[str, RigidTransform]:
+def given_motions(skeleton: Skeleton, given: Mapping[str, RigidMotion]) -> dict[str, RigidMotion]:
     """How each bone moves where no landmarks say it: as given, else not at all.
 
     The ends of costal cartilages and clavicles that are not named go with their neighbours.
 
     Args:
-        bones: surfaces by name, before.
+        skeleton: the bones.
         given: motions of some of them [mm].
     """
-    from scipy.spatial.transform import RigidTransform  # heavy
-
-    motions = dict.fromkeys(bones, RigidTransform.identity()) | dict(given)
-    for bone in bones:
-        first, second = _neighbours(bone)
-        if bone not in given and first in bones and (first in given or second in given):
-            joints = ends(bones[bone], bones[first])
-            goals = [motions.get(end, motions[bone]).apply(joints[[i]]) for i, end in enumerate((first, second))]
-            motions[bone] = _held_at_ends(motions[bone], joints, *goals)
-    return motions
+    motions = dict.fromkeys(skeleton.names, RigidMotion.identity()) | dict(given)
+    links = {
+        bone: link
+        for bone, link in skeleton.links.items()
+        if bone not in given and (link.first in given or link.second in given)
+    }
+    still = {f"end of {bone}": RigidMotion.identity() for bone in links}
+    return motions | _held_at_ends({**still, **motions}, links)
 
 
-def _by_landmarks(
-    bones: Mapping[str, Surface], before: Landmarks, after: Landmarks, steps: Steps
-) -> tuple[dict[str, RigidTransform], RigidTransform | None]:
-    """How the bones move that landmarks of their own hold, and the pelvis, if it has any."""
-    owners = np.array([bone_of(name, (*bones, *_PELVIS)) or "" for name in before.names])
-
-    def motion(owned: tuple[str, ...]) -> RigidTransform | None:
-        own = np.isin(owners, owned)
-        if _hold(before.points[own]) or (owned == _PELVIS and own.any()):
-            rows = np.flatnonzero(own)
-            return steps.fit(*[steps.rows(one.points, rows) for one in (before, after)])
-        return None
-
-    pelvis = motion(_PELVIS)
-    found = {bone: pelvis if bone in _PELVIS else motion((bone,)) for bone in bones}
-    return {bone: moved for bone, moved in found.items() if moved is not None}, pelvis
+def _by_landmarks(skeleton: Skeleton, before: np.ndarray, after: np.ndarray) -> dict[str, RigidMotion]:
+    """How the bones move that landmarks of their own hold, and `pelvis`, if it has any, shape (sets,) each."""
+    names, marks = skeleton.marked
+    fitted = marks.fit(before, after)
+    found = {name: fitted[:, number] for number, name in enumerate(names)}
+    return found | {bone: found["pelvis"] for bone in skeleton.names if bone in PELVIS and "pelvis" in found}
 
 
-def _between_neighbours(
-    bone: str, bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], spline: Spline, steps: Steps
-) -> RigidTransform:
-    """Each end with the neighbour that moves already, else with the spline; what ends leave open by the spline."""
-    vertices = bones[bone].vertices
-    first, second = _neighbours(bone)
-    by_spline = steps.fit(vertices, steps.carried(spline, vertices))
-    if first not in motions:
-        return by_spline
-    joints = ends(bones[bone], bones[first])
-    goals = [
-        steps(methodcaller("apply", joints[:1]), motions[first]),
-        steps(methodcaller("apply", joints[1:]), motions[second])
-        if second in motions
-        else steps.carried(spline, joints[1:]),
-    ]
-    return steps(_held_at_ends, by_spline, joints, *goals)
+def _held_at_ends(motions: Mapping[str, RigidMotion], links: Mapping[str, Link]) -> dict[str, RigidMotion]:
+    """The motions of bones, turned and shifted by as little as brings their ends nearest to their neighbours'."""
+    if not links:
+        return {}
+    joints = np.array([link.joints for link in links.values()])
+    own = RigidMotion.stack(motions[bone] for bone in links)
+    first = RigidMotion.stack(motions[link.first] for link in links.values())
+    second = RigidMotion.stack(
+        motions[link.second if link.second in motions else f"end of {bone}"] for bone, link in links.items()
+    )
+    here = own.apply(joints[:, 0]), own.apply(joints[:, 1])
+    there = first.apply(joints[:, 0]), second.apply(joints[:, 1])
+    turn = smallest_turn(here[1] - here[0], there[1] - there[0])
+    held = RigidMotion.about(turn, 0.5 * (here[0] + here[1]), 0.5 * (there[0] + there[1])) * own
+    return {bone: held.last(number) for number, bone in enumerate(links)}
 
 
-def _held_at_ends(motion: RigidTransform, joints: np.ndarray, *goals: np.ndarray) -> RigidTransform:
-    """The motion, turned and shifted by as little as brings the joints nearest to their goals."""
-    return fit_rigid(motion.apply(joints), np.vstack(goals)) * motion
-
-
-def _leaning(
-    bones: Mapping[str, Surface], motions: Mapping[str, RigidTransform], steps: Steps
-) -> RigidTransform | None:
-    """The rigid motion in the coronal plane that is nearest to that of the middles of the thoracic vertebrae."""
-    levels = [level for level in _THORACIC if level in bones]
+def _leaning(middles: Mapping[str, np.ndarray], motions: Mapping[str, RigidMotion]) -> RigidMotion:
+    """The rigid motions in the coronal plane nearest to those of the middles of the thoracic vertebrae."""
+    levels = [level for level in _THORACIC if level in middles]
     if len(levels) < 2:
-        return None
-    middles = np.array([bones[level].vertices.mean(axis=0) for level in levels])
-    return steps(_in_coronal_plane, middles, *[motions[level] for level in levels])
-
-
-def _in_coronal_plane(before: np.ndarray, *motions: RigidTransform) -> RigidTransform:
-    """The rigid motion in the coronal plane that is nearest to those of some bodies, by a point of each."""
-    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
-
-    after = np.array([motion.apply(point) for motion, point in zip(motions, before, strict=True)])
-    (x, _, z), (u, _, w) = (before - before.mean(axis=0)).T, (after - after.mean(axis=0)).T
-    lean = Rotation.from_rotvec([0.0, math.atan2(u @ z - w @ x, u @ x + w @ z), 0.0])
-    way = after.mean(axis=0) - lean.apply(before.mean(axis=0))
-    return RigidTransform.from_components(way * [1.0, 0.0, 1.0], lean)
-
-
-def _axis(landmarks: Landmarks, vertebra: str, bone: Surface, steps: Steps) -> np.ndarray:
-    """The centre of a vertebra and its own axis, shape (2, 3); of the bone and vertical without landmarks."""
-    ends = [f"{vertebra}_{end}_endplate" for end in ("superior", "inferior")]
-    if set(ends) <= set(landmarks.names):
-        rows = steps.rows(landmarks.points, np.array([landmarks.index(end) for end in ends]))
-        return steps(partial(np.matmul, [[0.5, 0.5], [1.0, -1.0]]), rows)
-    return np.array([bone.vertices.mean(axis=0), [0.0, 0.0, 1.0]])
-
-
-def _neighbours(bone: str) -> tuple[str, str]:
-    """The bones at both ends of a bone that has two ends; empty names where it has not."""
-    if match := re.fullmatch(r"costal_cartilage_((?:left|right)_\d\d)", bone):
-        return f"rib_{match[1]}", "sternum"
-    if match := re.fullmatch(r"clavicle_(left|right)", bone):
-        return "sternum", f"scapula_{match[1]}"
-    return "", ""
-
-
-def _hold(points: np.ndarray) -> bool:
-    """Whether landmarks hold a bone in all six of its degrees of freedom."""
-    return len(points) >= 3 and int(np.linalg.matrix_rank(points - points.mean(axis=0), tol=_THICK)) >= 2
+        return RigidMotion.identity()
+    before = np.array([middles[level] for level in levels])
+    after = RigidMotion.stack(motions[level] for level in levels).apply(before)
+    from_centre, to_centre = before.mean(axis=0), after.mean(axis=-2)
+    a, b = before - from_centre, after - to_centre[..., None, :]
+    sine = b[..., 0] @ a[:, 2] - b[..., 2] @ a[:, 0]
+    lean = np.zeros_like(to_centre)
+    lean[..., 1] = np.arctan2(sine, b[..., 0] @ a[:, 0] + b[..., 2] @ a[:, 2])
+    turn = RigidMotion.exp(np.concatenate([lean, np.zeros_like(lean)], axis=-1)).rotation
+    way = to_centre - rotated(turn, from_centre)
+    return RigidMotion(turn, way * [1.0, 0.0, 1.0])
 
 
 _KNOWN = re.compile(

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.engine.trunk_mesh import tet_volumes
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import fit_spline, spread_centres
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from scipy.spatial.transform import RigidTransform
 
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -34,10 +33,7 @@ class RigidBones:
 
     def at(self, load_factor: float) -> np.ndarray:
         """Motion of the nodes from rest [mm], shape (k, 3)."""
-        from scipy.spatial.transform import RigidTransform  # heavy
-
-        motions = RigidTransform.from_exp_coords(load_factor * self.screws).as_matrix()[self.bone]
-        return np.einsum("kij,kj->ki", motions[:, :3, :3], self.rest) + motions[:, :3, 3] - self.rest
+        return RigidMotion.exp(load_factor * self.screws)[self.bone].apply(self.rest) - self.rest
 
     def of(self, place: np.ndarray) -> RigidBones:
         """Those of the nodes that have a place, by their places; -1 is none."""
@@ -94,7 +90,7 @@ def spline_path(
     return PrescribedMotion(spline.displacement(nodes, device))
 
 
-def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: str = "cpu") -> PrescribedMotion:
+def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidMotion], device: str = "cpu") -> PrescribedMotion:
     """Every bone moves rigidly, on the shortest screw to its place after surgery.
 
     The papers' spline is fitted on landmarks and bends what lies between them; here a bone keeps its shape at
@@ -113,14 +109,14 @@ def rigid_path(trunk: TrunkMesh, motions: Mapping[str, RigidTransform], device: 
     return PrescribedMotion(smooth.at(1.0), rigid_bones)
 
 
-def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> np.ndarray:
+def rigid_displacement(trunk: TrunkMesh, motions: Mapping[str, RigidMotion]) -> np.ndarray:
     """How far each node on bone moves with its bone, 0 for all others, shape (nodes, 3) [mm]."""
     return PrescribedMotion(np.zeros_like(trunk.nodes), _rigid_bones(trunk, motions)).at(1.0)
 
 
-def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidTransform]) -> RigidBones:
+def _rigid_bones(trunk: TrunkMesh, motions: Mapping[str, RigidMotion]) -> RigidBones:
     nodes = np.flatnonzero(trunk.prescribed)
-    screws = np.array([motions[name].as_exp_coords() for name in trunk.bone_names]).reshape(-1, 6)
+    screws = RigidMotion.stack(motions[name] for name in trunk.bone_names).log()
     return RigidBones(nodes, trunk.nodes[nodes], trunk.bone[nodes], screws)
 
 

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.rigid import fit_rigid, part_of
-
-from .steps import Steps
-from .vertebra_motion import split
+from warp_trunk.geometry.rigid import RigidMotion, nearest_rotation, rotated
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
     from warp_trunk.case.rib_coupling import RibCoupling
     from warp_trunk.geometry.surface import Surface
 
-    from .vertebra_motion import Vertebra
+    from .vertebra_motion import Vertebrae
 
 RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
 _TRUE_RIBS = 7
@@ -39,6 +32,8 @@ _END = 5.0
 """How much of a bone is its end: what is this much further from a joint, or nearer to the tip, counts [mm]."""
 _CARTILAGE = 0.1
 """A costal cartilage keeps its length within this part."""
+_FEWEST = 3
+"""Fewer ribs carry neither sternum nor shoulder blade."""
 _FACET = 3.0
 """A head leaves its facet by at most this much where screws turn the vertebra [mm]."""
 
@@ -57,18 +52,85 @@ class _Rib:
     """From 1, the highest, to 12."""
 
 
+class _Together:
+    """Points of several bodies, to which one rigid motion is fitted.
+
+    The sum of outer products of the points before and after needs no more of a body than the number of its points,
+    their sum and the sum of their outer products.
+    """
+
+    def __init__(self, points: Mapping[str, np.ndarray]) -> None:
+        """Of the points of each body by name, (n, 3) [mm]."""
+        self._count = np.array([len(those) for those in points.values()], dtype=float)
+        self._total = np.array([those.sum(axis=0) for those in points.values()])
+        self._middle = self._total.sum(axis=0) / self._count.sum()
+        self._arms = self._total - self._count[:, None] * self._middle
+        self._outer = np.array([(those - self._middle).T @ those for those in points.values()])
+        self.names = tuple(points)
+        """The bodies."""
+
+    def motion(self, motions: RigidMotion) -> RigidMotion:
+        """The rigid motion nearest to those of the bodies (..., bodies) at their points, shape (...)."""
+        turned = self._outer @ np.swapaxes(motions.rotation, -1, -2)
+        spread = (turned + self._arms[:, :, None] * motions.translation[..., None, :]).sum(axis=-3)
+        after = rotated(motions.rotation, self._total) + self._count[:, None] * motions.translation
+        return RigidMotion.about(nearest_rotation(spread), self._middle, after.sum(axis=-2) / self._count.sum())
+
+
+class RibCage:
+    """Ribs, sternum and shoulder blades of a patient before surgery, and where they hang together."""
+
+    def __init__(self, bones: Mapping[str, Surface], levels: Iterable[str]) -> None:
+        """Finds the ends of the ribs, and what carries sternum and shoulder blades.
+
+        Args:
+            bones: surfaces by name: `rib_left_01` to `rib_right_12`, `sternum`, `scapula_left`, `T1` to `T12`.
+            levels: the vertebrae that lead ribs; other ribs are left out.
+        """
+        self.ribs: dict[str, _Rib] = {}
+        for name, bone in bones.items():
+            match = RIB.fullmatch(name)
+            if match and (vertebra := f"T{int(match[2])}") in bones and vertebra in levels:
+                head, tip = ends(bone, bones[vertebra])
+                self.ribs[name] = _Rib(vertebra, head, tip, int(match[2]))
+        true = {name: rib.tip for name, rib in self.ribs.items() if rib.number <= _TRUE_RIBS}
+        self.depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in self.ribs.values()), default=1.0)
+        """Of the cage: the longest way from the head of a rib to its front end [mm]."""
+        self.anchors: dict[str, np.ndarray] = {}
+        """The point of the sternum nearest to the front end of each true rib [mm]."""
+        if "sternum" in bones:
+            vertices = bones["sternum"].vertices
+            self.anchors = {
+                n: vertices[np.linalg.norm(vertices - tip, axis=1).argmin()] for n, tip in true.items()
+            }
+        self.carried: dict[str, _Together] = {}
+        """What the sternum and each shoulder blade goes with: parts of three ribs at least."""
+        if "sternum" in bones and len(true) >= _FEWEST:
+            self.carried["sternum"] = _Together({name: tip[None] for name, tip in true.items()})
+        for side in ("left", "right"):
+            near = {
+                rib: _within(_REACH, bones[rib].vertices, bones[f"scapula_{side}"].vertices)
+                for rib in (f"rib_{side}_{number:02d}" for number in _UNDER_SCAPULA)
+                if f"scapula_{side}" in bones and rib in self.ribs
+            }
+            near = {rib: points for rib, points in near.items() if len(points)}
+            if len(near) >= _FEWEST:
+                self.carried[f"scapula_{side}"] = _Together(near)
+        self.bones = {*self.ribs, *self.carried} | ({"sternum"} & bones.keys())
+        """All that may follow."""
+
+
 def follow(
-    bones: Mapping[str, Surface],
-    vertebrae: Mapping[str, Vertebra],
-    shares: RibCoupling,
-    known: Mapping[str, RigidTransform] | None = None,
+    cage: RibCage,
+    vertebrae: Vertebrae,
+    coupling: RibCoupling,
+    known: Mapping[str, RigidMotion] | None = None,
     *,
     growing: bool = False,
-    steps: Steps | None = None,
-) -> dict[str, RigidTransform]:
+) -> dict[str, RigidMotion]:
     """How ribs, sternum and shoulder blades move as the vertebrae do, the pelvis at rest.
 
-    A rib takes all of the motion of its head, all of flexion, and shares of its vertebra's turn, tilt and
+    A rib takes all of the motion of its head, all of flexion, and shares of its vertebra's rotation, bending and
     sideways way. The sternum moves as one rigid body, nearest to the front ends of the ribs 1 to 7; then each of
     these turns about its head by as little as keeps its cartilage within 10 % of its length. Front ends of the
     ribs 8 to 10 are free: the cartilage of each meets that of the rib above in a joint. Of a turn that screws
@@ -76,46 +138,38 @@ def follow(
     facets by up to 3 mm.
 
     Args:
-        bones: surfaces by name, before: `rib_left_01` to `rib_right_12`, `sternum`, `scapula_left`, `T1` to
-            `T12`. A rib whose vertebra is missing here, or in `vertebrae`, is left out.
-        vertebrae: how they move.
-        shares: what of it reaches a rib.
+        cage: before surgery.
+        vertebrae: how those of the cage's levels move, in one set of landmarks or many.
+        coupling: what of it reaches a rib.
         known: motions of ribs, sternum and shoulder blades that are known, which the others follow.
         growing: whether a curve grows, and bone and cartilage with it, as where it is imposed on straight
             anatomy: the highest and the floating ribs then keep their attitude as others do.
-        steps: how steps are taken; just so when left out.
 
     Returns:
         A motion for each other rib that has a vertebra; for the sternum where three ribs reach it, and for each
-        shoulder blade that lies on three ribs, where they are not known [mm].
+        shoulder blade that lies on three ribs, where they are not known [mm], shape (...) each.
     """
-    known, steps, ribs = known or {}, steps or Steps(), _ribs(bones, vertebrae)
-    found = dict(known)
-    depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in ribs.values()), default=1.0)
-    free = {name: rib for name, rib in ribs.items() if name not in found}
-    for name, rib in free.items():
-        found[name] = steps(partial(_turned, rib, shares, depth, growing), *vertebrae[rib.vertebra])
-    true = {name: rib for name, rib in ribs.items() if rib.number <= _TRUE_RIBS}
-    if "sternum" in bones and ("sternum" in found or len(true) >= 3):
-        if "sternum" not in found:
-            tips = [rib.tip[None] for rib in true.values()]
-            found["sternum"] = steps(partial(_as_one, tips), *[found[name] for name in true])
-        vertices = bones["sternum"].vertices
-        for name, rib in free.items():
-            if name not in true:
-                continue
-            anchor = vertices[np.linalg.norm(vertices - rib.tip, axis=1).argmin()]
-            found[name] = steps(partial(_reaching, rib, anchor), found[name], found["sternum"])
-    for side in ("left", "right"):
-        blade, under = f"scapula_{side}", [f"rib_{side}_{number:02d}" for number in _UNDER_SCAPULA]
-        if blade not in bones or blade in found:
-            continue
-        near = {rib: _within(_REACH, bones[rib].vertices, bones[blade].vertices) for rib in under if rib in ribs}
-        near = {rib: points for rib, points in near.items() if len(points)}
-        if len(near) >= 3:
-            ridden = steps(partial(_as_one, list(near.values())), *[found[rib] for rib in near])
-            found[blade] = steps(part_of, ridden, shares.scapula)
-    return {name: motion for name, motion in found.items() if name not in known}
+    found = dict(known or {})
+    free = {name: rib for name, rib in cage.ribs.items() if name not in found}
+    if free:
+        moved = _turned(list(free.values()), vertebrae, coupling, cage.depth, growing)
+        found |= {name: moved.last(number) for number, name in enumerate(free)}
+
+    def carried(bone: str) -> RigidMotion:
+        ribs = cage.carried[bone]
+        return ribs.motion(RigidMotion.stack(found[rib] for rib in ribs.names))
+
+    if "sternum" in cage.carried and "sternum" not in found:
+        found["sternum"] = carried("sternum")
+    reaching = [name for name in cage.anchors if name in free and "sternum" in found]
+    if reaching:
+        anchors = np.array([cage.anchors[name] for name in reaching])
+        moved = RigidMotion.stack(found[name] for name in reaching)
+        moved = _reaching([free[name] for name in reaching], anchors, moved, found["sternum"])
+        found |= {name: moved.last(number) for number, name in enumerate(reaching)}
+    for blade in cage.carried.keys() - found.keys():
+        found[blade] = carried(blade).part(coupling.scapula)
+    return {name: motion for name, motion in found.items() if name not in (known or {})}
 
 
 def _within(reach: float, points: np.ndarray, of: np.ndarray) -> np.ndarray:
@@ -125,7 +179,6 @@ def _within(reach: float, points: np.ndarray, of: np.ndarray) -> np.ndarray:
     return points[KDTree(of).query(points, distance_upper_bound=reach)[0] <= reach]
 
 
-@lru_cache(maxsize=64)  # of one patient: finding them took a quarter of the time of all motions
 def ends(bone: Surface, neighbour: Surface) -> np.ndarray:
     """The middle of the end of a bone at its neighbour, and of the end furthest from there, shape (2, 3)."""
     from scipy.spatial import KDTree  # heavy
@@ -139,66 +192,42 @@ def ends(bone: Surface, neighbour: Surface) -> np.ndarray:
     return np.array([joint, vertices[far >= far.max() - _END].mean(axis=0)])
 
 
-def _ribs(bones: Mapping[str, Surface], vertebrae: Mapping[str, Vertebra]) -> dict[str, _Rib]:
-    found = {}
-    for name, bone in bones.items():
-        match = RIB.fullmatch(name)
-        vertebra = f"T{int(match[2])}" if match else ""
-        if match and vertebra in bones and vertebra in vertebrae:
-            head, tip = ends(bone, bones[vertebra])
-            found[name] = _Rib(vertebra, head, tip, int(match[2]))
-    return found
-
-
 def _turned(
-    rib: _Rib,
-    shares: RibCoupling,
-    depth: float,
-    growing: bool,
-    motion: RigidTransform,
-    axis: np.ndarray,
-    coupled: float | None,
-) -> RigidTransform:
-    """The rib's motion by its shares, before the sternum is taken into account."""
-    from scipy.spatial.transform import RigidTransform  # heavy
-
-    vertebra = split(motion, axis, coupled)
-    lag = -np.arcsin(np.clip((1.0 - shares.shift) * vertebra.shift / depth, -1.0, 1.0))
-    turn = (
-        shares.reversible_part * shares.axial_rotation * (vertebra.turn - vertebra.direct)
-        + shares.derotation_transfer * vertebra.direct
-        + lag
-    )
-    below = 0.0 if growing else max(0.0, (rib.number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS))
-    above = 0.0 if growing else max(0.0, (_TRUE_RIBS - rib.number) / (_TRUE_RIBS - 1))
-    tilt = shares.reversible_part * shares.lateral_bending + below * shares.floating + above * shares.upper
-    rotation = vertebra.share(turn=turn, tilt=tilt)
-    facet = vertebra.motion.apply(rib.head)
-    behind = vertebra.without((1.0 - shares.derotation_transfer) * vertebra.direct, rib.head) - facet
-    goal = facet + behind * min(1.0, _FACET / max(float(np.linalg.norm(behind)), 1e-9))
-    return RigidTransform.from_components(goal - rotation.apply(rib.head), rotation)
+    ribs: Sequence[_Rib], vertebrae: Vertebrae, coupling: RibCoupling, depth: float, growing: bool
+) -> RigidMotion:
+    """The ribs' motions by their shares, before the sternum is taken into account, shape (..., ribs)."""
+    head, number = np.array([rib.head for rib in ribs]), np.array([rib.number for rib in ribs])
+    vertebra = vertebrae.parts([rib.vertebra for rib in ribs])
+    lag = -np.arcsin(np.clip((1.0 - coupling.shift) * vertebra.shift / depth, -1.0, 1.0))
+    with_curve, transfer = vertebra.axial_rotation - vertebra.derotation, coupling.derotation_transfer
+    turn = coupling.reversible_part * coupling.axial_rotation * with_curve + transfer * vertebra.derotation + lag
+    below = np.maximum(0.0, (number - _TRUE_RIBS) / (_LOWEST - _TRUE_RIBS)) * (not growing)
+    above = np.maximum(0.0, (_TRUE_RIBS - number) / (_TRUE_RIBS - 1)) * (not growing)
+    bending = coupling.reversible_part * coupling.lateral_bending
+    bending = bending + below * coupling.floating + above * coupling.upper
+    rotation = vertebra.share(axial_rotation=turn, lateral_bending=bending)
+    facet = vertebra.motion.apply(head)
+    behind = vertebra.without((1.0 - transfer) * vertebra.derotation, head) - facet
+    far = np.linalg.norm(behind, axis=-1, keepdims=True)
+    return RigidMotion.about(rotation, head, facet + behind * np.minimum(1.0, _FACET / np.maximum(far, 1e-9)))
 
 
-def _reaching(rib: _Rib, anchor: np.ndarray, motion: RigidTransform, sternum: RigidTransform) -> RigidTransform:
-    """The motion turned about the rib's head by as little as leaves its cartilage its length."""
-    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
-
-    length = float(np.linalg.norm(rib.tip - anchor))
-    pin, goal, end = motion.apply(rib.head), sternum.apply(anchor), motion.apply(rib.tip)
-    now = float(np.linalg.norm(end - goal))
-    wanted = float(np.clip(now, (1.0 - _CARTILAGE) * length, (1.0 + _CARTILAGE) * length))
+def _reaching(
+    ribs: Sequence[_Rib], anchors: np.ndarray, motions: RigidMotion, sternum: RigidMotion
+) -> RigidMotion:
+    """The motions (..., ribs) turned about the ribs' heads by as little as leaves cartilages their length."""
+    head, tip = np.array([rib.head for rib in ribs]), np.array([rib.tip for rib in ribs])
+    length = np.linalg.norm(tip - anchors, axis=-1)
+    pin, end = motions.apply(head), motions.apply(tip)
+    goal = RigidMotion(sternum.rotation[..., None, :, :], sternum.translation[..., None, :]).apply(anchors)
+    now = np.linalg.norm(end - goal, axis=-1)
+    wanted = np.clip(now, (1.0 - _CARTILAGE) * length, (1.0 + _CARTILAGE) * length)
     across = np.cross(goal - pin, end - pin)
-    if wanted == now or not across.any():
-        return motion
+    size = np.linalg.norm(across, axis=-1)
     # in the plane of the rib and the goal, by the law of cosines; as near as it goes where it cannot reach
-    far, long = float(np.linalg.norm(goal - pin)), float(np.linalg.norm(end - pin))
-    angle = math.acos(np.clip((far**2 + long**2 - wanted**2) / (2.0 * far * long), -1.0, 1.0))
-    angle -= math.atan2(float(np.linalg.norm(across)), float((goal - pin) @ (end - pin)))
-    turn = Rotation.from_rotvec(angle * across / np.linalg.norm(across))
-    return RigidTransform.from_components(pin - turn.apply(pin), turn) * motion
-
-
-def _as_one(points: list[np.ndarray], *motions: RigidTransform) -> RigidTransform:
-    """The rigid motion nearest to those of some bodies together, by points of each."""
-    after = [motion.apply(those) for motion, those in zip(motions, points, strict=True)]
-    return fit_rigid(np.vstack(points), np.vstack(after))
+    far, long = np.linalg.norm(goal - pin, axis=-1), np.linalg.norm(end - pin, axis=-1)
+    angle = np.arccos(np.clip((far**2 + long**2 - wanted**2) / np.maximum(2.0 * far * long, 1e-300), -1.0, 1.0))
+    angle -= np.arctan2(size, ((goal - pin) * (end - pin)).sum(axis=-1))
+    angle = np.where((wanted == now) | (size == 0.0), 0.0, angle) / np.maximum(size, 1e-300)
+    turn = RigidMotion.exp(np.concatenate([angle[..., None] * across, np.zeros_like(across)], axis=-1)).rotation
+    return RigidMotion.about(turn, pin, pin) * motions

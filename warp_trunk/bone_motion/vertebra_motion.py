@@ -1,187 +1,207 @@
-"""A vertebra's motion against the pelvis, split into turn, tilt, flexion and sideways way."""
+"""A vertebra's motion against the pelvis, split into axial rotation, lateral bending, flexion and sideways way."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
-from warp_trunk.measures.spine import ENDPLATES, asis_axis, spine_of
-
-from .steps import Steps
+from warp_trunk.geometry.rigid import RigidMotion, rotated
+from warp_trunk.measures.spine import ENDPLATES
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform, Rotation
-
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.measures.cobb import CobbAngle
 
 
-class Vertebra(NamedTuple):
-    """A vertebra that leads its ribs."""
+class Vertebrae(NamedTuple):
+    """Vertebrae that lead their ribs, in one set of landmarks or many."""
 
-    motion: RigidTransform
-    """Its motion, the pelvis at rest [mm]."""
+    levels: tuple[str, ...]
+    """Their names."""
+    motion: RigidMotion
+    """Their motions, the pelvis at rest [mm], shape (..., levels)."""
     axis: np.ndarray
-    """Its centre, and its own axis upward, of any length, before, shape (2, 3) [mm]."""
-    coupled: float | None = None
-    """The turn that comes with the change of its curve [rad]; all of the turn when left out."""
+    """Their centres, and their own axes upward, of any length, before, shape (..., levels, 2, 3) [mm]."""
+    coupled: np.ndarray | float = np.nan
+    """The rotation that comes with the change of their curves [rad], shape (..., levels); NaN: all of it."""
+
+    def parts(self, levels: Sequence[str]) -> VertebraParts:
+        """The parts of the motions of some of them, in this order."""
+        rows = [self.levels.index(level) for level in levels]
+        coupled = np.broadcast_to(self.coupled, self.motion.shape)[..., rows]
+        motion = RigidMotion(self.motion.rotation[..., rows, :, :], self.motion.translation[..., rows, :])
+        return split(motion, self.axis[..., rows, :, :], coupled)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VertebraParts:
-    """How a vertebra moves, the pelvis at rest; its attitude is first a turn about its own axis, then flexion
-    about the left-right axis, then a tilt in the coronal plane."""
+    """How vertebrae move, the pelvis at rest, shape (...); an attitude is first a turn about the vertebra's own
+    axis, then flexion about the left-right axis, then bending in the coronal plane."""
 
-    motion: RigidTransform
+    motion: RigidMotion
     """The whole motion [mm]."""
-    shift: float
+    shift: np.ndarray
     """Way of the vertebra's centre to the patient's left [mm]."""
-    turn: float
+    axial_rotation: np.ndarray
     """About the vertebra's own axis, counterclockwise seen from above [rad]."""
-    tilt: float
+    lateral_bending: np.ndarray
     """Change of the lean of its axis to the left [rad]."""
-    flexion: float
+    flexion: np.ndarray
     """Change of the lean of its axis to the front [rad]."""
-    leaning: tuple[float, float]
-    """Tilt and flexion before [rad]."""
+    leaning: np.ndarray
+    """Lean to the left and to the front before [rad], shape (..., 2)."""
     middle: np.ndarray
-    """The vertebra's centre before [mm], shape (3,)."""
-    direct: float = 0.0
-    """The part of the turn that does not come with the change of the curve but is forced by screws [rad]."""
+    """The vertebra's centre before [mm], shape (..., 3)."""
+    derotation: np.ndarray
+    """The part of the axial rotation that does not come with the change of the curve but is forced by screws
+    [rad]."""
 
-    def share(self, *, turn: float, tilt: float) -> Rotation:
-        """The rotation with a part of the tilt, all of the flexion and this turn [rad].
+    def share(self, *, axial_rotation: np.ndarray, lateral_bending: np.ndarray | float) -> np.ndarray:
+        """The rotations (..., 3, 3) with a part of the bending, all of the flexion and this axial rotation [rad].
 
-        What takes a part of the tilt leans by that part alone, before as after: it turns about its own axis, not
-        about the vertebra's, so that a correction turns back what the curve has turned.
+        What takes a part of the bending leans by that part alone, before as after: it turns about its own axis,
+        not about the vertebra's, so that a correction turns back what the curve has turned.
         """
-        before = _attitude(tilt * self.leaning[0], self.leaning[1])
-        after = _attitude(tilt * (self.leaning[0] + self.tilt), self.leaning[1] + self.flexion)
-        from scipy.spatial.transform import Rotation  # heavy
+        left, front = self.leaning[..., 0], self.leaning[..., 1]
+        before = _attitude(lateral_bending * left, front)
+        after = _attitude(lateral_bending * (left + self.lateral_bending), front + self.flexion)
+        return after @ _about("z", axial_rotation) @ np.swapaxes(before, -1, -2)
 
-        return after * Rotation.from_rotvec([0.0, 0.0, turn]) * before.inv()
-
-    def without(self, turn: float, point: np.ndarray) -> np.ndarray:
-        """Place of a point (3,) after the motion without a turn about the vertebra's own axis [rad, mm]."""
-        from scipy.spatial.transform import Rotation  # heavy
-
-        axis = _attitude(*self.leaning).apply([0.0, 0.0, 1.0])
-        back = Rotation.from_rotvec(-turn * axis)
-        return self.motion.apply(self.middle + back.apply(point - self.middle))
+    def without(self, turn: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Places of points (..., 3) after the motions without a turn about the vertebra's own axis [rad, mm]."""
+        own = _attitude(self.leaning[..., 0], self.leaning[..., 1])
+        back = own @ _about("z", -turn) @ np.swapaxes(own, -1, -2)
+        return self.motion.apply(self.middle + rotated(back, points - self.middle))
 
 
-def split(motion: RigidTransform, axis: np.ndarray, coupled: float | None = None) -> VertebraParts:
-    """The parts of a vertebra's motion.
+def split(motion: RigidMotion, axis: np.ndarray, coupled: np.ndarray | float = np.nan) -> VertebraParts:
+    """The parts of the motions of vertebrae.
 
-    With z the axis in the vertebra's own frame, its attitude is A = Ry(tilt) Rx(flexion) Rz(turn). Tilt and
+    With z the axis in the vertebra's own frame, its attitude is A = Ry(bending) Rx(flexion) Rz(turn). Bending and
     flexion follow from where the axis points before and after; what is left of the rotation, A1^-1 R A0, turns
     about z.
 
     Args:
-        motion: of the vertebra, the pelvis at rest [mm].
-        axis: its centre, and its own axis upward, of any length, before, shape (2, 3) [mm].
-        coupled: the turn that comes with the change of its curve (`coupled_turn.coupled_turns`) [rad]; all of the
-            turn when left out.
+        motion: of the vertebrae, the pelvis at rest [mm], shape (...).
+        axis: their centres, and their own axes upward, of any length, before, shape (..., 2, 3) [mm].
+        coupled: the rotation that comes with the change of their curves (`coupled_turns`) [rad], shape (...); all
+            of it where NaN.
     """
-    centre, upward = axis
-    before, after = _leaning(upward), _leaning(motion.rotation.apply(upward))
-    turn = (_attitude(*after).inv() * motion.rotation * _attitude(*before)).as_rotvec()[2]
+    centre, upward = axis[..., 0, :], axis[..., 1, :]
+    before, after = _leaning(upward), _leaning(rotated(motion.rotation, upward))
+    there, here = _attitude(after[..., 0], after[..., 1]), _attitude(before[..., 0], before[..., 1])
+    left = np.swapaxes(there, -1, -2) @ motion.rotation @ here
+    turn = np.arctan2(left[..., 1, 0], left[..., 0, 0])
+    change = after - before
     return VertebraParts(
         motion=motion,
-        shift=float(motion.apply(centre)[0] - centre[0]),
-        turn=float(turn),
-        tilt=after[0] - before[0],
-        flexion=after[1] - before[1],
+        shift=motion.apply(centre)[..., 0] - centre[..., 0],
+        axial_rotation=turn,
+        lateral_bending=change[..., 0],
+        flexion=change[..., 1],
         leaning=before,
         middle=centre,
-        direct=0.0 if coupled is None else float(turn) - coupled,
+        derotation=np.where(np.isnan(coupled), 0.0, turn - coupled),
     )
 
 
-def axial_turn(axis: np.ndarray, to_left: np.ndarray, across: np.ndarray) -> float:
-    """How far a vertebra is turned about its own axis against the pelvis, counterclockwise seen from above [rad].
+def axial_turn(axis: np.ndarray, to_left: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """How far vertebrae are turned about their own axes against the pelvis, counterclockwise from above [rad].
 
     Args:
-        axis: its own axis, upward, shape (3,), of any length.
-        to_left: from its right pedicle to its left one, shape (3,), of any length.
-        across: from the right of the pelvis to its left, shape (2,), of any length.
+        axis: their own axes, upward, shape (..., 3), of any length.
+        to_left: from the right pedicle of each to its left one, shape (..., 3), of any length.
+        across: from the right of the pelvis to its left, shape (..., 2), of any length.
     """
-    x, y, _ = _attitude(*_leaning(axis)).inv().apply(to_left)
-    turn = math.atan2(y, x) - math.atan2(across[1], across[0])
-    return math.remainder(turn, 2.0 * math.pi)
+    lean = _leaning(axis)
+    own = rotated(np.swapaxes(_attitude(lean[..., 0], lean[..., 1]), -1, -2), to_left)
+    turn = np.arctan2(own[..., 1], own[..., 0]) - np.arctan2(across[..., 1], across[..., 0])
+    return turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
 
 
-def _leaning(axis: np.ndarray) -> tuple[float, float]:
-    """Tilt to the left and flexion to the front of an axis [rad]."""
-    x, y, z = axis
-    return math.atan2(x, z), math.atan2(-y, math.hypot(x, z))
+def _leaning(axis: np.ndarray) -> np.ndarray:
+    """Lean to the left and to the front of axes (..., 3) [rad], shape (..., 2)."""
+    x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
+    return np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=-1)
 
 
-def _attitude(tilt: float, flexion: float) -> Rotation:
-    from scipy.spatial.transform import Rotation  # heavy
-
-    return Rotation.from_euler("YX", [tilt, flexion])
+def _attitude(bending: np.ndarray, flexion: np.ndarray) -> np.ndarray:
+    return _about("y", bending) @ _about("x", flexion)
 
 
-_PELVIS = ("asis_left", "asis_right")
+def _about(axis: str, angle: np.ndarray) -> np.ndarray:
+    """Rotations about a coordinate axis by angles (...) [rad], shape (..., 3, 3)."""
+    first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    found, cosine, sine = np.zeros((*np.shape(angle), 3, 3)), np.cos(angle), np.sin(angle)
+    found[..., :, :] = np.eye(3)
+    found[..., first, first] = found[..., second, second] = cosine
+    found[..., second, first], found[..., first, second] = sine, -sine
+    return found
 
 
-def coupled_turns(before: Landmarks, after: Landmarks, *, steps: Steps | None = None) -> dict[str, float]:
+_ASIS = ("asis_left", "asis_right")
+_PEDICLES = tuple(f"{side}_pedicle_{end}" for side in ("left", "right") for end in ("superior", "inferior"))
+
+
+class CoupledTurns:
     """How far each vertebra turns about its own axis because its curve changes.
 
     A vertebra of a curve is turned in proportion to it. Where surgery takes away a part of the Cobb angle, the
     same part of the turn goes with it: at the apex of each curve, and between two apices what lies between.
     Published humps follow this part: 5.6 degrees more of derotation at the same Cobb angle changed them by 0.4
     degrees (Tang et al. 2015).
-
-    Args:
-        before: landmarks before surgery.
-        after: the same after.
-        steps: how steps are taken; just so when left out.
-
-    Returns:
-        Turn against the pelvis, counterclockwise seen from above [rad], by level. Empty if it is not determined:
-        no curve of 10 degrees, or no iliac spines; a level without pedicles or endplates is left out.
     """
-    steps = steps or Steps()
-    parts: dict[str, float] = {}
-    for curve in cobb_angles(before):
-        ends = [f"{level}_{end}" for level in (curve.upper, curve.lower) for end in ENDPLATES]
-        rows = _rows(before, ends)
-        points = [steps.rows(one.points, rows) for one in (before, after)]
-        parts[curve.apex] = steps(_corrected, curve, type(before)(tuple(ends), points[0]), *points)
-    if not parts or not set(_PELVIS) <= set(before.names):
-        return {}
-    levels, turns = spine_of(before).levels, {}
-    apices = [levels.index(apex) for apex in parts]
-    for row, level in enumerate(levels):
-        shares = [float(np.interp(row, apices, one)) for one in np.eye(len(apices))]
-        own = tuple(name for name in before.names if name.startswith(f"{level}_") or name in _PELVIS)
-        points = steps.rows(before.points, _rows(before, own))
-        turn = steps(_coupled, type(before)(own, points), points, shares, *parts.values())
-        if math.isfinite(turn):
-            turns[level] = turn
-    return turns
 
+    def __init__(self, landmarks: Landmarks, levels: Sequence[str]) -> None:
+        """For the landmarks before surgery, and the vertebrae that are asked for."""
+        self._place = {name: row for row, name in enumerate(landmarks.names)}
+        whole = [
+            number
+            for number, level in enumerate(levels)
+            if all(f"{level}_{end}" in self._place for end in (*ENDPLATES, *_PEDICLES))
+        ]
+        self._whole, self._count, self._marked = whole, len(levels), landmarks.vertebrae()
+        self._along = [self._marked.index(levels[number]) for number in whole]
+        rows = [[self._place[f"{levels[number]}_{end}"] for end in (*ENDPLATES, *_PEDICLES)] for number in whole]
+        self._rows = np.array(rows, dtype=int).reshape(-1, 6)
+        self._asis = [self._place[name] for name in _ASIS if name in self._place]
 
-def _rows(landmarks: Landmarks, names: Sequence[str]) -> np.ndarray:
-    return np.array([landmarks.index(name) for name in names])
+    def of(self, curves: Sequence[CobbAngle], before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Turns of the vertebrae against the pelvis, counterclockwise seen from above [rad], shape (sets, levels).
 
+        Args:
+            curves: those before surgery (`cobb_angles`).
+            before: sets of landmarks before, shape (sets, landmarks, 3) [mm].
+            after: the same after.
 
-def _corrected(curve: CobbAngle, marks: Landmarks, before: np.ndarray, after: np.ndarray) -> float:
-    """The part of a curve's Cobb angle that surgery takes away, by the landmarks of its end vertebrae."""
-    was, now = (curves_after((curve,), replace(marks, points=points))[0] for points in (before, after))
-    return math.nan if was is None or now is None else float(np.clip(1.0 - now / abs(was), -1.0, 1.0))
+        Returns:
+            NaN where they are not determined: no curve of 10 degrees, no iliac spines, a level without all
+            pedicles and endplates.
+        """
+        found = np.full((len(before), self._count), np.nan)
+        if not curves or len(self._asis) < 2:
+            return found
+        apices = [self._marked.index(curve.apex) for curve in curves]
+        shares = np.stack([np.interp(self._along, apices, one) for one in np.eye(len(apices))])  # (curves, levels)
+        corrected = np.stack([self._corrected(curve, before, after) for curve in curves], axis=-1)
+        marks = before[:, self._rows]
+        axis = marks[..., 0, :] - marks[..., 1, :]
+        to_left = 0.5 * (marks[..., 2, :] + marks[..., 3, :] - marks[..., 4, :] - marks[..., 5, :])
+        across = before[:, self._asis[0], :2] - before[:, self._asis[1], :2]
+        found[:, self._whole] = -(corrected @ shares) * axial_turn(axis, to_left, across[:, None])
+        return found
 
-
-def _coupled(marks: Landmarks, points: np.ndarray, shares: Sequence[float], *parts: float) -> float:
-    """The coupled turn of a vertebra by its own landmarks and the iliac spines, and the parts of curves by what it
-    has of each; NaN without pedicles or endplates."""
-    there = replace(marks, points=points)
-    spine = spine_of(there)
-    (upper, lower), (left, right) = spine.endplates[0], spine.pedicles[0]
-    return -float(np.dot(shares, parts)) * axial_turn(upper - lower, left - right, asis_axis(there))
+    def _corrected(self, curve: CobbAngle, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """The part of a curve's Cobb angle that surgery takes away, shape (sets,)."""
+        ends = [[self._place[f"{level}_{end}"] for end in ENDPLATES] for level in (curve.upper, curve.lower)]
+        angles = []
+        for points in (before, after):
+            axis = points[:, np.array(ends)[:, 0]] - points[:, np.array(ends)[:, 1]]
+            tilt = np.arctan2(axis[..., 0], axis[..., 2])
+            angles.append(tilt[:, 0] - tilt[:, 1])
+        was, now = angles
+        side = 1.0 if curve.convex == "right" else -1.0
+        return np.clip(1.0 - side * now / np.abs(was), -1.0, 1.0)

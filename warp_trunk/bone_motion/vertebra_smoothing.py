@@ -3,24 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.geometry.rigid import fit_rigid, on_line
+from warp_trunk.geometry.rigid import RigidMotion, fit_rigid, on_line, rotated, rotation_vector
 from warp_trunk.geometry.smoothing_spline import likeliest_smoothness, roughness_of, smoother
-
-from .steps import Steps
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
 
 EXACT = 0.05
 """Landmarks that move rigidly within this have no errors that matter, such as those of a plan [mm, each axis]."""
 _LEAST = 5
 """The errors of fewer vertebrae cannot be estimated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Landmarks of several bodies, as many rows for each; rows that a body does not have weigh nothing."""
+
+    rows: np.ndarray
+    """Of the landmarks, shape (bodies, most), int."""
+    weights: np.ndarray
+    """1 or 0, likewise."""
+
+    @classmethod
+    def of(cls, groups: list[np.ndarray]) -> Bodies:
+        """From the rows of each body."""
+        most = max(map(len, groups), default=1)
+        rows = [np.append(group, np.repeat(group[:1], most - len(group))) for group in groups]
+        weights = [(np.arange(most) < len(group)).astype(float) for group in groups]
+        return cls(np.array(rows, dtype=int).reshape(-1, most), np.array(weights).reshape(-1, most))
+
+    def fit(self, before: np.ndarray, after: np.ndarray) -> RigidMotion:
+        """The motion of each body [mm], shape (sets, bodies), by sets of landmarks (sets, landmarks, 3) [mm]."""
+        return fit_rigid(before[:, self.rows], after[:, self.rows], self.weights)
+
+    def middles(self, points: np.ndarray) -> np.ndarray:
+        """The middle of the landmarks of each body, shape (sets, bodies, 3) [mm]."""
+        total = (self.weights[..., None] * points[:, self.rows]).sum(axis=-2)
+        return total / self.weights.sum(axis=-1, keepdims=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +52,25 @@ class VertebraSmoothing:
     weights: np.ndarray
     """Weights of the numbers (turn, shift) of all vertebrae in those of each, shape (6, vertebrae, vertebrae)."""
 
+    def smoothed(self, bodies: Bodies, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Sets of landmarks after surgery [mm], each vertebra moved rigidly, its motion smoothed along the spine.
 
-def smooth_vertebrae(
-    before: Landmarks, after: Landmarks, steps: Steps | None = None, *, expected: float | None = None
-) -> Landmarks:
+        Args:
+            bodies: the landmarks of the vertebrae (`vertebrae_of`).
+            before: sets of landmarks before, shape (sets, landmarks, 3) [mm].
+            after: the same after.
+        """
+        middles = bodies.middles(before)
+        numbers = np.einsum("nvw,swn->svn", self.weights, _numbers(bodies.fit(before, after), middles))
+        turn = RigidMotion.exp(np.concatenate([numbers[..., :3], np.zeros_like(middles)], axis=-1)).rotation
+        here = before[:, bodies.rows] - middles[..., None, :]
+        moved = rotated(turn[:, :, None], here) + (middles + numbers[..., 3:])[..., None, :]
+        found, held = after.copy(), bodies.weights > 0.0
+        found[:, bodies.rows[held]] = moved[:, held]
+        return found
+
+
+def smooth_vertebrae(before: Landmarks, after: Landmarks) -> Landmarks:
     """The landmarks after surgery, with each vertebra moved rigidly and its motion smoothed along the spine.
 
     Six landmarks with errors of 2.1 +- 1.5 mm before and after, as the papers state them, turn a vertebra by 3 to
@@ -44,119 +79,83 @@ def smooth_vertebrae(
     shifts of the vertebrae are then those of a smoothing spline along the spine of the likeliest smoothness: it
     follows a real kink as far as that exceeds the errors.
 
-    Args:
-        before: landmarks before.
-        after: the same after.
-        steps: how steps are taken. A derivative takes the smoothness as given.
-        expected: see `vertebra_smoothing`.
-
     Returns:
         `after` itself where landmarks move rigidly within 0.05 mm, as those of a plan do, or have too few
         vertebrae.
     """
-    steps = steps or Steps()
-    rows = _rows(before)
-    smoothing = vertebra_smoothing(before, after, expected)
+    bodies = vertebrae_of(before)
+    smoothing = vertebra_smoothing(bodies, before.points, after.points)
     if smoothing is None:
         return after
-    here = [steps.rows(before.points, one) for one in rows]
-    there = [steps.rows(after.points, one) for one in rows]
-    numbers = [steps(_numbers, steps.fit(*pair), pair[0]) for pair in zip(here, there, strict=True)]
-    moved = [
-        steps(partial(_moved, smoothing.weights[:, row]), points, *numbers) for row, points in enumerate(here)
-    ]
-    others = np.setdiff1d(np.arange(len(after.names)), np.concatenate(rows))
-    places = np.argsort(np.concatenate([*rows, others]))
-    return Landmarks(after.names, steps(_joined, places, *moved, steps.rows(after.points, others)))
+    return Landmarks(after.names, smoothing.smoothed(bodies, before.points[None], after.points[None])[0])
 
 
 def smoothing_warnings(before: Landmarks, after: Landmarks) -> list[str]:
     """A sentence where vertebrae are smoothed: how large the landmark errors are, and the largest change."""
-    smoothing = vertebra_smoothing(before, after)
+    bodies = vertebrae_of(before)
+    smoothing = vertebra_smoothing(bodies, before.points, after.points)
     if smoothing is None:
         return []
-    smooth = smooth_vertebrae(before, after)
-    by_level = {}
-    for level in before.vertebrae():
-        here, there, moved = (marks.of_bone(level).points for marks in (before, after, smooth))
-        off = fit_rigid(here, moved).rotation * fit_rigid(here, there).rotation.inv()
-        by_level[level] = np.degrees(off.magnitude())
-    most = max(by_level, key=by_level.__getitem__)
+    here, there = before.points[None], after.points[None]
+    smooth = bodies.fit(here, smoothing.smoothed(bodies, here, there))[0]
+    off = np.degrees((smooth * bodies.fit(here, there)[0].inv()).angle)
+    most = int(off.argmax())
+    level = before.names[bodies.rows[most, 0]].split("_")[0]
     return [
         f"landmarks: those of a vertebra move rigidly only to within {smoothing.error:.1f} mm (each axis), "
         "because of their errors; the motions of the vertebrae are smoothed along the spine, which turns "
-        f"them by up to {by_level[most]:.1f} degrees ({most})."
+        f"them by up to {off[most]:.1f} degrees ({level})."
     ]
 
 
-def vertebra_smoothing(
-    before: Landmarks, after: Landmarks, expected: float | None = None
-) -> VertebraSmoothing | None:
-    """The smoothing that the landmarks of a patient require; None where they require none.
-
-    Args:
-        before: landmarks before.
-        after: the same after.
-        expected: the error of a landmark, before and after together [mm, each axis], of landmarks that move
-            rigidly, such as those of a plan before films after surgery are taken.
-    """
-    rows = _rows(before)
-    if len(rows) < _LEAST:
-        return None
-    pairs = [(before.points[one], after.points[one]) for one in rows]
-    motions = [fit_rigid(*pair) for pair in pairs]
-    missed = [motion.apply(here) - there for motion, (here, there) in zip(motions, pairs, strict=True)]
-    freedom = sum(3 * len(one) - 6 for one in rows)
-    error = float(np.sqrt(sum(float(np.square(one).sum()) for one in missed) / freedom))
-    if clean := error < EXACT:
-        error = expected or 0.0
-    if error < EXACT:
-        return None
-    centres = np.array([here.mean(axis=0) for here, _ in pairs])
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
-    roughness = roughness_of(along)
-    numbers = np.array([_numbers(motion, here) for motion, (here, _) in zip(motions, pairs, strict=True)])
-    variance = np.square(error) * np.array(
-        [_leverage(motion, here) for motion, (here, _) in zip(motions, pairs, strict=True)]
-    )
-    weights = [
-        smoother(likeliest_smoothness(values, spread, roughness, clean=clean), spread, roughness)
-        for values, spread in zip(numbers.T, variance.T, strict=True)
-    ]
-    return VertebraSmoothing(error, np.array(weights))
-
-
-def _rows(landmarks: Landmarks) -> list[np.ndarray]:
+def vertebrae_of(landmarks: Landmarks) -> Bodies:
     """The landmarks of each vertebra that has four or more, not on one line."""
     owned = [
         np.array([row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")])
         for level in landmarks.vertebrae()
     ]
-    return [
-        rows for rows in owned if len(rows) >= 4 and not on_line(landmarks.points[rows], landmarks.points[rows])
+    return Bodies.of([rows for rows in owned if len(rows) >= 4 and not on_line(landmarks.points[rows])])
+
+
+def vertebra_smoothing(
+    bodies: Bodies, before: np.ndarray, after: np.ndarray, expected: float | None = None
+) -> VertebraSmoothing | None:
+    """The smoothing that the landmarks of a patient require; None where they require none.
+
+    Args:
+        bodies: the landmarks of her vertebrae (`vertebrae_of`).
+        before: landmarks before, shape (landmarks, 3) [mm].
+        after: the same after.
+        expected: the error of a landmark, before and after together [mm, each axis], of landmarks that move
+            rigidly, such as those of a plan before films after surgery are taken.
+    """
+    if len(bodies.rows) < _LEAST:
+        return None
+    motions, middles = bodies.fit(before[None], after[None])[0], bodies.middles(before[None])[0]
+    missed = motions[:, None].apply(before[bodies.rows]) - after[bodies.rows]
+    squares, freedom = np.square(missed) * bodies.weights[..., None], 3.0 * bodies.weights.sum(axis=1) - 6.0
+    error = float(np.sqrt(squares.sum() / freedom.sum()))
+    if clean := error < EXACT:
+        error = expected or 0.0
+    if error < EXACT:
+        return None
+    roughness = roughness_of(np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middles, axis=0), axis=1))))
+    variance = np.square(error) * _leverage(motions, before[bodies.rows] - middles[:, None], bodies.weights)
+    weights = [
+        smoother(likeliest_smoothness(values, spread, roughness, clean=clean), spread, roughness)
+        for values, spread in zip(_numbers(motions, middles).T, variance.T, strict=True)
     ]
+    return VertebraSmoothing(error, np.array(weights))
 
 
-def _numbers(motion: RigidTransform, points: np.ndarray) -> np.ndarray:
-    """The turn [rad] and the shift of the middle of some points [mm], shape (6,)."""
-    middle = points.mean(axis=0)
-    return np.concatenate([motion.rotation.as_rotvec(), motion.apply(middle) - middle])
+def _numbers(motions: RigidMotion, middles: np.ndarray) -> np.ndarray:
+    """The turns [rad] and the shifts of the middles of some points (..., 3) [mm], shape (..., 6)."""
+    return np.concatenate([rotation_vector(motions.rotation), motions.apply(middles) - middles], axis=-1)
 
 
-def _moved(weights: np.ndarray, points: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
-    """The points where weighted sums of the numbers of all vertebrae take them; weights (6, vertebrae)."""
-    from scipy.spatial.transform import Rotation  # heavy
-
-    middle, mixed = points.mean(axis=0), np.einsum("nv,vn->n", weights, np.array(numbers))
-    return Rotation.from_rotvec(mixed[:3]).apply(points - middle) + middle + mixed[3:]
-
-
-def _joined(places: np.ndarray, *points: np.ndarray) -> np.ndarray:
-    return np.concatenate(points)[places]
-
-
-def _leverage(motion: RigidTransform, points: np.ndarray) -> np.ndarray:
-    """Variance of the six numbers of a motion where each landmark has a variance of 1 mm^2 in each axis."""
-    arms = motion.rotation.apply(points - points.mean(axis=0))
-    turn = np.linalg.inv(np.square(arms).sum() * np.eye(3) - arms.T @ arms)
-    return np.append(np.diag(turn), np.full(3, 1.0 / len(points)))
+def _leverage(motions: RigidMotion, arms: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Variance of the six numbers of motions where each landmark has a variance of 1 mm^2 in each axis."""
+    arms = rotated(motions.rotation[:, None], arms) * weights[..., None]
+    inertia = np.square(arms).sum(axis=(1, 2))[:, None, None] * np.eye(3) - np.swapaxes(arms, 1, 2) @ arms
+    turn = np.diagonal(np.linalg.inv(inertia), axis1=1, axis2=2)
+    return np.hstack([turn, np.repeat(1.0 / weights.sum(axis=1)[:, None], 3, axis=1)])

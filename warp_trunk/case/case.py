@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.rigid import fit_rigid
+from warp_trunk.geometry.rigid import RigidMotion, fit_rigid
 from warp_trunk.geometry.surface import Surface
 
 from .invented import Invented
@@ -22,9 +21,6 @@ from .points import Points
 from .rib_coupling import RibCoupling
 from .study import Study
 from .uncertainty import Uncertainty
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +101,7 @@ class Case:
         return Landmarks(names, points)
 
     @cached_property
-    def given_motions(self) -> dict[str, RigidTransform]:
+    def given_motions(self) -> dict[str, RigidMotion]:
         """The rigid motions of the bones that are known after surgery or whose motion is given."""
         known = {
             bone: fit_rigid(self.bones[bone].vertices, after.vertices) for bone, after in self.bones_after.items()

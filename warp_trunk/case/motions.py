@@ -13,6 +13,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError, nearest
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.io.file_access import check_within
 from warp_trunk.io.transform_file import read_transform, rigid
 
@@ -21,8 +22,6 @@ from .keys import read_toml, shown, table_lines, toml
 from .landmarks import bone_of
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
     from .case import Case
 
 
@@ -152,7 +151,7 @@ def motions_text(motions: Mapping[str, Motion]) -> str:
     return "\n".join(lines[1:]) + "\n" if lines else ""
 
 
-def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> dict[str, RigidTransform]:
+def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> dict[str, RigidMotion]:
     """The rigid motion of each named bone, and the identity for those that stay in place.
 
     The motion of a bone that follows others is the sum of their exponential coordinates, weighted by its
@@ -162,25 +161,23 @@ def rigid_motions(motions: Mapping[str, Motion], still: Iterable[str] = ()) -> d
         motions: those that `check_motions` accepts.
         still: bones that stay in place.
     """
-    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
+    found: dict[str, RigidMotion] = dict.fromkeys(still, RigidMotion.identity())
 
-    found: dict[str, RigidTransform] = dict.fromkeys(still, RigidTransform.identity())
-
-    def motion_of(bone: str) -> RigidTransform:
+    def motion_of(bone: str) -> RigidMotion:
         if bone not in motions:
-            return RigidTransform.identity()
+            return RigidMotion.identity()
         given = motions[bone]
         if given.transform is not None:
-            return RigidTransform.from_matrix(np.array(given.transform))
+            return RigidMotion.from_matrix(np.array(given.transform))
         if given.follows is not None:
-            screws = [share * motion_of(other).as_exp_coords() for other, share in given.follows.items()]
-            return RigidTransform.from_exp_coords(np.sum(screws, axis=0))
-        shift, rotation = np.array(given.translation), Rotation.identity()
-        if (turn := given.rotation) is not None:
-            axis, point = np.array(turn.axis), np.array(turn.point)
-            rotation = Rotation.from_rotvec(np.radians(turn.degrees) * axis / np.linalg.norm(axis))
-            shift = shift + point - rotation.apply(point)
-        return RigidTransform.from_components(shift, rotation)
+            screws = [share * motion_of(other).log() for other, share in given.follows.items()]
+            return RigidMotion.exp(np.sum(screws, axis=0))
+        shift = np.array(given.translation)
+        if (turn := given.rotation) is None:
+            return RigidMotion(np.eye(3), shift)
+        axis, point = np.array(turn.axis), np.array(turn.point)
+        about = np.append(np.radians(turn.degrees) * axis / np.linalg.norm(axis), np.zeros(3))
+        return RigidMotion.about(RigidMotion.exp(about).rotation, point, point + shift)
 
     return found | {bone: motion_of(bone) for bone in motions}
 
@@ -246,11 +243,11 @@ def _check_one(case: Case, bone: str, motion: Motion, where: str) -> None:
         raise InputError(f"{where}: {rule}; correct them")
 
 
-def _check_size(case: Case, bone: str, motion: RigidTransform, where: str) -> None:
+def _check_size(case: Case, bone: str, motion: RigidMotion, where: str) -> None:
     vertices, skin = case.bones[bone].vertices, case.skin.vertices
     after = motion.apply(vertices)
     way = float(np.linalg.norm(after - vertices, axis=1).max())
-    turned = float(np.degrees(motion.rotation.magnitude()))
+    turned = float(np.degrees(motion.angle))
     if not case.motions[bone].large and not (way <= LARGEST[0] and turned <= LARGEST[1]):
         raise InputError(
             f"{where}: moves the bone by up to {way:.0f} mm and turns it by {turned:.0f} degrees, {LARGEST[0]:g} "
@@ -263,7 +260,7 @@ def _check_size(case: Case, bone: str, motion: RigidTransform, where: str) -> No
         raise InputError(f"{where}: {outside}; give the motion in the frame of the case")
 
 
-def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) -> None:
+def check_passing(case: Case, motions: dict[str, RigidMotion], where: str) -> None:
     """Check that no bone moves into another one from which it is apart before surgery.
 
     Args:
@@ -274,7 +271,7 @@ def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) ->
     Raises:
         InputError: the first two bones that overlap, and where.
     """
-    moving = [bone for bone in case.motions if motions[bone].as_exp_coords().any()]
+    moving = [bone for bone in case.motions if motions[bone].moves]
     for other, surface in case.bones.items():
         distance = SurfaceDistance(surface)
         for bone in moving:
@@ -289,7 +286,7 @@ def check_passing(case: Case, motions: dict[str, RigidTransform], where: str) ->
 
 
 def _passed(
-    case: Case, motions: dict[str, RigidTransform], bone: str, distance: SurfaceDistance, other: str
+    case: Case, motions: dict[str, RigidMotion], bone: str, distance: SurfaceDistance, other: str
 ) -> tuple[float, float, np.ndarray] | None:
     """Depth [mm], fraction of the motion and place of the first overlap of two bones that are apart before."""
     vertices = case.bones[bone].vertices
@@ -300,8 +297,8 @@ def _passed(
     if not len(near):
         return None
     for part in np.linspace(0.0, 1.0, math.ceil(way / _STEP) + 1)[1:]:
-        there = type(relative).from_exp_coords(part * motions[bone].as_exp_coords()).apply(near)
-        back = type(relative).from_exp_coords(part * motions[other].as_exp_coords()).inv()
+        there = motions[bone].part(part).apply(near)
+        back = motions[other].part(part).inv()
         here = back.apply(there)
         inside = np.flatnonzero(((here > distance.lower) & (here < distance.upper)).all(axis=1))
         deep = -distance.at(here[inside]) if len(inside) else np.zeros(1)

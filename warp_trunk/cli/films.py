@@ -74,7 +74,7 @@ class Register:
         on_skin, on_films = read_landmarks(self.on_skin), read_landmarks(self.on_films)
         found = register_skin(read_surface(self.skin), on_skin, on_films, self.nugget)
         write_surface(self.out, found.skin)
-        turned = np.degrees(found.rigid.rotation.magnitude())
+        turned = np.degrees(found.rigid.angle)
         centre = on_skin.points.mean(axis=0)
         shift = np.linalg.norm(found.rigid.apply(centre) - centre)
         print(f"Skin written to {self.out}")

@@ -1,89 +1,242 @@
-"""Rigid motions: the one nearest to pairs of points, and the screw that leads there."""
+"""Rigid motions, one or many at once, and the one nearest to pairs of points."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from warp_trunk.errors import InputError
 
-if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
 _LINE = 1e-4
 """Second over first singular value of the covariance below which points count as lying on one line: they are
 then narrower than 1 % of their length."""
+_SMALL = 0.05
+"""Below this angle [rad] series are more accurate than quotients."""
 
 
-def fit_rigid(before: np.ndarray, after: np.ndarray) -> RigidTransform:
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """x -> R x + t; one, or a stack of any shape, which broadcasts and is indexed as arrays are.
+
+    SciPy's RigidTransform takes 100 us for each operation, whatever the size, which is too much for the hundreds
+    that the bones of one plan need.
+    """
+
+    rotation: np.ndarray
+    """R, shape (..., 3, 3)."""
+    translation: np.ndarray
+    """t [mm], shape (..., 3)."""
+
+    @classmethod
+    def identity(cls, *shape: int) -> RigidMotion:
+        """A stack of motions of nothing."""
+        return cls(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))
+
+    @classmethod
+    def about(cls, rotation: np.ndarray, point: np.ndarray, goal: np.ndarray) -> RigidMotion:
+        """The motion with these rotations (..., 3, 3) that takes points to goals, (..., 3) each [mm]."""
+        return cls(rotation, goal - rotated(rotation, point))
+
+    @classmethod
+    def stack(cls, motions: Iterable[RigidMotion]) -> RigidMotion:
+        """Motions of one shape, or shapes that broadcast, along a new last axis."""
+        motions = list(motions)
+        shape = np.broadcast_shapes(*{motion.shape for motion in motions})
+        found = cls(np.empty((*shape, len(motions), 3, 3)), np.empty((*shape, len(motions), 3)))
+        for number, motion in enumerate(motions):
+            found.rotation[..., number, :, :], found.translation[..., number, :] = (
+                motion.rotation,
+                motion.translation,
+            )
+        return found
+
+    @classmethod
+    def from_matrix(cls, matrix: np.ndarray) -> RigidMotion:
+        """From homogeneous matrices, shape (..., 4, 4), their rotations made orthogonal."""
+        U, _, Vt = np.linalg.svd(matrix[..., :3, :3])
+        return cls(U @ Vt, matrix[..., :3, 3])
+
+    @classmethod
+    def exp(cls, screw: np.ndarray) -> RigidMotion:
+        """The motions that screws lead to: rotation vector [rad], then shift along [mm], shape (..., 6)."""
+        turn, along = screw[..., :3], screw[..., 3:]
+        K = cross_matrix(turn)
+        square = K @ K
+        angle = np.linalg.norm(turn, axis=-1)[..., None, None]
+        half = 0.5 * np.square(np.sinc(angle / (2.0 * math.pi)))  # (1 - cos) / angle^2
+        third = np.where(
+            angle < _SMALL,
+            1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0,
+            (angle - np.sin(angle)) / np.maximum(angle, _SMALL) ** 3,
+        )
+        rotation = np.eye(3) + np.sinc(angle / math.pi) * K + half * square
+        return cls(rotation, rotated(np.eye(3) + half * K + third * square, along))
+
+    def log(self) -> np.ndarray:
+        """The shortest screw to each motion, as `exp` takes it, shape (..., 6)."""
+        turn = rotation_vector(self.rotation)
+        K = cross_matrix(turn)
+        angle = np.linalg.norm(turn, axis=-1)[..., None, None]
+        large, half = np.maximum(angle, _SMALL), 0.5 * np.maximum(angle, _SMALL)
+        twelfth = np.where(
+            angle < _SMALL,
+            1.0 / 12.0 + angle**2 / 720.0 + angle**4 / 30240.0,
+            (1.0 - half * np.cos(half) / np.sin(half)) / large**2,
+        )
+        along = rotated(np.eye(3) - 0.5 * K + twelfth * (K @ K), self.translation)
+        return np.concatenate([turn, along], axis=-1)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the stack."""
+        return self.translation.shape[:-1]
+
+    @property
+    def angle(self) -> Any:
+        """Angle of each rotation [rad], shape (...)."""
+        return np.linalg.norm(rotation_vector(self.rotation), axis=-1)
+
+    @property
+    def moves(self) -> bool:
+        """Whether any of them moves anything."""
+        return bool(self.translation.any() or (self.rotation != np.eye(3)).any())
+
+    def as_matrix(self) -> np.ndarray:
+        """Homogeneous matrices, shape (..., 4, 4)."""
+        matrix = np.zeros((*self.shape, 4, 4))
+        matrix[..., :3, :3], matrix[..., :3, 3], matrix[..., 3, 3] = self.rotation, self.translation, 1.0
+        return matrix
+
+    def apply(self, points: np.ndarray) -> np.ndarray:
+        """Where points (..., 3) go, a point by each motion; one motion takes any number of points [mm]."""
+        return rotated(self.rotation, points) + self.translation
+
+    def inv(self) -> RigidMotion:
+        """The way back."""
+        back = np.swapaxes(self.rotation, -1, -2)
+        return RigidMotion(back, -rotated(back, self.translation))
+
+    def part(self, fraction: float) -> RigidMotion:
+        """The same screws, turned by a fraction of their angles and shifted by it of their ways."""
+        return RigidMotion.exp(fraction * self.log())
+
+    def __mul__(self, first: RigidMotion) -> RigidMotion:
+        """The motion that is first the other one and then this."""
+        return RigidMotion(self.rotation @ first.rotation, self.apply(first.translation))
+
+    def last(self, index: int) -> RigidMotion:
+        """Those at an index along the last axis of the stack, shape (...)."""
+        return RigidMotion(self.rotation[..., index, :, :], self.translation[..., index, :])
+
+    def __getitem__(self, index: Any) -> RigidMotion:
+        return RigidMotion(self.rotation[index], self.translation[index])
+
+
+def rotated(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) turned by rotations (..., 3, 3)."""
+    if rotation.ndim == 2:
+        return vectors @ rotation.T
+    return np.einsum("...ij,...j->...i", rotation, vectors)
+
+
+def cross_matrix(vectors: np.ndarray) -> np.ndarray:
+    """The matrices (..., 3, 3) whose product with a vector is the cross product of these (..., 3) with it."""
+    matrix = np.zeros((*vectors.shape, 3))
+    for row, column, axis, sign in ((2, 1, 0, 1), (0, 2, 1, 1), (1, 0, 2, 1)):
+        matrix[..., row, column] = sign * vectors[..., axis]
+        matrix[..., column, row] = -sign * vectors[..., axis]
+    return matrix
+
+
+def rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """Axis times angle [rad] of rotations (..., 3, 3), at most half a turn, shape (..., 3)."""
+    away = rotation - np.swapaxes(rotation, -1, -2)
+    vector = 0.5 * np.stack([away[..., 2, 1], away[..., 0, 2], away[..., 1, 0]], axis=-1)  # axis * sin(angle)
+    sine, cosine = np.linalg.norm(vector, axis=-1), 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    found = vector * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[..., None]
+    if (far := cosine < -0.5).any():  # where the sine has few digits left, the symmetric part has the axis
+        outer = 0.5 * (rotation + np.swapaxes(rotation, -1, -2)) - cosine[..., None, None] * np.eye(3)
+        largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+        axis = np.take_along_axis(outer, largest[..., None, None], axis=-1)[..., 0]
+        axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-300)
+        axis *= np.where((axis * vector).sum(axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+        found = np.where(far[..., None], angle[..., None] * axis, found)
+    return found
+
+
+def smallest_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The smallest rotations that turn directions (..., 3), of any length, into others, shape (..., 3, 3)."""
+    a = start / np.maximum(np.linalg.norm(start, axis=-1, keepdims=True), 1e-300)
+    b = end / np.maximum(np.linalg.norm(end, axis=-1, keepdims=True), 1e-300)
+    cosine = (a * b).sum(axis=-1)[..., None, None]
+    K = cross_matrix(np.cross(a, b))
+    turn = np.eye(3) + K + K @ K / np.maximum(1.0 + cosine, 1e-12)
+    if (opposite := cosine < -1.0 + 1e-12).any():  # half a turn about any axis across
+        across = np.cross(a, np.eye(3)[np.abs(a).argmin(axis=-1)])
+        across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-300)
+        turn = np.where(opposite, 2.0 * across[..., :, None] * across[..., None, :] - np.eye(3), turn)
+    return turn
+
+
+def nearest_rotation(spread: np.ndarray) -> np.ndarray:
+    """The rotations that turn vectors nearest to others, by the sum of their outer products (Kabsch).
+
+    Vectors on a line leave the turn about it open; of all rotations that fit equally well the smallest is taken.
+
+    Args:
+        spread: sum of before_i after_j over pairs of vectors, shape (..., 3, 3).
+    """
+    U, extents, Vt = np.linalg.svd(spread)
+    turned = U.copy()
+    turned[..., 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]  # no reflection
+    found = np.swapaxes(turned @ Vt, -1, -2)
+    if (line := _on_line(extents)).any():
+        found = np.where(line[..., None, None], smallest_turn(U[..., 0], Vt[..., 0, :]), found)
+    return found
+
+
+def fit_rigid(before: np.ndarray, after: np.ndarray, weights: np.ndarray | None = None) -> RigidMotion:
     """The rotation and shift that carry points nearest to their places after, in least squares (Kabsch).
 
     Two points, or points on a line, leave the turn about that line open; of all rotations that fit equally
     well the smallest is taken. One point gives a shift.
 
     Args:
-        before: shape (n, 3) [mm], at least one.
-        after: the same points moved, shape (n, 3) [mm].
+        before: shape (..., n, 3) [mm], at least one of each body.
+        after: the same points moved, likewise.
+        weights: of the points, shape (..., n); all alike when left out.
 
     Raises:
         InputError: no points, shapes that differ, or a number that is not finite.
     """
-    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
-
-    if before.shape != after.shape or before.ndim != 2 or before.shape[1] != 3 or len(before) == 0:
+    if before.shape[-2:] != after.shape[-2:] or before.ndim < 2 or before.shape[-1] != 3 or not before.shape[-2]:
         found = f"not {before.shape} and {after.shape}"
         raise InputError(
             f"rigid fit: both sets of points must have one shape (n, 3), {found}; give each point twice"
         )
     if not (np.isfinite(before).all() and np.isfinite(after).all()):
         raise InputError("rigid fit: coordinates must be finite; correct or remove the points that are not")
-    from_centre, to_centre = before.mean(axis=0), after.mean(axis=0)
-    a, b = before - from_centre, after - to_centre
-    U, extents, Vt = np.linalg.svd(a.T @ b)
-    if _on_line(extents):
-        a, b = U[:, :1].T, Vt[:1]
-    rotation = Rotation.align_vectors(b, a)[0] if extents[0] > 0.0 else Rotation.identity()
-    return RigidTransform.from_components(to_centre - rotation.apply(from_centre), rotation)
+    weight = (np.ones(before.shape[-2]) if weights is None else weights)[..., None]
+    total = weight.sum(axis=-2)
+    from_centre, to_centre = (weight * before).sum(axis=-2) / total, (weight * after).sum(axis=-2) / total
+    a, b = weight * (before - from_centre[..., None, :]), after - to_centre[..., None, :]
+    rotation = nearest_rotation(np.swapaxes(a, -1, -2) @ b)
+    return RigidMotion.about(rotation, from_centre, to_centre)
 
 
-def on_line(before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether points (n, 3) and their places after leave a turn of `fit_rigid` open: on a line, or one point."""
-    spread = (before - before.mean(axis=0)).T @ (after - after.mean(axis=0))
-    return _on_line(np.linalg.svd(spread, compute_uv=False))
+def on_line(points: np.ndarray) -> bool:
+    """Whether points (n, 3) lie on a line, or are one."""
+    a = points - points.mean(axis=0)
+    return bool(_on_line(np.linalg.svd(a.T @ a, compute_uv=False)))
 
 
-def _on_line(extents: np.ndarray) -> bool:
-    return bool(extents[1] <= _LINE * extents[0])
-
-
-def fit_rigid_adjoint(
-    before: np.ndarray, after: np.ndarray, turn: np.ndarray, shift: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The derivatives of sums over a fit's small turn and shift in the places before and after.
-
-    With a the places before as the fit carries them, b those after, from their means, S = sum(a b^T) is symmetric.
-    As places after move by d, the fit turns on by P^-1 sum(a x d), P = tr(S) - S, and goes with their mean. Turned
-    round, it carries those after to those before: so for these the same holds with b for a, the other way.
-
-    Args:
-        before: as in `fit_rigid`, not on one line (`on_line`).
-        after: likewise.
-        turn: weights of the small turn about the origin that follows the fit [per rad], shape (sums, 3).
-        shift: weights of the shift after it [per mm], shape (sums, 3).
-
-    Returns:
-        Shape (sums, n, 3) each [per mm].
-    """
-    rotation, to_centre = fit_rigid(before, after).rotation, after.mean(axis=0)
-    a, b = rotation.apply(before - before.mean(axis=0)), after - to_centre
-    spread = a.T @ b
-    spread = 0.5 * (spread + spread.T)
-    about_centre = turn - np.cross(to_centre, shift)
-    pull = np.linalg.solve(np.trace(spread) * np.eye(3) - spread, about_centre.T).T[:, None]
-    straight = shift[:, None] / len(before)
-    return -(np.cross(pull, b) + straight) @ rotation.as_matrix(), np.cross(pull, a) + straight
+def _on_line(extents: np.ndarray) -> np.ndarray:
+    return extents[..., 1] <= _LINE * extents[..., 0]
 
 
 def misfit(before: np.ndarray, after: np.ndarray) -> float:
@@ -96,25 +249,3 @@ def misfit(before: np.ndarray, after: np.ndarray) -> float:
     extents[2] *= np.sign(np.linalg.det(U @ Vt))
     left = float(np.sum(a**2) + np.sum(b**2) - 2.0 * extents.sum())
     return math.sqrt(max(left, 0.0) / len(before))
-
-
-def fit_rigid_all(before: np.ndarray, after: np.ndarray) -> RigidTransform:
-    """`fit_rigid` of many bodies of as many points at once, shapes (bodies, n, 3) [mm]; as many motions."""
-    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
-
-    from_centre, to_centre = before.mean(axis=1), after.mean(axis=1)
-    spread = np.einsum("kni,knj->kij", before - from_centre[:, None], after - to_centre[:, None])
-    U, extents, Vt = np.linalg.svd(spread)
-    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]  # no reflection
-    turns = Rotation.from_matrix((U @ Vt).transpose(0, 2, 1))
-    shifts = to_centre - turns.apply(from_centre)
-    found = RigidTransform.from_components(shifts, turns).as_matrix()
-    for body in np.flatnonzero(extents[:, 1] <= _LINE * extents[:, 0]):
-        found[body] = fit_rigid(before[body], after[body]).as_matrix()
-    return RigidTransform.from_matrix(found)
-
-
-def part_of(motion: RigidTransform, fraction: float) -> RigidTransform:
-    """The same screw, turned by a fraction of its angle (the shorter way round) and shifted by it of its way."""
-    # motion**fraction would round the fraction to float32 (SciPy 1.17)
-    return type(motion).from_exp_coords(fraction * motion.as_exp_coords())

@@ -115,7 +115,7 @@ def numbers_html(
 def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
     """How far the points of the case follow the motions of its bones, in each view."""
     followed = [
-        follow_points(case, view.skin, view.surgery.bones.__getitem__)
+        follow_points(case, view.skin, view.motions.__getitem__)
         for view in views
         if isinstance(view.surgery, MotionPlan)
     ]

@@ -18,9 +18,7 @@ from warp_trunk.run.warnings import ending_warnings
 from .image import Forecast
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from scipy.spatial.transform import RigidTransform
+    from collections.abc import Callable
 
     from warp_trunk.case import Case
     from warp_trunk.engine.relaxation import Relaxation, RelaxStep
@@ -42,8 +40,6 @@ class Relaxed:
 
     skin: np.ndarray
     """Its vertices [mm], shape (vertices, 3)."""
-    motions: Mapping[str, RigidTransform] | None
-    """Of each bone; None where the spline of the landmarks carries them."""
     error: float
     """Estimated largest distance of a node from its equilibrium [mm]."""
     status: RelaxStatus
@@ -68,7 +64,6 @@ class LiveRelaxation:
         patient.carried(before)  # so that the spline's matrix is made now, not at the first drag
         still = np.zeros(patient.trunk.nodes.shape, self._scalar)
         self._added = Forecast(before.points, still)
-        self._motions: Mapping[str, RigidTransform] | None = None
         self._case, self._carried, self._bones, self._lost = patient.case, still, still, False
         self._state.set_displacement(still)
 
@@ -79,8 +74,8 @@ class LiveRelaxation:
         start = self._carried + self._added.at(landmarks.points)
         self._bones = self._carried
         if self._patient.options.bones == "follow":
-            self._motions = motions_of(case)
-            self._bones = rigid_displacement(self._patient.trunk, self._motions)
+            motions = motions_of(case, self._patient.skeleton)
+            self._bones = rigid_displacement(self._patient.trunk, motions)
             if self._added.way(landmarks.points) > _FAR:
                 start = self._path().at(1.0)
             held = self._patient.trunk.prescribed
@@ -112,7 +107,6 @@ class LiveRelaxation:
         held = colliding_bones(patient.trunk, PrescribedMotion(self._bones)) if confirm or self._lost else []
         return Relaxed(
             patient.case.skin.vertices + displacement[patient.trunk.skin_nodes],
-            self._motions,
             relaxation.estimated_error,
             relaxation.status,
             (

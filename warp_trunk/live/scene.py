@@ -2,12 +2,12 @@
 
 import numpy as np
 import viser
+from scipy.spatial.transform import Rotation
 
 from warp_trunk.bone_motion.plan.record import rank
 from warp_trunk.case import Case
 from warp_trunk.report.style import BEFORE, PLANS
 
-from .bones import BonePoses
 from .session import PlanView
 from .sliders import MotionPlan
 
@@ -28,7 +28,6 @@ class PageScene:
 
     def __init__(self, server: viser.ViserServer, case: Case) -> None:
         self._server, self._case = server, case
-        self._poses = BonePoses(case)
         self._surgery, self._planned = None, set[str]()
         scene, skin = server.scene, case.skin
         scene.set_up_direction("+z")
@@ -59,16 +58,14 @@ class PageScene:
         with self._server.atomic():
             self.skin.vertices = view.skin.astype(np.float32)
             self._lines()
-            if view.motions is not None:
-                self._poses.learn(view.surgery.landmarks_after, view.motions)
-            if view.surgery is not self._surgery or view.motions is not None:
+            if view.surgery is not self._surgery:
                 self._surgery = view.surgery
                 self._move_bones(view)
 
     def _move_bones(self, view: PlanView) -> None:
-        for name, (turn, shift) in self._poses.at(view.surgery.landmarks_after).items():
-            self._bones[name].wxyz = turn
-            self._bones[name].position = shift
+        turns = Rotation.from_matrix([view.motions[name].rotation for name in self._bones])
+        for (name, bone), turn in zip(self._bones.items(), turns.as_quat(scalar_first=True), strict=True):
+            bone.wxyz, bone.position = turn, view.motions[name].translation
         planned = _planned_bones(view)
         for bone in self._bones.keys() & (planned ^ self._planned):
             self._bones[bone].color = FUSED if bone in planned else BONE

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 from threadpoolctl import threadpool_limits
 
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.run.patient import Patient
+from warp_trunk.run.patient import Patient, motions_of
 from warp_trunk.run.warnings import curve_warnings
 
 from .image import Images
@@ -100,14 +100,14 @@ class PlanView:
     """Where the sliders stood."""
     surgery: PlannedSurgery | MotionPlan
     """The planned motion of each vertebra or bone."""
+    motions: Mapping[str, RigidMotion]
+    """Of each bone."""
     skin: np.ndarray
     """Vertices of the skin [mm], shape (vertices, 3)."""
     error: float | None = None
     """Estimated largest distance from the equilibrium [mm]; None where nothing is known of it."""
     warnings: tuple[str, ...] = ()
     """Warnings, a sentence each."""
-    motions: Mapping[str, RigidTransform] | None = None
-    """Where the model has each bone; None of an image, and where the spline of the landmarks carries them."""
     relaxed: bool = False
     """Whether the tissue has come to rest there; else it is the spline's image."""
     settled: bool = False
@@ -181,7 +181,9 @@ class Session:
         if isinstance(surgery, PlannedSurgery):
             curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
             warnings = (*surgery.warnings, *curves)
-        return PlanView(number, wish, surgery, *self._images.of(surgery.landmarks_after), warnings)
+        patient = self._patient
+        motions = motions_of(surgery.planned_case(patient.case), patient.skeleton, patient.options.bones)
+        return PlanView(number, wish, surgery, motions, *self._images.of(surgery.landmarks_after), warnings)
 
     def _show(self, view: PlanView) -> None:
         if self.view is None or view.number > self.view.number:
@@ -260,6 +262,4 @@ class Session:
 
 def _relaxed_view(job: PlanView, end: Relaxed, *, settled: bool) -> PlanView:
     warnings = (*job.warnings, *end.warnings)
-    return replace(
-        job, skin=end.skin, error=end.error, warnings=warnings, motions=end.motions, relaxed=True, settled=settled
-    )
+    return replace(job, skin=end.skin, error=end.error, warnings=warnings, relaxed=True, settled=settled)

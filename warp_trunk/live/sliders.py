@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import viser
-from scipy.spatial.transform import RigidTransform
 
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner
 from warp_trunk.bone_motion.plan.record import rank
+from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import Case, write_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.motions import Motion, Turn, check_motions, check_passing, rigid_motions
@@ -67,8 +67,6 @@ class MotionPlan:
 
     motions: Mapping[str, Motion]
     """The motions of the plan, by bone."""
-    bones: Mapping[str, RigidTransform]
-    """The motion of every bone."""
     landmarks_after: Landmarks
     """The handles of the bones after surgery (`with_handles`)."""
 
@@ -82,17 +80,16 @@ class MotionPlan:
         write_case(folder, replace(planned, name=f"{case.name}, motions {name}"))
 
 
-def plan_motions(case: Case, motions: Mapping[str, Motion]) -> MotionPlan:
-    """Where motions take every bone of a case with handles.
+def plan_motions(case: Case, motions: Mapping[str, Motion], skeleton: Skeleton | None = None) -> MotionPlan:
+    """Where motions take every bone of a case with handles; of a skeleton that was made before, if there is one.
 
     Raises:
         InputError: the bones cannot move like this (`check_motions`, `check_passing`).
     """
     planned = replace(case, motions=dict(motions))
     check_motions(planned, "motions")
-    bones = motions_of(planned)
-    check_passing(planned, bones, "motions")
-    return MotionPlan(motions, bones, planned.planned_landmarks)
+    check_passing(planned, motions_of(planned, skeleton), "motions")
+    return MotionPlan(motions, planned.planned_landmarks)
 
 
 def with_handles(case: Case) -> Case:
@@ -105,7 +102,7 @@ def with_handles(case: Case) -> Case:
     names: list[str] = []
     points = []
     for bone, surface in case.bones.items():
-        if bone not in case.given_motions and motions[bone].as_exp_coords().any():
+        if bone not in case.given_motions and motions[bone].moves:
             continue
         vertices = surface.vertices
         own = vertices[np.unique([*vertices.argmin(axis=0), *vertices.argmax(axis=0)])]
@@ -218,6 +215,7 @@ class MotionSliders:
         A transform becomes a rotation about the centre of its bone, and a translation.
         """
         self._case, moved = case, rigid_motions(case.motions)
+        self._skeleton = Skeleton(case.bones, case.landmarks_before)
         self._points: dict[str, tuple[float, float, float]] = {}
         self.controls: dict[str, Control] = {}
         """The controls by name."""
@@ -230,7 +228,7 @@ class MotionSliders:
                 point = case.bones[bone].vertices.mean(axis=0) if turn is None else np.array(turn.point)
                 x, y, z = np.round(point, 9).tolist()
                 self._points[bone] = (x, y, z)
-                values = [*(own.apply(point) - point), *own.rotation.as_rotvec(degrees=True)]
+                values = [*(own.apply(point) - point), *np.degrees(own.log()[:3])]
                 for label, value in zip(COMPONENTS, np.round(values, 9).tolist(), strict=True):
                     most = max(REACH, math.ceil(2.0 * abs(value)))
                     self.controls[f"{bone} {label}"] = Control(bone, label, value, (-most, most, 0.1))
@@ -254,7 +252,7 @@ class MotionSliders:
 
     def surgery(self, wish: Wish) -> MotionPlan:
         """Where the controls take the bones; InputError if they cannot move like this."""
-        return plan_motions(self._case, self.motions(wish))
+        return plan_motions(self._case, self.motions(wish), self._skeleton)
 
     def without_effect(self, _: Wish) -> set[str]:
         """None of the controls."""

@@ -13,9 +13,8 @@ from warp_trunk.case.points import SKIN
 from warp_trunk.geometry.search_tree import nearest
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
     from warp_trunk.case import Case
+    from warp_trunk.geometry.rigid import RigidMotion
 
 Place = tuple[float, float, float]
 
@@ -44,7 +43,7 @@ class FollowedPoint:
 
 
 def follow_points(
-    case: Case, skin: np.ndarray, motion_of: Callable[[str], RigidTransform]
+    case: Case, skin: np.ndarray, motion_of: Callable[[str], RigidMotion]
 ) -> tuple[FollowedPoint, ...]:
     """Displaced points of a case: on the skin with their triangle, on bone rigidly.
 

@@ -25,13 +25,12 @@ from .summary import IncrementSummary, SpringSummary, StepSummary, Summary, Term
 from .versions import versions
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
     from warp_trunk.case import Case
     from warp_trunk.engine.model import Model
     from warp_trunk.engine.relaxation import Energy
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.engine.trunk_mesh import TrunkMesh
+    from warp_trunk.geometry.rigid import RigidMotion
 
     from .bands import FoundBands
 
@@ -88,7 +87,7 @@ def result_of(
     known = {"relax": sum(increment.seconds for increment in increments), **(seconds or {})}
     constants = dataclasses.asdict(model.tissues[0]) if len(model.tissues) == 1 else {}
 
-    def motion_of(bone: str) -> RigidTransform:
+    def motion_of(bone: str) -> RigidMotion:
         rows = np.flatnonzero(trunk.bone == trunk.bone_names.index(bone))
         return fit_rigid(trunk.nodes[rows], trunk.nodes[rows] + displacement[rows])
 
@@ -155,7 +154,7 @@ def _springs(model: Model, energy: Energy) -> SpringSummary | None:
 
 
 def _chest(
-    case: Case, trunk: TrunkMesh, skin: Surface, motion_of: Callable[[str], RigidTransform]
+    case: Case, trunk: TrunkMesh, skin: Surface, motion_of: Callable[[str], RigidMotion]
 ) -> dict[str, tuple[float, float]]:
     """The indices of the chest before and as predicted, where a case has no spine or moves its sternum."""
     if case.has_spine and "sternum" not in case.motions:

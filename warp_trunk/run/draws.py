@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.bone_motion.prescribed_motion import rigid_displacement
-from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import QUANTITIES
 
 from .options import RunOptions
-from .patient import Prepared, motions_of
+from .patient import Prepared, motions_of_sets
 from .sources import ErrorSource
 
 if TYPE_CHECKING:
@@ -235,22 +234,15 @@ def spline_draws(
 
 def rigid_draws(case: Case, trunk: TrunkMesh, errors: np.ndarray) -> Draws:
     """For bones that move each on its own: every draw is a field."""
-    here = rigid_displacement(trunk, motions_of(case))
-    moved = [moved_case(case, before, after) for before, after in zip(*errors, strict=True)]
-    bones = np.array([rigid_displacement(trunk, motions_of(there)) - here for there in moved])
-    count, nothing = len(moved), np.zeros(len(trunk.skin_nodes))
+    before, after = case.landmarks_before.points, case.planned_landmarks.points
+    nothing = np.zeros((1, *before.shape))
+    moved = np.concatenate([np.stack([nothing, nothing]), errors], axis=1)
+    motions = motions_of_sets(case, before + moved[0], after + moved[1])
+    count = errors.shape[1]
+    places = [rigid_displacement(trunk, {name: motions[name][i] for name in motions}) for i in range(count + 1)]
+    bones = np.array(places[1:]) - places[0]
     variance = np.full(count, 1.0 / count)
-    return Draws(bones, np.zeros_like(bones), np.eye(count), variance, nothing, after=errors[1])
-
-
-def moved_case(case: Case, before: np.ndarray, after: np.ndarray) -> Case:
-    """The case with its landmarks moved, by (landmarks, 3) each [mm]."""
-    names = case.landmarks_before.names
-    return replace(
-        case,
-        landmarks_before=Landmarks(names, case.landmarks_before.points + before),
-        landmarks_after=Landmarks(names, case.planned_landmarks.points + after),
-    )
+    return Draws(bones, np.zeros_like(bones), np.eye(count), variance, np.zeros(len(trunk.skin_nodes)), errors[1])
 
 
 def _by_axis(errors: np.ndarray) -> np.ndarray:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from warp_trunk.bone_motion.articulation import bone_motions, given_motions
+from warp_trunk.bone_motion.articulation import SpineFeatures, bone_motions, given_motions
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, rigid_path, spline_path
+from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.layers import Layers
-from warp_trunk.case.motions import rigid_motions
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
 from warp_trunk.engine.newton import Relaxer
@@ -20,6 +20,7 @@ from warp_trunk.engine.parallel import Parallel, choose_device
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume
@@ -33,9 +34,6 @@ from .progress import stage_of
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
-    from warp_trunk.bone_motion.steps import Steps
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
 
@@ -64,6 +62,11 @@ class Patient:
     def relaxer(self) -> Relaxer:
         """The solver of every relaxation, made on first use."""
         return Relaxer(self.model, self.options.simulation.relax)
+
+    @cached_property
+    def skeleton(self) -> Skeleton:
+        """Her bones before surgery."""
+        return Skeleton(self.case.bones, self.case.landmarks_before)
 
     def carried(self, landmarks: Landmarks) -> np.ndarray:
         """How far the spline carries each node [mm], in the precision of the model, shape (nodes, 3).
@@ -227,22 +230,50 @@ def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> PrescribedMo
 
 
 def motions_of(
-    case: Case, steps: Steps | None = None, expected_error: float | None = None
-) -> dict[str, RigidTransform]:
-    """How each bone of a case moves rigidly, known ones first; see `bone_motions` and `given_motions`."""
-    if case.landmarks_after is None:
-        return given_motions(case.bones, case.given_motions)
-    known = {
-        bone: Surface(motion.apply(case.bones[bone].vertices), case.bones[bone].faces)
-        for bone, motion in rigid_motions(case.motions).items()
+    case: Case, skeleton: Skeleton | None = None, bones: Literal["follow", "spline"] = "follow"
+) -> dict[str, RigidMotion]:
+    """How each bone of a case moves rigidly, known ones first; see `bone_motions` and `given_motions`.
+
+    Args:
+        case: the patient with a plan.
+        skeleton: her bones, where they were made before; made when left out.
+        bones: `spline` for bones without landmarks that are all carried by the spline.
+    """
+    before, after = case.landmarks_before.points[None], case.planned_landmarks.points[None]
+    return {
+        bone: motion[0] for bone, motion in motions_of_sets(case, before, after, skeleton, bones=bones).items()
     }
-    return bone_motions(
-        case.bones,
-        case.landmarks_before,
-        case.landmarks_after,
-        {**case.bones_after, **known},
-        case.rib_coupling,
+
+
+def motions_of_sets(
+    case: Case,
+    before: np.ndarray,
+    after: np.ndarray,
+    skeleton: Skeleton | None = None,
+    features: SpineFeatures | None = None,
+    bones: Literal["follow", "spline"] = "follow",
+) -> dict[str, RigidMotion]:
+    """`motions_of` the case with other landmarks, in many sets at once, shape (sets,) each.
+
+    Args:
+        case: the patient with a plan.
+        before: sets of landmarks before, shape (sets, landmarks, 3) [mm].
+        after: the same after.
+        skeleton: her bones, where they were made before; made when left out.
+        features: see `bone_motions`.
+        bones: as for `motions_of`.
+    """
+    skeleton = skeleton or Skeleton(case.bones, case.landmarks_before)
+    if case.landmarks_after is None:  # no bone follows landmarks
+        still = RigidMotion.identity(len(before))
+        return {bone: motion * still for bone, motion in given_motions(skeleton, case.given_motions).items()}
+    motions = bone_motions(
+        skeleton,
+        before,
+        after,
+        case.rib_coupling if bones == "follow" else None,
+        case.given_motions,
         pose=case.study.pose,
-        steps=steps,
-        expected_error=expected_error,
+        features=features,
     )
+    return {bone: motions.last(number) for number, bone in enumerate(skeleton.names)}

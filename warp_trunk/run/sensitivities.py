@@ -8,11 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.steps import PathDerivative, RememberedSteps, rigid_derivative
+from warp_trunk.bone_motion.articulation import spine_features
+from warp_trunk.bone_motion.landmark_derivative import (
+    PathDerivative,
+    rigid_derivative,
+    sets_around,
+    spline_derivative,
+)
+from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.layers import NAMES, Layers
 from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
-from warp_trunk.geometry.spline import SplineDerivative, spline_response
+from warp_trunk.geometry.spline import spline_response
 from warp_trunk.measures import measure
 from warp_trunk.measures.derivatives import (
     Derivative,
@@ -24,7 +31,7 @@ from warp_trunk.meshing.layers import thickness_derivatives
 from warp_trunk.results import predicted_skin
 
 from .options import RunOptions
-from .patient import Prepared, layers_from, motions_of
+from .patient import Prepared, layers_from, motions_of_sets
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
@@ -171,11 +178,12 @@ def landmark_derivative(
     case: Case, prepared: Prepared, options: RunOptions, expected_error: float | None = None
 ) -> PathDerivative:
     """How the nodes on bone follow the landmarks on the path that these options choose."""
-    trunk, before, after = prepared.trunk, case.landmarks_before, case.planned_landmarks
+    trunk, before, after = prepared.trunk, case.landmarks_before.points, case.planned_landmarks.points
     if options.bones == "spline":
-        return SplineDerivative(before.points, after.points, trunk.nodes[trunk.prescribed]).adjoint
-    steps = RememberedSteps(before.points, after.points)
-    return rigid_derivative(trunk, motions_of(case, steps, expected_error), steps)
+        return spline_derivative(trunk.nodes[trunk.prescribed], before, after)
+    skeleton = Skeleton(case.bones, case.landmarks_before)
+    features = spine_features(skeleton, before, after, expected_error)
+    return rigid_derivative(trunk, motions_of_sets(case, *sets_around(before, after), skeleton, features))
 
 
 def constant_names(prepared: Prepared) -> dict[str, Constant]:

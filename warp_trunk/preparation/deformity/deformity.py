@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.bone_motion.rib_cage import follow
-from warp_trunk.bone_motion.vertebra_motion import Vertebra
+from warp_trunk.bone_motion.rib_cage import RibCage, follow
+from warp_trunk.bone_motion.vertebra_motion import Vertebrae
 from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import Spline, fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
@@ -279,8 +280,9 @@ def guiding_points(
         poses: motion of each vertebra by name.
         landmarks: points the spline already holds, (m, 3) [mm].
     """
-    vertebrae = {name: Vertebra(pose.motion, np.array([pose.before, pose.axis])) for name, pose in poses.items()}
-    motions = follow(bones, vertebrae, GROWTH, growing=True)
+    axes = np.array([[pose.before, pose.axis] for pose in poses.values()])
+    vertebrae = Vertebrae(tuple(poses), RigidMotion.stack(pose.motion for pose in poses.values()), axes)
+    motions = follow(RibCage(bones, poses), vertebrae, GROWTH, growing=True)
     still = all(pose.still for pose in poses.values())
     before, after = [np.empty((0, 3))], [np.empty((0, 3))]
     for name, bone in bones.items():

@@ -10,6 +10,7 @@ import numpy as np
 
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.measures.sagittal import sagittal_angle
 from warp_trunk.measures.spine import spine_of
 
@@ -25,8 +26,6 @@ from .published_curves import (
 )
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
-
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.measures.spine import Spine
 
@@ -208,12 +207,9 @@ class VertebraPose:
         return self.tilt == self.pitch == self.rotation == 0.0 and bool((self.before == self.after).all())
 
     @property
-    def motion(self) -> RigidTransform:
+    def motion(self) -> RigidMotion:
         """The same as a rigid motion [mm]."""
-        from scipy.spatial.transform import RigidTransform, Rotation  # heavy
-
-        rotation = Rotation.from_matrix(self.matrix)
-        return RigidTransform.from_components(self.after - rotation.apply(self.before), rotation)
+        return RigidMotion.about(self.matrix, self.before, self.after)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Points of the vertebra, shape (n, 3) [mm], after the motion."""

@@ -131,8 +131,8 @@ def _on_skin(of_atlas: Surface, of_patient: Surface, sources: np.ndarray, target
     centre, middle = sources.mean(axis=0), targets.mean(axis=0)
     turn = fit_rigid(sources, targets).rotation
     scale = float(np.linalg.norm(targets - middle) / np.linalg.norm(sources - centre))
-    start = Surface(middle + scale * turn.apply(of_atlas.vertices - centre), of_atlas.faces)
-    marks = middle + scale * turn.apply(sources - centre)
+    start = Surface(middle + scale * (of_atlas.vertices - centre) @ turn.T, of_atlas.faces)
+    marks = middle + scale * (sources - centre) @ turn.T
     chosen = spread_centres(start.vertices, _APART * float(np.ptp(marks, axis=0).max()))
     distance, facing = SurfaceDistance(of_patient), unit(area_vectors(of_patient.vertices, of_patient.faces))
     spline = fit_spline(marks, targets, 1.0, drift="constant")

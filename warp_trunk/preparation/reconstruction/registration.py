@@ -15,7 +15,7 @@ from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 
 if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
+    from warp_trunk.geometry.rigid import RigidMotion
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Registration:
 
     skin: Surface
     """The skin, same vertices and faces, in the frame of the bones [mm]."""
-    rigid: RigidTransform
+    rigid: RigidMotion
     """From the frame of the scan to that of the bones."""
     names: tuple[str, ...]
     """The markers."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import area_vectors, vertex_areas
+from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import boundary_edges, linked_parts, turning_fault
@@ -138,11 +139,9 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
 
     Raises InputError when a scan overlaps no other.
     """
-    from scipy.spatial.transform import RigidTransform, Rotation  # heavy
-
     names = list(parts)
     now = dict(parts)
-    total = dict.fromkeys(names, RigidTransform.identity())
+    total = dict.fromkeys(names, RigidMotion.identity())
     reaches = {name: reach_of(part, _FAR) for name, part in parts.items()}
     middle = np.concatenate([part.vertices for part in parts.values()]).mean(axis=0)
     size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts.values())
@@ -168,8 +167,8 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
         motions = np.zeros((len(names), 6))  # the first one stays
         motions[1:] = np.linalg.lstsq(system[6:, 6:], right[6:], rcond=1e-9)[0].reshape(-1, 6)
         for name, motion in zip(names[1:], motions[1:], strict=True):
-            turn = Rotation.from_rotvec(motion[:3] / size)
-            step = RigidTransform.from_components(middle - turn.apply(middle) + motion[3:], turn)
+            turn = RigidMotion.exp(np.append(motion[:3] / size, np.zeros(3))).rotation
+            step = RigidMotion.about(turn, middle, middle + motion[3:])
             now[name] = moved(now[name], step.as_matrix())
             total[name] = step * total[name]
         if np.abs(motions).max() < _STILL:
@@ -178,7 +177,7 @@ def align_parts(parts: Mapping[str, Surface]) -> tuple[dict[str, Surface], dict[
     for name, distance in [*zip(names, np.sqrt(square / count), strict=True)][1:]:
         middle, motion = parts[name].vertices.mean(axis=0), total[name]
         shift = float(np.linalg.norm(motion.apply(middle) - middle))
-        turn = float(np.degrees(motion.rotation.magnitude()))
+        turn = float(np.degrees(motion.angle))
         found[name] = Alignment(motion.as_matrix(), shift, turn, float(distance))
     return now, found
 
