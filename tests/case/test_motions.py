@@ -27,7 +27,7 @@ def written(tmp_path, text):
 
 def test_a_bone_turns_first_by_the_right_hand_and_then_shifts():
     motion = rigid_motions({"a": Motion(rotation=TURN, translation=(0.0, 0.0, 5.0))})["a"]
-    np.testing.assert_allclose(motion.apply([[2.0, 0.0, 0.0]]), [[1.0, 1.0, 5.0]], atol=1e-12)
+    np.testing.assert_allclose(motion.apply(np.array([[2.0, 0.0, 0.0]])), [[1.0, 1.0, 5.0]], atol=1e-12)
 
 
 def test_a_follower_takes_its_share_of_each_screw():
@@ -50,7 +50,7 @@ def test_axes_of_the_case_are_those_of_its_motions(tmp_path, code):
     found = rigid_motions(read_motions(written(tmp_path, text), axes))["a"]
     turn = Rotation.from_rotvec(np.radians(30.0) * axes.matrix[:, 0])  # right-handed in the patient
     point, shift = axes.matrix @ [0.0, 5.0, 0.0], axes.matrix @ [1.0, 2.0, 3.0]
-    np.testing.assert_allclose(found.apply([point])[0], point + shift, atol=1e-12)
+    np.testing.assert_allclose(found.apply(np.array([point]))[0], point + shift, atol=1e-12)
     np.testing.assert_allclose(found.rotation, turn.as_matrix(), atol=1e-12)
 
 
@@ -64,7 +64,7 @@ def test_a_matrix_is_in_the_axes_of_the_case_and_an_itk_transform_in_lps_and_the
     found = rigid_motions(read_motions(written(tmp_path, text), Axes("RAS")))
     np.testing.assert_allclose(found["a"].as_matrix()[:3, 3], [-4.0, 0.0, 0.0])
     # ITK takes (11, 0, 0) to (10, 1, -7): from after to before
-    np.testing.assert_allclose(found["b"].apply([[10.0, 1.0, -7.0]]), [[11.0, 0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(found["b"].apply(np.array([[10.0, 1.0, -7.0]])), [[11.0, 0.0, 0.0]], atol=1e-12)
 
 
 def test_motions_come_back_from_their_text(tmp_path):

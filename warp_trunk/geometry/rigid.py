@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -131,6 +131,9 @@ class RigidMotion:
     def last(self, index: int) -> RigidMotion:
         """Those at an index along the last axis of the stack, shape (...)."""
         return RigidMotion(self.rotation[..., index, :, :], self.translation[..., index, :])
+
+    def __iter__(self) -> Iterator[RigidMotion]:
+        return (self[number] for number in range(len(self.translation)))
 
     def __getitem__(self, index: Any) -> RigidMotion:
         return RigidMotion(self.rotation[index], self.translation[index])
