@@ -30,7 +30,7 @@ _THORACIC = tuple(vertebra for vertebra in VERTEBRAE if vertebra.startswith("T")
 
 @dataclass(frozen=True, eq=False)
 class SpineFeatures:
-    """What the landmarks of a spine decide before any bone moves."""
+    """The choices that the landmarks of a spine decide before any bone moves."""
 
     curves: tuple[CobbAngle, ...]
     """Its curves before surgery."""

@@ -104,7 +104,7 @@ class RibCage:
                 n: vertices[np.linalg.norm(vertices - tip, axis=1).argmin()] for n, tip in true.items()
             }
         self.carried: dict[str, _Together] = {}
-        """What the sternum and each shoulder blade goes with: parts of three ribs at least."""
+        """The parts of ribs, of three at least, that carry the sternum and each shoulder blade."""
         if "sternum" in bones and len(true) >= _FEWEST:
             self.carried["sternum"] = _Together({name: tip[None] for name, tip in true.items()})
         for side in ("left", "right"):

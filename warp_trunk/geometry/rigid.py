@@ -22,8 +22,7 @@ _SMALL = 0.05
 class RigidMotion:
     """x -> R x + t; one, or a stack of any shape, which broadcasts and is indexed as arrays are.
 
-    SciPy's RigidTransform takes 100 us for each operation, whatever the size, which is too much for the hundreds
-    that the bones of one plan need.
+    SciPy's RigidTransform takes 100 us for each operation, whatever the size; the bones of one plan need hundreds.
     """
 
     rotation: np.ndarray
