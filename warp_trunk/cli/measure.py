@@ -47,7 +47,7 @@ class Measure:
     """The spine of a back that was scanned alone: landmarks (name,x,y,z), or a line of spinous processes or of
     vertebral bodies (x,y,z). Levels along a line are at their usual heights between C7 and the pelvis."""
     markers: Path | None = None
-    """Its markers (name,x,y,z): ASIS_left and ASIS_right, or PSIS; C7, and `lower` at the lower end of L5."""
+    """Its markers (name,x,y,z): ASIS_left and ASIS_right, or PSIS; C7, and `lower`, the spinous process of L5."""
     units: Literal["mm", "cm", "m"] = "mm"
     """Of a back, its spine and its markers."""
     out: Path | None = None

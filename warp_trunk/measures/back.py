@@ -31,15 +31,15 @@ ON_SKIN = 30.0
 """A line is one of spinous processes where its median distance to the back is smaller [mm], else of bodies."""
 # fmt: off
 HEIGHTS = np.array([
-    0.020, 0.062, 0.107, 0.151, 0.197, 0.245, 0.298, 0.354, 0.413, 0.476, 0.538, 0.602,
-    0.674, 0.750, 0.830, 0.895, 0.965,
+    0.018, 0.062, 0.109, 0.156, 0.203, 0.254, 0.309, 0.368, 0.430, 0.495, 0.561, 0.628,
+    0.703, 0.782, 0.866, 0.935, 1.008,
 ])
 # fmt: on
-"""Usual heights of the middles of T1 to L5 below C7, over the way from there to the lower end of L5: means of six
-bodies that stand straight."""
-FOOT = {"ASIS": 0.04, "PSIS": 0.06}
-"""The lower end of L5 stands higher than the iliac spines by this part of the height of C7 above them: ASIS of six
-bodies, PSIS of 20 patients (0.03 to 0.10)."""
+"""Usual heights of the middles of T1 to L5 below the spinous process of C7, over the way from there to that of L5:
+means of seven bodies, in which the process of C7 is as high as the upper end of T1."""
+FOOT = {"ASIS": 0.065, "PSIS": 0.06}
+"""Height of the spinous process of L5 above the iliac spines over that of C7: ASIS in seven bodies, PSIS in 20
+patients (0.03 to 0.10)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +114,7 @@ def measure_back(
     """Rotation of a back that was scanned alone, by level, from the landmarks of the spine or a line of it.
 
     Sections lie at the height of each vertebra's centroid, or where only a line is known at `HEIGHTS` between the
-    marker C7 and the marker `lower` at the lower end of L5 (or `FOOT` above the iliac spines). The dual tangent is
-    that of a closed skin (`dual_tangent`). A line on the skin is that of the spinous processes. From a line of
+    markers C7 and `lower`, the spinous process of L5 (or `FOOT` above the iliac spines). The dual tangent is that of a closed skin (`dual_tangent`). A line on the skin is that of the spinous processes. From a line of
     bodies they are taken to lie where the sagittal plane of the vertebra, turned by `TURN`, meets the skin: within
     10 mm (root mean square of 20 patients), which changes the slope by 1.7 degrees and the dual tangent by 0.04.
     Of landmarks with pedicles that turn is known.
@@ -135,12 +134,13 @@ def measure_back(
         InputError: a missing marker, iliac spines that are exchanged, C7 not above them, or a line that does not
             reach over half of the way.
     """
-    marks = _by_name(markers, None if isinstance(spine, np.ndarray) else spine)
-    pelvis, across = _axis(marks)
+    given = (markers, None if isinstance(spine, np.ndarray) else spine)
+    marks = _by_name(*given)
+    pelvis, across = pelvis_axis(*given)
     behind = np.array([-across[1], across[0]])
     surface = relief(back, across) if isinstance(back, np.ndarray) else back
     if isinstance(spine, np.ndarray):
-        levels, centres = VERTEBRAE, _on_line(spine, marks, pelvis)
+        levels, centres = VERTEBRAE, _on_line(spine, marks, pelvis.lower())
         aside = centres[:, :2] @ across
         way = aside - np.interp(centres[:, 2], centres[[-1, 0], 2], aside[[-1, 0]])
         turns, kind = np.radians(TURN) * way, "body line"
@@ -179,8 +179,10 @@ def _by_name(*tables: Landmarks | None) -> dict[str, np.ndarray]:
     }
 
 
-def _axis(marks: dict[str, np.ndarray]) -> tuple[str, np.ndarray]:
-    """Which iliac spines there are, and the unit vector from the right to the left one seen from above."""
+def pelvis_axis(*markers: Landmarks | None) -> tuple[str, np.ndarray]:
+    """Which iliac spines there are, ASIS or PSIS, and the unit vector from the right to the left one seen from
+    above, shape (2,); InputError where neither pair is there or they are exchanged."""
+    marks = _by_name(*markers)
     for pelvis in ("asis", "psis"):
         left, right = (marks.get(f"{pelvis}_{side}") for side in ("left", "right"))
         if left is not None and right is not None:
@@ -195,12 +197,26 @@ def _axis(marks: dict[str, np.ndarray]) -> tuple[str, np.ndarray]:
     )
 
 
+def vertebrae_on_line(line: np.ndarray, markers: Landmarks) -> np.ndarray:
+    """Where a line of the spine (n, 3) crosses the usual heights of T1 to L5, shape (17, 3) [mm].
+
+    Args:
+        line: from C7 to the pelvis [mm].
+        markers: C7 and the iliac spines, see `measure_back`.
+
+    Raises:
+        InputError: as `measure_back`.
+    """
+    marks = _by_name(markers)
+    return _on_line(line, marks, pelvis_axis(markers)[0].lower())
+
+
 def _on_line(line: np.ndarray, marks: dict[str, np.ndarray], pelvis: str) -> np.ndarray:
     """Where a line (n, 3) crosses the usual heights of T1 to L5, shape (17, 3) [mm]."""
     if "c7" not in marks:
         raise InputError(f"markers: C7 is needed where the spine is a line; there are {', '.join(marks)}")
-    top, iliac = marks["c7"][2], np.mean([marks[f"{pelvis.lower()}_{side}"][2] for side in ("left", "right")])
-    foot = marks["lower"][2] if "lower" in marks else iliac + FOOT[pelvis] * (top - iliac)
+    top, iliac = marks["c7"][2], np.mean([marks[f"{pelvis}_{side}"][2] for side in ("left", "right")])
+    foot = marks["lower"][2] if "lower" in marks else iliac + FOOT[pelvis.upper()] * (top - iliac)
     if not 150.0 <= top - foot <= 750.0:
         cure = "give markers in mm and LPS axes, +z up"
         raise InputError(f"markers: C7 must be 150 to 750 mm above L5, and is {top - foot:.4g} mm; {cure}")

@@ -360,21 +360,31 @@ def read_measured_spine(path: str | Path) -> MeasuredSpine:
     if not (np.diff(body[:, 2]) < 0.0).all():
         raise InputError(f"{path}: body centres must lie one above the other, T1 highest; give them in mm and LPS")
 
-    from scipy.interpolate import make_smoothing_spline
+    across = left - right
+    return measured_spine(path.stem, body, np.arctan2(across[:, 1], across[:, 0]))
+
+
+def measured_spine(name: str, body: np.ndarray, turn: np.ndarray) -> MeasuredSpine:
+    """A spine from the centres of its lowest vertebral bodies and their axial rotation, see `read_measured_spine`.
+
+    Args:
+        name: its name.
+        body: centres down to L5, the highest first, shape (n, 3) [mm].
+        turn: axial rotation of each, positive from +x to +y [rad], shape (n,).
+    """
+    from scipy.interpolate import make_smoothing_spline  # heavy
 
     down = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(body, axis=0), axis=1))])
     line = [make_smoothing_spline(down, track, lam=_SMOOTH).derivative()(down) for track in body.T]
     x, y, z = (-track for track in line)  # going up
     tilt, pitch = np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))
-    across = left - right
-    turn = np.arctan2(across[:, 1], across[:, 0])
     turn = make_smoothing_spline(down, turn, lam=_SMOOTH)(down)
     turn -= 0.5 * (turn[0] + turn[-1])
-    above = LEVELS - len(levels)
+    above = LEVELS - len(body)
     fade = np.arange(1, above + 1) / (above + 1)
     tilt[-1] *= LUMBOSACRAL
     return MeasuredSpine(
-        name=path.stem,
+        name=name,
         tilt=np.concatenate([tilt[0] * fade, tilt]),
         pitch=np.concatenate([np.full(above, math.nan), pitch]),
         turn=np.concatenate([turn[0] * fade, turn]),
