@@ -4,8 +4,8 @@
     python scripts/compare_patients.py PATIENTS ANATOMY BODIES --figure docs/figures/patients.png
 
 PATIENTS holds a folder for each patient: back.ply (points), spine_line.csv (vertebral bodies), spinous_line.csv
-and markers.csv, in mm and LPS. ANATOMY and BODIES are those of compare_bodies.py; the body nearest in the length of
-the spine gets the spine. Vertebrae stand at their usual heights, and turn with their sideways way. Nothing is
+and markers.csv, in mm and LPS. ANATOMY and BODIES are those of compare_bodies.py; the body nearest in the length
+of the spine gets the spine. Vertebrae stand at their usual heights, and turn with their sideways way. Nothing is
 simulated: this compares the imposed back, not a prediction.
 """
 
@@ -173,11 +173,11 @@ def table(found: list[Patient], measure: int) -> str:
 
 def gain(way: np.ndarray, angle: np.ndarray) -> str:
     """Slope of the line of angles over ways with its 95 % interval."""
-    from scipy.stats import linregress, t
+    from scipy.stats import t
 
-    line = linregress(way, angle)
-    half = float(t.ppf(0.975, len(way) - 2) * line.stderr)
-    return f"{line.slope:.2f} ({line.slope - half:.2f} to {line.slope + half:.2f})"
+    (slope, _), covariance = np.polyfit(way, angle, 1, cov=True)
+    half = float(t.ppf(0.975, len(way) - 2)) * np.sqrt(covariance[0, 0])
+    return f"{slope:.2f} ({slope - half:.2f} to {slope + half:.2f})"
 
 
 def by_group(found: list[Patient]) -> dict[str, list[Patient]]:
