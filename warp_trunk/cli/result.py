@@ -6,6 +6,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.layers import NAMES
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
@@ -94,6 +95,6 @@ class Export:
         tissues = read_summary(self.result).tissues
         trunk, displacement = read_trunk(self.result / TRUNK)
         with atomic_write(out) as unfinished:
-            write_volume(unfinished, trunk, displacement, tissues[0] if len(tissues) == 1 else Tissue())
+            write_volume(unfinished, trunk, displacement, tissues[0] if len(tissues) == 1 else Tissue(), NAMES)
         print(f"{len(trunk.tets)} tetrahedra, {int(trunk.prescribed.sum())} nodes on bone: {out}")
         return OK

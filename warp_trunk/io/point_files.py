@@ -11,6 +11,7 @@ from warp_trunk.errors import InputError
 
 from .file_access import MOST_SURFACE, limited_memory, number, read_bytes, reason
 from .surface_files.ply import ply_columns
+from .surface_files.space import stated_space
 from .surface_files.surface_reader import ENDINGS, parse
 
 _TEXT = (".xyz", ".csv", ".txt", ".asc", ".pts")
@@ -18,7 +19,8 @@ _SPLIT = re.compile(rb"[,;\s]+")
 
 
 def read_points(path: str | Path) -> np.ndarray:
-    """The points of a scan, shape (n, 3) float64, in the numbers of the file.
+    """The points of a scan, shape (n, 3) float64, in the numbers of the file; LPS where its
+    header says SPACE=RAS.
 
     Text holds x, y and z in the first three columns of each line, split by blanks, commas or semicolons, under at
     most one line of titles. Of a surface the vertices are taken, and the middles of its triangles. Colours and
@@ -36,6 +38,8 @@ def read_points(path: str | Path) -> np.ndarray:
     try:
         with limited_memory(len(content)):
             points = _parsed(ending, content)
+            if ending in ENDINGS and stated_space(ending, content) == "RAS":
+                points *= (-1.0, -1.0, 1.0)
     except Exception as error:  # each format fails with errors of its own
         raise InputError(f"{path}: cannot be read as points ({reason(error)}); write it again") from error
     bad = np.flatnonzero(~(np.isfinite(points).all(axis=1) & (np.abs(points).max(axis=1, initial=0.0) < 1e7)))

@@ -28,10 +28,8 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
         "part": [np.zeros(len(trunk.tets), dtype=np.int32), np.where(skin, 1, 2).astype(np.int32)]
     }
     if trunk.tissue is not None:
-        shares = trunk.tissue.ndim == 2
-        label = trunk.tissue.argmax(axis=1) if shares else trunk.tissue
-        cell_data["tissue"] = [label.astype(np.int32), np.full(len(triangles), -1, dtype=np.int32)]
-        if shares:
+        cell_data["tissue"] = [tissue_labels(trunk), np.full(len(triangles), -1, dtype=np.int32)]
+        if trunk.tissue.ndim == 2:
             cell_data["tissue_parts"] = [trunk.tissue, np.zeros((len(triangles), trunk.tissue.shape[1]))]
     point_data: dict[str, Any] = {
         "displacement": np.ascontiguousarray(displacement, dtype=np.float64),
@@ -41,6 +39,25 @@ def as_meshio(trunk: TrunkMesh, displacement: np.ndarray) -> Any:
     }
     cells: Any = [("tetra", trunk.tets), ("triangle", triangles)]
     return meshio.Mesh(trunk.nodes, cells, point_data=point_data, cell_data=cell_data)
+
+
+def tissue_labels(trunk: TrunkMesh) -> np.ndarray:
+    """The tissue of each tetrahedron, or of most of it, shape (tets,), int32."""
+    if trunk.tissue is None:
+        return np.zeros(len(trunk.tets), dtype=np.int32)
+    return (trunk.tissue.argmax(axis=1) if trunk.tissue.ndim == 2 else trunk.tissue).astype(np.int32)
+
+
+def bone_of_faces(trunk: TrunkMesh) -> np.ndarray:
+    """The bone of each triangle of the bone surface, the nearest where its nodes are free; shape (faces,)."""
+    from scipy.spatial import KDTree  # heavy
+
+    owner = trunk.bone[trunk.bone_faces].max(axis=1, initial=-1)
+    if (free := owner < 0).any():
+        held = np.flatnonzero(trunk.prescribed)
+        middles = trunk.nodes[trunk.bone_faces[free]].mean(axis=1)
+        owner[free] = trunk.bone[held[KDTree(trunk.nodes[held]).query(middles)[1]]]
+    return owner
 
 
 def write_trunk(path: str | Path, trunk: TrunkMesh, displacement: np.ndarray | None = None) -> None:

@@ -1,5 +1,6 @@
 """Meshes for other programs, and from them."""
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import meshio
@@ -36,6 +37,117 @@ def skin_of(trunk):
     return Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces)
 
 
+def jointed(trunk):
+    """The same with three layers and a joint: a fifth of the nodes on bone is free."""
+    shares = np.random.default_rng(2).dirichlet(np.ones(3), len(trunk.tets))
+    low = np.quantile(trunk.nodes[trunk.prescribed, 2], 0.2)
+    return replace(trunk, bone=np.where(trunk.nodes[:, 2] <= low, -1, trunk.bone).astype(np.int32), tissue=shares)
+
+
+def sets_of(trunk):
+    """The skin's nodes and triangles, whatever their order."""
+    return set(trunk.skin_nodes), {frozenset(face) for face in trunk.skin_nodes[trunk.skin_faces].tolist()}
+
+
+@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".xdmf", ".msh", ".inp"])
+def test_free_joints_are_no_skin(ending, trunk, motion, bones, tmp_path):
+    write_volume(tmp_path / f"a{ending}", jointed(trunk), motion, TISSUE)
+    back = read_volume(tmp_path / f"a{ending}", skin_of(trunk), bones)
+    np.testing.assert_array_equal(back.bone, jointed(trunk).bone)
+    assert sets_of(back) == sets_of(trunk)
+    if ending not in (".msh", ".inp"):
+        np.testing.assert_allclose(np.asarray(back.tissue), jointed(trunk).tissue)
+    elif ending == ".msh":
+        np.testing.assert_array_equal(back.tissue, jointed(trunk).tissue.argmax(axis=1))
+
+
+@pytest.mark.parametrize("ending", [".vtk", ".vtu"])
+def test_vtk_reads_every_array(ending, trunk, motion, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    numpy_of = pytest.importorskip("vtk.util.numpy_support").vtk_to_numpy
+    write_volume(tmp_path / f"a{ending}", jointed(trunk), motion, TISSUE)
+    reader = vtk.vtkUnstructuredGridReader() if ending == ".vtk" else vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(tmp_path / f"a{ending}"))
+    reader.Update()
+    grid = reader.GetOutput()
+    cells = len(trunk.tets) + len(trunk.skin_faces) + len(trunk.bone_faces)
+    assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (len(trunk.nodes), cells)
+    points, data = grid.GetPointData(), grid.GetCellData()
+    np.testing.assert_allclose(numpy_of(points.GetArray("displacement")), motion)
+    np.testing.assert_array_equal(numpy_of(points.GetArray("bone")), jointed(trunk).bone)
+    assert set(numpy_of(points.GetArray("node_kind"))) == {0, 1, 2}
+    np.testing.assert_array_equal(np.bincount(numpy_of(data.GetArray("part")))[0], len(trunk.tets))
+    assert numpy_of(data.GetArray("tissue_parts")).shape == (cells, 3)
+
+
+def test_gmsh_reads_groups_of_layers_skin_and_bones(trunk, motion, tmp_path):
+    gmsh = pytest.importorskip("gmsh")
+    write_volume(tmp_path / "a.msh", jointed(trunk), motion, TISSUE, ("skin", "fat", "muscle"))
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(tmp_path / "a.msh"))
+        found = {}
+        for dimension, tag in gmsh.model.getPhysicalGroups():
+            entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)
+            parts = [gmsh.model.mesh.getElements(dimension, entity)[1] for entity in entities]
+            found[gmsh.model.getPhysicalName(dimension, tag)] = sum(len(tags) for part in parts for tags in part)
+        views = {gmsh.view.option.getString(tag, "Name") for tag in gmsh.view.getTags()}
+    finally:
+        gmsh.finalize()
+    layers = np.bincount(jointed(trunk).tissue.argmax(axis=1))
+    expected = {f"tissue_{name}": layers[n] for n, name in enumerate(("skin", "fat", "muscle"))}
+    assert found == expected | {"skin": len(trunk.skin_faces), "bone_T10": len(trunk.bone_faces)}
+    assert {"displacement", "bone", "node_kind"} <= views
+
+
+def test_groups_of_gmsh_mark_bones(trunk, bones, tmp_path):
+    """As a mesh made in Gmsh comes: groups alone, no point data."""
+    triangles = np.concatenate([trunk.skin_nodes[trunk.skin_faces], trunk.bone_faces])
+    group = np.where(np.arange(len(triangles)) < len(trunk.skin_faces), 1, 2)
+    groups = [np.full(len(trunk.tets), 3), group]
+    mesh = meshio.Mesh(
+        trunk.nodes,
+        [("tetra", trunk.tets), ("triangle", triangles)],
+        cell_data={"gmsh:physical": groups, "gmsh:geometrical": groups},
+        field_data={"skin": np.array([1, 2]), "Bones": np.array([2, 2]), "tissue": np.array([3, 3])},
+    )
+    meshio.gmsh.write(str(tmp_path / "a.msh"), mesh, fmt_version="2.2")
+    back = read_volume(tmp_path / "a.msh", skin_of(trunk), bones)
+    np.testing.assert_array_equal(back.prescribed, np.isin(np.arange(len(trunk.nodes)), trunk.bone_faces))
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("version", [42, 51])
+def test_grids_that_vtk_and_slicer_write_are_read(binary, version, trunk, bones, tmp_path):
+    """Field data, METADATA behind arrays, and SPACE=RAS, by VTK's own writer."""
+    vtk = pytest.importorskip("vtk")
+    ours = pytest.importorskip("vtk.util.numpy_support").numpy_to_vtk
+    grid, points = vtk.vtkUnstructuredGrid(), vtk.vtkPoints()
+    points.SetData(ours(trunk.nodes * [-1.0, -1.0, 1.0], deep=True))
+    grid.SetPoints(points)
+    for tet in trunk.tets.tolist():
+        grid.InsertNextCell(vtk.VTK_TETRA, 4, tet)
+    bone = ours(trunk.bone, deep=True)
+    bone.SetName("bone")
+    bone.GetRange(-1)  # makes the writer add METADATA
+    grid.GetPointData().AddArray(bone)
+    time, space = vtk.vtkDoubleArray(), vtk.vtkStringArray()
+    for array, name, value in ((time, "TimeValue", 0.5), (space, "SPACE", "RAS")):
+        array.SetName(name)
+        array.InsertNextValue(value)
+        grid.GetFieldData().AddArray(array)
+    writer = vtk.vtkUnstructuredGridWriter()
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    writer.SetFileVersion(version)
+    writer.SetFileType(2 if binary else 1)
+    writer.SetInputData(grid)
+    assert writer.Write()
+    back = read_volume(tmp_path / "a.vtk", skin_of(trunk), bones)
+    np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-4)
+    np.testing.assert_array_equal(back.bone, trunk.bone)
+
+
 @pytest.mark.parametrize("ending", [".vtu", ".vtk", ".xdmf", ".msh", ".inp"])
 def test_a_mesh_comes_back_through_every_format(ending, trunk, motion, bones, tmp_path):
     write_volume(tmp_path / f"a{ending}", trunk, motion, TISSUE)
@@ -43,9 +155,7 @@ def test_a_mesh_comes_back_through_every_format(ending, trunk, motion, bones, tm
     np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-9)
     np.testing.assert_array_equal(back.tets, trunk.tets)
     np.testing.assert_array_equal(back.bone, trunk.bone)
-    assert set(back.skin_nodes) == set(trunk.skin_nodes)
-    as_set = {frozenset(face) for face in trunk.skin_nodes[trunk.skin_faces].tolist()}
-    assert {frozenset(face) for face in back.skin_nodes[back.skin_faces].tolist()} == as_set
+    assert sets_of(back) == sets_of(trunk)
 
 
 def test_abaqus_gets_sets_material_and_every_displacement(trunk, motion, tmp_path):

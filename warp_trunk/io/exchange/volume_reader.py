@@ -13,7 +13,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk, oriented
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance, nearest_surface
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.geometry.surface_checks import check_solid
+from warp_trunk.geometry.surface_checks import check_solid, linked_parts
 
 from ..trunk_file import read_trunk
 from ..volume_files import read_mesh
@@ -26,10 +26,11 @@ _FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # outward, for 
 def read_volume(path: str | Path, skin: Surface, bones: Mapping[str, Surface]) -> TrunkMesh:
     """A trunk from tetrahedra made elsewhere, in the case's LPS axes and mm.
 
-    The file (.vtu, .vtk, .xdmf, .msh or .inp) marks the nodes on bone: by the point data `bone` (0 or
-    more) or `node_kind` (2), or by a node set `bones`. Its boundary without those nodes is the skin of the
-    trunk. Each node on bone belongs to the bone of the case that is nearest. Whole numbers in the cell data
-    `tissue` say what each tetrahedron is of. A file that this program wrote comes back as it was.
+    The file (.vtu, .vtk, .xdmf, .msh or .inp) marks the nodes on bone: by the point data `bone` (0 or more) or
+    `node_kind` (2), by a node set `bones`, or by groups of triangles in Gmsh whose names begin with `bone`. The
+    skin is its boundary without them, and without closed parts that hold some of them: there joints are free.
+    Each node on bone belongs to the bone of the case that is nearest. The cell data `tissue` (whole numbers) or
+    `tissue_parts` (shares) say what each tetrahedron is of. A VTU that this program wrote comes back as it was.
 
     Args:
         path: the file.
@@ -70,7 +71,7 @@ def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:
         raise InputError(f"{path}: no node lies on bone, and bones are what moves the trunk; tag their nodes")
 
     boundary = _boundary(tets)
-    of_bone = on_bone[boundary].all(axis=1)
+    of_bone = _of_bone(nodes, boundary, on_bone)
     skin_nodes, faces = np.unique(boundary[~of_bone], return_inverse=True)
     names = tuple(bones)
     bone = np.full(len(nodes), -1, dtype=np.int32)
@@ -84,10 +85,13 @@ def _trunk(path: Path, mesh: Any, bones: Mapping[str, Surface]) -> TrunkMesh:
         bone_names=names,
         bone_faces=boundary[of_bone][:, ::-1].astype(np.int32),
     )
-    if "tissue" in mesh.cell_data:
-        labels = zip(mesh.cells, mesh.cell_data["tissue"], strict=True)
-        tissue = np.concatenate([label for block, label in labels if block.type == "tetra"])
-        trunk = replace(trunk, tissue=np.asarray(tissue).reshape(-1).astype(np.int8))
+    data = {**mesh.cell_data, **_layers(mesh)}
+    for name, kind in (("tissue_parts", np.float64), ("tissue", np.int8)):
+        if name in data:
+            labels = zip(mesh.cells, data[name], strict=True)
+            tissue = np.concatenate([label for block, label in labels if block.type == "tetra"])
+            trunk = replace(trunk, tissue=np.asarray(tissue).reshape(len(tets), -1).squeeze().astype(kind))
+            break
     check_trunk(trunk, str(path))
     check_solid(Surface(nodes[skin_nodes], trunk.skin_faces), f"{path}: its outer boundary")
     return trunk
@@ -104,10 +108,37 @@ def _on_bone(path: Path, mesh: Any) -> np.ndarray:
         on_bone = np.zeros(len(mesh.points), dtype=bool)
         on_bone[np.asarray(sets["bones"], dtype=np.int64)] = True
         return on_bone
+    groups = [number for name, (number, _) in mesh.field_data.items() if name.lower().startswith("bone")]
+    if groups and "gmsh:physical" in mesh.cell_data:
+        on_bone = np.zeros(len(mesh.points), dtype=bool)
+        for block, group in zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True):
+            if block.type == "triangle":
+                on_bone[block.data[np.isin(group, groups)]] = True
+        return on_bone
     raise InputError(
         f"{path}: does not mark the nodes on bone; give point data 'bone' (0 or more) or 'node_kind' (2), "
-        "or a node set 'bones'"
+        "a node set 'bones', or groups of Gmsh 'bone_NAME'"
     )
+
+
+def _layers(mesh: Any) -> dict[str, list[np.ndarray]]:
+    """The tissue of each cell, by the groups of Gmsh `tissue_NAME` in the order of their numbers."""
+    numbers = sorted(number for name, (number, _) in mesh.field_data.items() if name.startswith("tissue_"))
+    if len(numbers) < 2 or "gmsh:physical" not in mesh.cell_data:
+        return {}
+    return {"tissue": [np.searchsorted(numbers, group) for group in mesh.cell_data["gmsh:physical"]]}
+
+
+def _of_bone(nodes: np.ndarray, boundary: np.ndarray, on_bone: np.ndarray) -> np.ndarray:
+    """Which triangles of the boundary are of bones, shape (faces,): those with all nodes on bone, and all of a
+    closed part that has nodes on bone and does not enclose the whole, as where joints left nodes free."""
+    of_bone = on_bone[boundary].all(axis=1)
+    part = linked_parts(boundary[:, :2].ravel(), boundary[:, 1:].ravel(), len(nodes))[boundary[:, 0]]
+    part = np.unique(part, return_inverse=True)[1]
+    a, b, c = np.moveaxis(nodes[boundary], 1, 0)
+    volume = np.bincount(part, np.einsum("fx,fx->f", a, np.cross(b, c)))
+    inner = (np.bincount(part, of_bone) > 0) & (np.arange(len(volume)) != volume.argmax())
+    return of_bone | inner[part]
 
 
 def _boundary(tets: np.ndarray) -> np.ndarray:
