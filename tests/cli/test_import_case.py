@@ -6,7 +6,7 @@ from PIL import Image
 from voxelise_case import write_labels
 
 from support.label_maps import LEVELS, NAMES, NUMBERS, labels, write_map
-from warp_trunk import read_case
+from warp_trunk.case import read_case, read_checked_case, write_case
 from warp_trunk.cli import main
 
 
@@ -52,3 +52,19 @@ def test_an_imported_case_is_not_written_onto_another(files, tmp_path, capsys):
     (tmp_path / "case.toml").write_text("")
     assert main(["import", str(files[0]), "--out", str(tmp_path)]) == 2
     assert "is a case folder" in capsys.readouterr().err
+
+
+def test_doubts_are_kept_in_the_case_and_shown_by_plan(files, tmp_path, capsys):
+    """T6 has no label: import names it, and so does every command that reads the case."""
+    values, affine = labels()
+    write_labels(tmp_path / "a.nii.gz", np.where(values == NUMBERS["vertebrae_T6"], 0, values), affine, NAMES)
+    out = tmp_path / "case"
+    main(["import", str(tmp_path / "a.nii.gz"), "--body", str(files[1]), "--out", str(out), "--edge-length", "12"])
+    notes = read_case(out).notes
+    assert [note for note in notes if note.startswith("T6")]
+    assert capsys.readouterr().err.count(notes[0]) == 1
+    assert main(["plan", str(out), "--out", str(tmp_path / "b"), "--uiv", "T5", "--liv", "T8", "--curve",
+                 "T7,correction=0.5"]) == 2  # fmt: skip
+    assert f"warning: {notes[0]}" in capsys.readouterr().err
+    write_case(tmp_path / "c", read_case(out))
+    assert set(notes) <= set(read_checked_case(tmp_path / "c")[1])

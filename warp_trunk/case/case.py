@@ -72,6 +72,8 @@ class Case:
     """Motions of bones without landmarks, by name; other bones without landmarks stay in place."""
     points: Points = dataclasses.field(default_factory=Points)
     """Points on skin and bones that are followed."""
+    notes: tuple[str, ...] = ()
+    """Doubts of the image that the case was made from, a sentence each; every command warns of them."""
 
     @property
     def has_spine(self) -> bool:

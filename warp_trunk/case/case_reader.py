@@ -92,6 +92,7 @@ def read_checked_case(
         actual_skin=None if actual is None else files.surface("actual_skin", actual),
         tissue=header.tissue,
         posture=header.posture,
+        notes=header.notes,
         uncertainty=header.uncertainty,
         study=header.study,
         invented=header.invented,

@@ -74,6 +74,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         name=case.name,
         axes=Axes("LPS"),
         posture=case.posture,
+        notes=case.notes,
         tissue=case.tissue,
         uncertainty=case.uncertainty,
         study=case.study,

@@ -74,7 +74,7 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
         InputError: the first violated rule.
     """
     source = source or CaseSource()
-    before, after, warnings = case.landmarks_before, case.landmarks_after, list[str]()
+    before, after, warnings = case.landmarks_before, case.landmarks_after, list(case.notes)
     spine = bool(before.names)
     if case.posture != "standing":
         warnings.append(

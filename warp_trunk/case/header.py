@@ -39,6 +39,8 @@ class CaseHeader:
     """Columns of the CSV files of landmarks that hold name, x, y and z."""
     posture: str = "standing"
     """Posture during the scan, one of `POSTURES`."""
+    notes: tuple[str, ...] = ()
+    """Doubts of the image that the case was made from, a sentence each."""
     tissue: Tissue = dataclasses.field(default_factory=Tissue)
     """Constants of the soft tissue, from the table [tissue]."""
     layers: LayerTable | None = None
@@ -68,6 +70,7 @@ class CaseHeader:
 _KINDS = {
     **dict.fromkeys(("name", "units", "axes", "posture"), str),
     "landmark_columns": tuple[str, str, str, str],
+    "notes": tuple[str, ...],
     "tissue": Tissue,
     "layers": LayerTable,
     "ribs": RibCoupling,
@@ -112,6 +115,7 @@ def header_text(header: CaseHeader) -> str:
         f'units = "{header.units}"',
         f'axes = "{header.axes.code}"  # the patient\'s left, back and up are L, P and S',
         f'posture = "{header.posture}"',
+        *([f"notes = {toml(header.notes)}"] if header.notes else []),
         *table_lines("tissue", dataclasses.asdict(header.tissue)),
         *table_lines("ribs", changed(header.ribs)),
         *table_lines("uncertainty", changed(header.uncertainty)),

@@ -84,7 +84,8 @@ class Import:
         example = ("--uiv", "T4", "--liv", "L1", "--curve", "T8,correction=0.65")
         plan = next_command("plan", self.out, "--out", "planned", *example)
         try:
-            doubts += [f"warning: {warning}" for warning in check_case(made.case)]
+            more = [warning for warning in check_case(made.case) if warning not in made.notes]
+            doubts += [f"warning: {warning}" for warning in more]
             print(f"Case '{made.case.name}' of {len(made.case.bones)} bones written to {self.out}")
             print(f"Look at {self.out / PICTURE}, then plan: {plan}")
             status = INCOMPLETE if made.found.unsure else OK

@@ -82,6 +82,8 @@ class PlanCommand:
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"):
                 case = read_case(self.case)
+            for note in case.notes:
+                progress.message(f"warning: {note}")
             if not case.has_spine:
                 cure = "write the motions of its bones in motions.toml and simulate it, or move them with --live"
                 raise InputError(f"plan: {self.case} has no landmarks of a spine; {cure}")

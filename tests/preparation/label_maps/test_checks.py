@@ -27,6 +27,11 @@ def trunk() -> Bones:
     return bones
 
 
+def front(bones: Bones) -> Bones:
+    """A sternum 150 mm in front of T6."""
+    return {"sternum": Surface(bones["T6"].vertices - [0.0, 150.0, 0.0], bones["T6"].faces)}
+
+
 def scaled(bone: Surface, by: float) -> Surface:
     middle = bone.vertices.mean(axis=0)
     return Surface(middle + by * (bone.vertices - middle), bone.faces)
@@ -75,6 +80,44 @@ FAULTS: dict[str, tuple[Callable[[Bones], Bones], list[str]]] = {
     "a vertebra without a label, and the rest shifted": (
         lambda b: renamed(without(b, "L1", "L5"), {"L2": "L1", "L3": "L2", "L4": "L3"}),
         ["T12 and L1: are 2.0 times as far apart as their neighbours"],
+    ),
+    "no label on L5": (
+        lambda b: {**without(b, "L5"), "sacrum": moved(b["L5"], np.eye(3), [0.0, 0.0, -20.0])},
+        ["L4 and the sacrum are 19 mm apart: L5 has no label"],
+    ),
+    "no label on L5 and its place closed": (
+        lambda b: {**without(b, "L5"), "sacrum": b["L5"]},
+        ["L4 reaches the sacrum, though L5 would be between them"],
+    ),
+    "no label on T8": (
+        lambda b: without(b, "T8"),
+        ["T8 between T7 and T9 has no label"],
+    ),
+    "all eleven ribs of a side one too low": (
+        lambda b: renamed(
+            without(b, "rib_left_01"), {f"rib_left_{n:02d}": f"rib_left_{n - 1:02d}" for n in range(2, 13)}
+        ),
+        [
+            "Of the left ribs number 12 has no label",
+            "The left ribs 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 lie at T2, T3",
+        ],
+    ),
+    "all eleven ribs of a side one too high": (
+        lambda b: renamed(
+            without(b, "rib_left_12"), {f"rib_left_{n:02d}": f"rib_left_{n + 1:02d}" for n in range(1, 12)}
+        ),
+        [
+            "Of the left ribs number 1 has no label",
+            "The left ribs 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 lie at T1, T2",
+        ],
+    ),
+    "turned by half a turn": (
+        lambda b: {n: Surface(s.vertices * [-1, -1, 1], s.faces) for n, s in (b | front(b)).items()},
+        ["Left and right are exchanged in all 13 pairs of bones and the sternum lies behind the spine"],
+    ),
+    "front to back": (
+        lambda b: {n: Surface(s.vertices * [1, -1, 1], s.faces) for n, s in (b | front(b)).items()},
+        ["The sternum lies behind the spine: the axes of the file are mirrored;"],
     ),
     "all sides exchanged": (
         lambda b: swapped(b, [n for n in b if "left" in n or "right" in n]),

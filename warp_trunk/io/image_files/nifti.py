@@ -80,7 +80,14 @@ def _affine(header: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, tuple[str,
         corner = np.array([*shape, 1.0])
         apart = max(np.abs((by_s - by_q) @ corner)[:3].max(), np.abs(by_s - by_q)[:3, 3].max())
         if apart > _AGREE:
-            notes.append(f"its sform and its qform put voxels {apart:.0f} mm apart; the sform is used, check it")
+            pairs = (("left and right", 0), ("front and back", 1), ("head and feet", 2))
+            turned = [
+                text for text, row in pairs if by_s[row, (a := np.abs(by_s[row, :3]).argmax())] * by_q[row, a] < 0
+            ]
+            differ = f", and {' and '.join(turned)} differ" if turned else ""
+            notes.append(
+                f"its sform and its qform put voxels {apart:.0f} mm apart{differ}; the sform is used, check it"
+            )
     unit = header.get_xyzt_units()[0]
     if unit not in _UNITS:
         raise ValueError(f"its lengths are in '{unit}'; write it in mm")

@@ -148,7 +148,9 @@ def import_case(
     )
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
     doubts = turned or (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
-    return Imported(case, found, shapes, made, fat, (*notes, *_dropped(shapes, bones), *doubts))
+    notes += doubts
+    case = replace(case, notes=tuple(notes))
+    return Imported(case, found, shapes, made, fat, (*notes, *_dropped(shapes, bones)))
 
 
 def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[str]]:

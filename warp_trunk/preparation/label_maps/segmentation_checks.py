@@ -22,6 +22,8 @@ _WIDER = 1.6
 """Distance between two neighbours over the median of those around."""
 _FROM_VERTEBRA = 8.0
 """The head of a rib is nearer to its vertebra than this [mm]: 3 mm at most in the anatomy of BodyParts3D."""
+_FROM_SACRUM = 12.0
+"""The lowest vertebra is nearer to the sacrum than this [mm]: their joints touch."""
 _ALIKE = 3
 """If this many ribs of a side lie at another vertebra than their number states, the numbering is wrong."""
 _LEAST = 400.0
@@ -43,6 +45,7 @@ def doubts_of_bones(bones: Mapping[str, Surface], parts: Container[str] = ()) ->
         *_numbers(bones),
         *_sizes(spine),
         *_spacing(spine),
+        *_at_sacrum(bones, parts),
         *_ribs(ribs, spine),
     ]
 
@@ -104,7 +107,7 @@ def _sizes(spine: Mapping[str, Surface]) -> list[str]:
 
 def _spacing(spine: Mapping[str, Surface]) -> list[str]:
     """Numbers that jump where no bone is left out, and bones left out where no number is."""
-    if len(spine) < 4:
+    if len(spine) < 3:
         return []
     gaps = np.linalg.norm(np.diff([bone.vertices.mean(axis=0) for bone in spine.values()], axis=0), axis=1)
     steps = np.diff([VERTEBRAE.index(name) for name in spine])
@@ -115,11 +118,35 @@ def _spacing(spine: Mapping[str, Surface]) -> list[str]:
         if steps[i] == 1 and share > _WIDER:
             what = f"{upper} and {lower}: are {share:.1f} times as far apart as their neighbours; look whether a"
             doubts.append(f"{what} vertebra between them has no label, and the numbers below it are shifted.")
-        if steps[i] > 1 and share < 0.5 * (1 + steps[i]):
-            left_out = ", ".join(VERTEBRAE[VERTEBRAE.index(upper) + 1 : VERTEBRAE.index(lower)])
+        left_out = ", ".join(VERTEBRAE[VERTEBRAE.index(upper) + 1 : VERTEBRAE.index(lower)])
+        if steps[i] > 1 and share > steps[i] - 0.3:  # half a step less where one label holds both
+            doubts.append(f"{left_out} between {upper} and {lower} has no label; add it, or plan without.")
+        elif steps[i] > 1 and share < 0.5 * (1 + steps[i]):
             what = f"{upper} and {lower}: are as near as neighbours, though {left_out} would be between them"
             doubts.append(f"{what}; look whether the numbers jump or the patient has fewer vertebrae.")
     return doubts
+
+
+def _at_sacrum(bones: Mapping[str, Surface], parts: Container[str]) -> list[str]:
+    """A vertebra without a label above the sacrum, or numbers that are shifted there."""
+    from scipy.spatial import KDTree  # heavy
+
+    lumbar = [name for name in (*VERTEBRAE, "L6") if name in bones and name[0] == "L"]
+    if not lumbar or "sacrum" not in bones or lumbar[-1] in parts or "sacrum" in parts:
+        return []
+    lowest, most = lumbar[-1], VERTEBRAE[-1]
+    gap = float(KDTree(bones["sacrum"].vertices).query(bones[lowest].vertices)[0].min())
+    if gap > _FROM_SACRUM:
+        missing = (
+            "a vertebra between them" if lowest >= most else ", ".join(VERTEBRAE[VERTEBRAE.index(lowest) + 1 :])
+        )
+        return [
+            f"{lowest} and the sacrum are {gap:.0f} mm apart: {missing} has no label; add it, or plan without."
+        ]
+    if lowest < most:
+        what = f"{lowest} reaches the sacrum, though {most} would be between them"
+        return [f"{what}; look whether the numbers are shifted or the patient has fewer vertebrae."]
+    return []
 
 
 def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[str]:
@@ -128,6 +155,7 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
 
     trees = {int(name[1:]): KDTree(bone.vertices) for name, bone in spine.items() if name[0] == "T"}
     shifts: dict[str, dict[int, int]] = {"left": {}, "right": {}}
+    headless: dict[tuple[str, int], float] = {}
     doubts = []
     for name, found in ((name, RIB.fullmatch(name)) for name in sorted(bones)):
         if not found or (number := int(found[2])) not in trees:
@@ -137,12 +165,15 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
             continue
         away = {level: tree.query(points)[0].min() for level, tree in trees.items()}
         at = min(away, key=lambda level: away[level])
-        if at in (number - 1, number):
-            doubts.append(
-                f"{name}: ends {gap:.0f} mm from T{number}; add the head that is missing from the label."
-            )
-        else:
+        if at != number and (at != number - 1 or away[at] <= _FROM_VERTEBRA):
             shifts[found[1]][number] = at
+        if at in (number - 1, number):
+            headless[found[1], number] = gap
+    for (side, number), gap in headless.items():
+        if len(shifts[side]) < _ALIKE:  # a rib begins between its vertebra and the one above
+            shifts[side].pop(number, None)
+            what = f"rib_{side}_{number:02d}: ends {gap:.0f} mm from T{number}"
+            doubts.append(f"{what}; add the head that is missing from the label.")
     for side, moved in shifts.items():
         if len(moved) >= _ALIKE:
             what = f"The {side} ribs {', '.join(map(str, moved))} lie at T{', T'.join(map(str, moved.values()))}"
