@@ -18,6 +18,7 @@ from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
+from .arms import arm_warnings
 from .axes import MILLIMETRES
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
 from .landmarks import ASIS, VERTEBRA_POINTS, Landmarks, bone_of
@@ -94,6 +95,8 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
     if spine:
         _check_orientation(case, source)
         warnings += check_order(before, source.name("landmarks_before"))
+        for key, skin in (("skin", case.skin), ("actual_skin", case.actual_skin)):
+            warnings += [] if skin is None else arm_warnings(skin, before, source.name(key))
     warnings += _check_bones(case, source)
     check_on_bones(case, source.name)
     if after is not None:

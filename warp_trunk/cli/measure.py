@@ -9,6 +9,7 @@ import numpy as np
 from tyro.conf import Positional
 
 from warp_trunk.case import Case, read_case
+from warp_trunk.case.arms import arm_warnings
 from warp_trunk.case.axes import MILLIMETRES
 from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.case.header import read_header
@@ -172,6 +173,7 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
         )
     if case.landmarks_before.names:
         points = [bone.vertices for bone in case.bones.values()] or [case.landmarks_before.points]
-        for warning in check_second_skin(case.skin, points, surface, str(path)):
+        warnings = check_second_skin(case.skin, points, surface, str(path))
+        for warning in warnings + arm_warnings(surface, case.landmarks_before, str(path)):
             print(f"warp-trunk: warning: {warning}", file=sys.stderr)
     return surface

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.geometry.own_part import SHOULDERS, own_part
 from warp_trunk.geometry.section import sections, trunk_loop
 
 from .spine import Spine
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
 
 def outlines_of(surface: Surface, spine: Spine) -> tuple[dict[str, np.ndarray | None], dict[str, str]]:
-    """Outline of the trunk at the height of each vertebra's centroid; of several loops the one around it.
+    """Outline of the trunk at the height of each vertebra's centroid; of several loops the one around it,
+    and where arms touch the trunk (`own_part`) without them.
 
     Args:
         surface: the skin [mm], closed.
@@ -34,7 +36,9 @@ def outlines_of(surface: Surface, spine: Spine) -> tuple[dict[str, np.ndarray | 
     missing: dict[str, str] = {}
     cuts = sections(surface, spine.centroids[:, 2].tolist())
     for level, centroid, loops in zip(spine.levels, spine.centroids, cuts, strict=True):
-        outlines[level] = outline = trunk_loop(loops, centroid[:2])
+        outline = trunk_loop(loops, centroid[:2])
+        own = None if outline is None or level in SHOULDERS else own_part(outline, centroid[:2])
+        outlines[level] = outline = outline if own is None else own
         if not loops:
             missing[level] = f"the plane at z = {centroid[2]:.0f} mm misses the skin"
         elif outline is None:

@@ -1,0 +1,78 @@
+"""The trunk's own part of a section in which arms touch it."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from .section import enclosed_area, encloses
+
+SHOULDERS = ("T1", "T2", "T3", "T4")
+"""Levels at which shoulders are the trunk's own."""
+_NOTCH = 2.0
+"""An outline is notched where it lies this deep under its convex hull [mm]."""
+_LEAST = 1200.0
+"""No arm has a smaller section [mm2]."""
+_STANDS_OUT = 0.35
+"""An arm has at least this area over the square of the line that cuts it off: half a disc has 0.39, the fold of
+skin before a shoulder blade less than 0.1."""
+_MOST = 0.4
+"""An arm has less than this of the area of the trunk."""
+
+
+def own_part(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
+    """The part of an outline that is the trunk's, cut off from arms between notches in front of and behind them.
+
+    Args:
+        loop: outline of a section, x and y [mm], shape (points, 2), counterclockwise.
+        spine: a point in the trunk [mm], shape (2,).
+
+    Returns:
+        The points of the trunk in their order, or None where all are the trunk's.
+    """
+    own = loop
+    for _ in range(2):  # an arm on each side
+        cut = _without_arm(own, spine)
+        if cut is None:
+            break
+        own = cut
+    return None if own is loop else own
+
+
+def _without_arm(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
+    """The outline without the part that stands out most; None where none does."""
+    best, most = None, _STANDS_OUT
+    middle = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
+    for first, second in combinations(_notches(loop), 2):
+        parts = loop[first : second + 1], np.vstack([loop[second:], loop[: first + 1]])
+        areas = [enclosed_area(part) for part in parts]
+        arm, trunk = (0, 1) if areas[0] < areas[1] else (1, 0)
+        across, along = np.abs(parts[arm].mean(axis=0) - middle)
+        chord = float(np.sum((loop[first] - loop[second]) ** 2))
+        share = areas[arm] / max(chord, 1.0)
+        size = _LEAST <= areas[arm] <= _MOST * areas[trunk]
+        if size and across > along and share > most and encloses(parts[trunk], spine):
+            best, most = parts[trunk], share
+    return best
+
+
+def _notches(loop: np.ndarray) -> list[int]:
+    """The deepest point of the outline under each edge of its convex hull, where deep enough, rising."""
+    from scipy.spatial import ConvexHull, QhullError  # heavy
+
+    try:
+        corners = np.sort(ConvexHull(loop).vertices)
+    except QhullError:  # all points on a line
+        return []
+    found = []
+    for start, end in zip(corners, np.append(corners[1:], corners[0] + len(loop)), strict=True):
+        between = np.arange(start + 1, end) % len(loop)
+        if not len(between):
+            continue
+        edge = loop[end % len(loop)] - loop[start]
+        x, y = (loop[between] - loop[start]).T
+        depth = np.abs(edge[0] * y - edge[1] * x) / np.linalg.norm(edge)
+        if depth.max() >= _NOTCH:
+            found.append(int(between[depth.argmax()]))
+    return sorted(found)
