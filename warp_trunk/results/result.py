@@ -24,6 +24,7 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable
 from warp_trunk.io.result_files import (
     ACTUAL_SKIN,
+    EFFECTS,
     LANDMARKS_AFTER,
     LANDMARKS_BEFORE,
     MEASURES,
@@ -43,7 +44,7 @@ from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.quantities import MeasureTable
 
-from .bands import Bands, read_skin_sd, write_skin_sd
+from .bands import Bands, Effects, read_effects, read_skin_sd, write_effects, write_skin_sd
 from .summary import Summary, read_summary, write_summary
 
 if TYPE_CHECKING:
@@ -86,6 +87,8 @@ class Result:
     skin_sd: np.ndarray | None = None
     """Standard deviation of the place of each vertex of the predicted skin along its normal [mm], shape
     (vertices,); None without bands."""
+    effects: Effects | None = None
+    """Effects of the errors on its numbers; None without bands."""
     plan: str | None = None
     """The text of the plan, or of the motions of bones, that made it; None where there was none."""
     saved_in: Path | None = None
@@ -157,7 +160,8 @@ class Result:
 
         It holds `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where
         the case has one, `landmarks_before.csv`, `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the
-        recording, `skin_sd.csv` where there are bands, and `plan.toml` where a plan made the case.
+        recording, `skin_sd.csv` and `effects.npz` where there are bands, and `plan.toml` where a plan made the
+        case.
 
         Every file is written under another name and moved when all are complete, summary.json last: a folder that
         has a summary is complete. What an earlier simulation left in the same folder is removed, also the report
@@ -235,6 +239,7 @@ def write_result(folder: Path, result: Result) -> None:
         LANDMARKS_AFTER: (write_landmarks, after if after.names else None),
         PLAN: (_write_text, result.plan),
         SKIN_SD: (write_skin_sd, result.skin_sd),
+        EFFECTS: (write_effects, result.effects),
         SUMMARY: (write_summary, result.summary),
     }
     contents = {name: content for name, content in contents.items() if content[1] is not None}
@@ -245,7 +250,7 @@ def write_result(folder: Path, result: Result) -> None:
     if recording is not None and recording != kept:
         shutil.copyfile(recording, kept)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
-    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
+    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, EFFECTS, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
     for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
@@ -299,6 +304,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_after=reached,
         summary=summary,
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
+        effects=None if summary.bands is None else read_effects(folder / EFFECTS, len(after.vertices)),
         plan=read_text(plans[0], "the plan of a result", MOST_PLAN) if plans else None,
         saved_in=folder,
         recording=recording if recording.is_file() else None,
