@@ -30,7 +30,8 @@ class Waist:
     right_depth: float
     """The same on the right [mm]."""
     left_height: float
-    """Height of the left waist, where it is deepest, above the iliac spines [mm]."""
+    """Height of the hollow on the left above the iliac spines, its mean by the square of its depth [mm]: the
+    deepest point alone jumps along a long hollow."""
     right_height: float
     """The same on the right [mm]."""
 
@@ -81,9 +82,9 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
         there = aside[a] + (height - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
         widths[row] = there.max(), -there.min()
     gaps = np.transpose([_hull(heights, width) - width for width in widths.T])
-    deepest = gaps.argmax(axis=0)
-    left, right = heights[deepest] - pelvis
-    return Waist(float(gaps[deepest[0], 0]), float(gaps[deepest[1], 1]), float(left), float(right))
+    weights = np.square(gaps).sum(axis=0)
+    left, right = np.divide((heights - pelvis) @ np.square(gaps), weights, out=np.zeros(2), where=weights > 0.0)
+    return Waist(float(gaps[:, 0].max()), float(gaps[:, 1].max()), float(left), float(right))
 
 
 def _hull(places: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.geometry.surface import Surface
 
+    from .result import Result
+
 Fingerprint = dict[str, Any]
 """Values of JSON by name: options and constants as they are, everything large as a digest."""
 CHANGES_NOTHING = frozenset({"cache", "device", "from_mesh", "live", "record", "threads"})
@@ -74,6 +76,16 @@ def difference(then: Fingerprint, now: Fingerprint) -> str:
             large = any(str(value).startswith(_MARK) for value in (old, new))
             return f"'{name}' is another" if large else f"'{name}' was {old} and is {new}"
     return ""
+
+
+def plan_fingerprint(result: Result) -> str:
+    """A short name of exactly this plan and prediction, for a sheet that is signed: it changes with the plan, the
+    landmarks before and after, and the predicted skin."""
+    marks = (result.landmarks_before, result.landmarks_after)
+    points = [np.round(one.points, 3) for one in marks]  # as their files have them
+    skins = [np.round(one.vertices, 3).astype(np.float32) for one in (result.skin_before, result.skin)]
+    digest = _digest(result.plan or "", *points, *skins).removeprefix(_MARK)[:12]
+    return "-".join(digest[first : first + 4] for first in (0, 4, 8))
 
 
 def _digest(*parts: np.ndarray | str | bytes) -> str:

@@ -147,7 +147,7 @@ def _likely_worse(solved: _Solved, on_skin: np.ndarray, sd: float) -> np.ndarray
     hump = solved.numbers.get(("max_hump_mm", ""))
     if hump is None:
         return np.zeros(on_skin.shape[1:])
-    by_field = on_skin.reshape(len(on_skin), -1) @ hump.vertices.ravel()
+    by_field = np.tensordot(on_skin, hump.vertices, axes=2)
     variance = solved.drawn.variance * by_field
     total = float(variance @ by_field)
     if total <= 0.0:
@@ -309,14 +309,15 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measur
         np.zeros(after.points.shape) if one.landmarks_after is None else one.landmarks_after for one in sources
     ]
     effects = np.array([[float(np.vdot(one, move)) for move in moves] for one in by_point])
-    landmarks = case.uncertainty.landmark_sd * by_point.reshape(len(names), -1)
+    effects = effects.reshape(len(names), len(sources))
+    landmarks = case.uncertainty.landmark_sd * by_point.reshape(len(names), after.points.size)
     sds = np.hypot(np.linalg.norm(effects, axis=1), np.linalg.norm(landmarks, axis=1)).tolist()
     rows = [
         Measured.with_sd(PREDICTED, name[1], name[0], values[name], sd)
         for name, sd in zip(names, sds, strict=True)
     ]
     both = np.hstack([np.zeros_like(landmarks), landmarks])  # before surgery, after
-    return rows, _OfSpine(names, effects.reshape(len(names), len(sources)), both, np.ones(len(names)))
+    return rows, _OfSpine(names, effects, both, np.ones(len(names)))
 
 
 def _derivatives(
