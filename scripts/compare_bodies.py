@@ -29,7 +29,7 @@ from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.cobb import curves_after, vertebral_tilt
@@ -37,8 +37,8 @@ from warp_trunk.measures.skin_quality import skin_quality
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity.published_curves import Kind
-from warp_trunk.results import predicted_skin
-from warp_trunk.run.patient import Patient, motions_of, patient_of, prepare_plan
+from warp_trunk.run.patient import PreparedPatient, motions_of, patient_of
+from warp_trunk.run.prediction import prepare_plan
 
 LEVELS = ("T4", "T5", "T6", "T7", "T8", "T9", "T10", "T11", "T12", "L1", "L2", "L3", "L4")
 CURVES: dict[Kind, float] = {"thoracic": 50.0, "thoracolumbar": 50.0, "double_major": 60.0}
@@ -228,7 +228,7 @@ def _drawn(drawn: Drawn, skin: Surface, bones: dict[str, Surface], options: Opti
     return operated(patient_of(case, _run(options)), plan_for(drawn.kind, drawn.correction))
 
 
-def operated(patient: Patient, plan: Plan, known: Case | None = None) -> Outcome:
+def operated(patient: PreparedPatient, plan: Plan, known: Case | None = None) -> Outcome:
     """One surgery simulated and measured; the bones after it are those of `known`, where that is given."""
     landmarks = patient.case.landmarks_before
     if known is None:
@@ -238,9 +238,8 @@ def operated(patient: Patient, plan: Plan, known: Case | None = None) -> Outcome
         case = dataclasses.replace(
             patient.case, landmarks_after=known.landmarks_before, bones_after=dict(known.bones)
         )
-    prepared = prepare_plan(patient, case)
-    *_, last = simulate(prepared.model, prepared.bone_path, patient.options.simulation, relaxer=patient.relaxer)
-    skin = predicted_skin(case, prepared.trunk, last.displacement)
+    prediction = prepare_plan(patient, case).relax()
+    skin, last = prediction.skin, prediction.last
     before, after = measure(case.skin, landmarks), measure(skin, case.planned_landmarks)
     largest = max(range(len(before.cobb)), key=lambda i: before.cobb[i].angle)
     left = curves_after(before.cobb, case.planned_landmarks)[largest]

@@ -31,17 +31,18 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.cli import main as command
 from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
-from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.simulation import Increment, SimulationOptions
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import compare_skins, curves_after, measure
 from warp_trunk.meshing import MeshOptions
+from warp_trunk.meshing.predicted_skin import predicted_skin
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.landmark_finder import find_landmarks
-from warp_trunk.results import predicted_skin
 from warp_trunk.run.bands import find_bands
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of, prepare_plan
+from warp_trunk.run.patient import PreparedPatient, patient_of
+from warp_trunk.run.prediction import prepare_plan
 
 ROOT = Path(__file__).parents[1]
 Trunk = tuple[Surface, dict[str, Surface]]
@@ -128,9 +129,7 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
     errors = Uncertainty(**{**certain, "landmark_error": 2.1, "landmark_error_sd": 1.5})
     case = dataclasses.replace(imposed(trunk, "thoracic"), uncertainty=errors)
     patient = ready(case, options.either(COARSE.tets, 145_000), increments=2)
-    prepared = prepare_plan(patient, case)
-    last = relaxed(patient, case)
-    bands = find_bands(case, prepared, last, patient.options).table.column("predicted", "bsr_deg")
+    bands = find_bands(prepare_plan(patient, case).relax()).table.column("predicted", "bsr_deg")
     random, draws = np.random.default_rng(1), options.either(12, 60)
     values: dict[str, list[float]] = {level: [] for level in bands}
     for _ in range(draws):
@@ -271,7 +270,7 @@ def ready(
     tolerance: float = 0.1,
     precision: str = "float32",
     **options: float,
-) -> Patient:
+) -> PreparedPatient:
     """A patient ready for her plans."""
     relax = RelaxOptions(tolerance=tolerance)
     return patient_of(
@@ -285,16 +284,15 @@ def ready(
     )
 
 
-def relaxed(patient: Patient, case: Case) -> Increment:
+def relaxed(patient: PreparedPatient, case: Case) -> Increment:
     """The last increment of a simulation; raises if it did not converge."""
-    prepared = prepare_plan(patient, case)
-    *_, last = simulate(prepared.model, prepared.bone_path, patient.options.simulation, relaxer=patient.relaxer)
+    last = prepare_plan(patient, case).relax().last
     if last.relaxation.status is not RelaxStatus.CONVERGED:
         print(f"{case.name}: {last.relaxation.status.name}", file=sys.stderr)
     return last
 
 
-def skin_of(case: Case, patient: Patient, last: Increment) -> Surface:
+def skin_of(case: Case, patient: PreparedPatient, last: Increment) -> Surface:
     """The predicted skin."""
     return predicted_skin(case, patient.trunk, last.displacement)
 

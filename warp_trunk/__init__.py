@@ -15,7 +15,7 @@ The public names are listed in `__init__.pyi`; each is imported from its package
 empty folder.
 
 Experts import more from the packages: `engine` (`Model`, `Relaxer`, and the increments one by one), `meshing`,
-`bone_motion`, `run` (`prepare`, a `Patient` for many plans, `sensitivities`), `measures`, `preparation`.
+`bone_motion`, `run` (`prepare`, a `PreparedPatient` for many plans, `sensitivities`), `measures`, `preparation`.
 """
 
 import lazy_loader

@@ -13,14 +13,13 @@ from support.part_phantom import part_case
 from support.small_patient import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case.motions import Motion
-from warp_trunk.engine.simulation import simulate
 from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import MotionSliders, Sliders, SpineSliders, Wish, first_wish, with_handles
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import MeshOptions
-from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of, prepare_plan
+from warp_trunk.run.patient import PreparedPatient, patient_of
+from warp_trunk.run.prediction import prepare_plan
 
 WAIT = 60.0
 
@@ -28,7 +27,7 @@ WAIT = 60.0
 class Heard(Session):
     """A session that records what it shows, in order."""
 
-    def __init__(self, patient: Patient, sliders: Sliders | None = None) -> None:
+    def __init__(self, patient: PreparedPatient, sliders: Sliders | None = None) -> None:
         self.sliders = sliders or SpineSliders(patient.case)
         self.told: list[tuple[PlanView | None, str, TrunkMeasures | None]] = []
         self.faults: list[str] = []
@@ -56,15 +55,15 @@ class Heard(Session):
 
 
 @pytest.fixture(scope="module")
-def patient() -> Patient:
+def patient() -> PreparedPatient:
     return small_patient()
 
 
-def check_end(view: PlanView, alone: Patient) -> np.ndarray:
+def check_end(view: PlanView, alone: PreparedPatient) -> np.ndarray:
     """The view of a plan is that of a simulation on its own; returns how that moves the nodes."""
     planned = view.surgery.planned_case(alone.case)
-    *_, last = simulate(alone.model, prepare_plan(alone, planned).bone_path, alone.options.simulation)
-    skin = predicted_skin(planned, alone.trunk, last.displacement)
+    prediction = prepare_plan(alone, planned).relax()
+    skin, last = prediction.skin, prediction.last
     tolerance = alone.options.simulation.relax.tolerance
     assert view.error is not None
     assert view.error <= tolerance
@@ -105,7 +104,7 @@ def test_the_end_of_motions_is_that_of_a_simulation_and_a_collision_is_refused()
     assert session.faults == []
 
 
-def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient) -> None:
+def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: PreparedPatient) -> None:
     with Heard(patient) as session:
         for share in range(1, 60):
             session.ask(session.corrected(share))
@@ -124,7 +123,7 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Patient
     assert all(view.error is not None and view.error <= 1.0 for view in relaxed)
 
 
-def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: Patient) -> None:
+def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: PreparedPatient) -> None:
     with Heard(patient) as session:
         session.settled(session.corrected(30))
         session.ask({**session.corrected(100), "uiv": "L4", "liv": "T4"})
@@ -134,7 +133,7 @@ def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: Pati
         assert session.refusal == ""
 
 
-def test_a_fault_of_the_program_is_reported(patient: Patient, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_of_the_program_is_reported(patient: PreparedPatient, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise ZeroDivisionError("as if")
 
@@ -147,7 +146,7 @@ def test_a_fault_of_the_program_is_reported(patient: Patient, monkeypatch: pytes
     assert session.faults == ["ZeroDivisionError: as if"]
 
 
-def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: Patient) -> None:
+def test_another_plan_is_relaxed_beside_that_of_the_sliders(patient: PreparedPatient) -> None:
     beside: list[PlanView] = []
     with Heard(patient) as session:
         wish = session.corrected(50)

@@ -19,7 +19,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures.quantities import Measured
-from warp_trunk.results import predicted_skin, read_result, read_summary, result_of
+from warp_trunk.meshing.predicted_skin import predicted_skin
+from warp_trunk.results import read_result, read_summary, result_of
 
 WHOLE = {
     "landmarks_after.csv", "landmarks_before.csv", "predicted_skin.ply", "skin_before.ply",

@@ -17,7 +17,7 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
 from warp_trunk.run.best_plan import Aim, BestPlan, PlanTrial, Search, best_plan, best_plan_text, gain_sd
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of
+from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.sources import effect_of, sources_of
 
 CASE = coarse_phantom()
@@ -26,7 +26,7 @@ BOUNDS = bounds_of_text("T8,correction=0.4..0.8,derotation=0.1..0.6")
 
 
 @cache
-def patient(tolerance: float = 0.01) -> Patient:
+def patient(tolerance: float = 0.01) -> PreparedPatient:
     options = RunOptions(
         mesh=coarse_mesh(),
         simulation=SimulationOptions(increments=1, relax=RelaxOptions(tolerance=tolerance)),
@@ -83,11 +83,11 @@ def test_what_two_plans_share_does_not_blur_the_gain() -> None:
     search = best.search
     met = replace(CASE, uncertainty=replace(CASE.uncertainty, cobb=0.0, rotation=0.0))
     met_trial = PlanTrial(replace(search, case=met), patient(), trial.shares)
-    met_sd = gain_sd(replace(search, case=met), patient(), met_trial, met_trial)
+    met_sd = gain_sd(replace(search, case=met), met_trial, met_trial)
     assert met_sd == pytest.approx(CASE.uncertainty.mesh_rotation, rel=1e-9)
-    sources = sources_of(trial.case, trial.prepared, patient().options)
+    sources = sources_of(trial.prediction)
     missed = [effect_of(source, trial.numbers[trial.level]) for source in sources if source.of_surgery]
-    assert gain_sd(search, patient(), trial, trial) == pytest.approx(np.linalg.norm([*missed, *missed, met_sd]))
+    assert gain_sd(search, trial, trial) == pytest.approx(np.linalg.norm([*missed, *missed, met_sd]))
 
 
 def test_bounds_at_which_no_spine_can_be_placed_are_refused() -> None:

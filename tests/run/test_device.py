@@ -11,9 +11,9 @@ import warp as wp
 
 from support.small_trunk import small_case
 from warp_trunk.engine.parallel import choose_device
-from warp_trunk.engine.simulation import SimulationOptions, simulate
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import prepare
+from warp_trunk.run.prediction import prepare
 
 
 @pytest.fixture
@@ -35,10 +35,9 @@ def end(device: str, bones: Literal["follow", "spline"]) -> np.ndarray:
     case, trunk = small_case()
     case, trunk = replace(case, bones={"T8": case.bones["T10"]}), replace(trunk, bone_names=("T8",))
     options = RunOptions(bones=bones, device=device, simulation=SimulationOptions(increments=2))
-    prepared = prepare(case, options, trunk)
-    assert prepared.model.device == device
-    *_, last = simulate(prepared.model, prepared.bone_path, options.simulation)
-    return last.displacement
+    prediction = prepare(case, options, trunk)
+    assert prediction.model.device == device
+    return prediction.relax().last.displacement
 
 
 @pytest.mark.skipif("cpu" not in map(str, wp.get_devices()), reason="Warp has no CPU device on this machine")

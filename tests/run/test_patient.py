@@ -16,7 +16,8 @@ from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of, prepare, prepare_plan
+from warp_trunk.run.patient import PreparedPatient, patient_of
+from warp_trunk.run.prediction import prepare, prepare_plan
 from warp_trunk.run.simulate import simulate
 
 CASE, TRUNK = small_case()
@@ -26,7 +27,7 @@ OPTIONS = RunOptions(
 
 
 @pytest.fixture(scope="module")
-def patient() -> Patient:
+def patient() -> PreparedPatient:
     return patient_of(replace(CASE, landmarks_after=None), OPTIONS, TRUNK)
 
 
@@ -63,18 +64,20 @@ def test_every_plan_gives_the_bits_of_a_run_on_its_own(options: RunOptions, tmp_
         ({"layers": Layers()}, "'layers of the case' is another"),
     ],
 )
-def test_a_case_that_needs_another_mesh_or_model_is_refused(patient: Patient, change: dict, what: str) -> None:
+def test_a_case_that_needs_another_mesh_or_model_is_refused(
+    patient: PreparedPatient, change: dict, what: str
+) -> None:
     with pytest.raises(InputError, match=what):
         prepare_plan(patient, replace(planned(5.0), **change))
 
 
-def test_a_copy_of_the_patient_is_the_patient(patient: Patient) -> None:
+def test_a_copy_of_the_patient_is_the_patient(patient: PreparedPatient) -> None:
     skin = replace(CASE.skin, vertices=CASE.skin.vertices.copy())
-    path = prepare_plan(patient, replace(planned(5.0), skin=skin, name="read again")).bone_path
+    path = prepare_plan(patient, replace(planned(5.0), skin=skin, name="read again")).path
     assert np.abs(path.at(1.0)).max() == pytest.approx(5.0, rel=0.5)
 
 
-def test_other_options_than_the_patients_are_refused(patient: Patient, tmp_path: Path) -> None:
+def test_other_options_than_the_patients_are_refused(patient: PreparedPatient, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="other options"):
         simulate(
             planned(5.0),
@@ -95,7 +98,7 @@ def test_options_and_the_cases_tissue_reach_the_model() -> None:
 
 
 def test_bones_move_rigidly_unless_asked_otherwise() -> None:
-    path = prepare(CASE, RunOptions(device="cpu"), TRUNK).bone_path
+    path = prepare(CASE, RunOptions(device="cpu"), TRUNK).path
     here = TRUNK.nodes[TRUNK.bone == 0]
     there = here + path.at(0.3)[TRUNK.bone == 0]
     before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (here, there))

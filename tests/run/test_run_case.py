@@ -23,8 +23,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures.rows import sided
+from warp_trunk.recording.viewer import find_recording
 from warp_trunk.results import Result, read_result
-from warp_trunk.results.result import find_recording
 from warp_trunk.results.summary_text import plain
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.progress import Progress

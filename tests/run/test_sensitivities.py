@@ -16,20 +16,18 @@ from warp_trunk.case import Case
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.layers import FAT_THICKNESS, SKIN_THICKNESS, Layers
 from warp_trunk.engine.energies.by_name import EnergyName
-from warp_trunk.engine.newton import Relaxer
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
-from warp_trunk.engine.simulation import Increment, SimulationOptions, simulate
+from warp_trunk.engine.relaxation import RelaxOptions
+from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import QUANTITIES
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.preparation.deformity import SpineCurve, make_case
-from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Prepared, find_path, prepare
+from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.sensitivities import Sensitivity, sensitivities
 from warp_trunk.run.sources import sources_of
 
@@ -58,17 +56,13 @@ class Simulated:
 
     def __init__(self, case: Case, options: RunOptions, trunk: TrunkMesh | None = None) -> None:
         self.case, self.options = case, options
-        self.prepared = prepare(case, options, trunk)
-        self.relaxer = Relaxer(self.prepared.model, options.simulation.relax)
-        self.last = self.end(self.prepared, self.relaxer)
-        self.found = sensitivities(case, self.prepared, self.last, options)
-        skin = predicted_skin(case, self.prepared.trunk, self.last.displacement)
-        self.hump_level = measure(skin, case.planned_landmarks).hump_level or ""
+        self.prediction = self.relaxed(prepare(case, options, trunk))
+        self.found = sensitivities(self.prediction)
+        self.hump_level = self.prediction.measures_at(self.prediction.last).hump_level or ""
 
-    def end(self, prepared: Prepared, relaxer: Relaxer | None = None) -> Increment:
-        *_, last = simulate(prepared.model, prepared.bone_path, self.options.simulation, relaxer=relaxer)
-        assert last.relaxation.status is RelaxStatus.CONVERGED
-        return last
+    def relaxed(self, prediction: Prediction) -> Prediction:
+        assert prediction.relax().converged
+        return prediction
 
     def with_landmarks(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """The numbers where landmarks have moved."""
@@ -81,18 +75,16 @@ class Simulated:
                 self.case.landmarks_before.names, self.case.planned_landmarks.points + after
             ),
         )
-        path = find_path(case, self.prepared.trunk, self.options)
-        return self.numbers(case, self.end(replace(self.prepared, bone_path=path), self.relaxer))
+        return self.numbers(self.relaxed(prepare_plan(self.prediction.patient, case)))
 
     def with_tissue(self, tissue: Tissue) -> np.ndarray:
         """The numbers of another tissue."""
-        prepared = prepare(replace(self.case, tissue=tissue), self.options, self.prepared.trunk)
-        return self.numbers(self.case, self.end(prepared))
+        case = replace(self.case, tissue=tissue)
+        return self.numbers(self.relaxed(prepare(case, self.options, self.prediction.trunk)))
 
-    def numbers(self, case: Case, last: Increment) -> np.ndarray:
+    def numbers(self, prediction: Prediction) -> np.ndarray:
         """Those of `found`, measured again."""
-        skin = predicted_skin(case, self.prepared.trunk, last.displacement)
-        measured = measure(skin, case.planned_landmarks)
+        measured = prediction.measures_at(prediction.last)
         return np.array([self.number(one, measured) for one in self.found], dtype=np.float64)
 
     def number(self, one: Sensitivity, measured: TrunkMeasures) -> float | None:
@@ -155,10 +147,10 @@ def test_the_rigidity_of_the_skin() -> None:
     value, step = 100.0, 0.1
     box = Simulated(case, replace(options_of("neo-hookean"), skin_rigidity=value), trunk)
     assert set(box.found[0].constants) == {"poisson_ratio", "youngs_modulus", "skin_rigidity"}
-    names = {source.name for source in sources_of(case, box.prepared, box.options)}
+    names = {source.name for source in sources_of(box.prediction)}
     assert {"youngs modulus", "skin rigidity"} < names
     ends = [
-        box.numbers(case, box.end(prepare(case, replace(box.options, skin_rigidity=there), trunk)))
+        box.numbers(box.relaxed(prepare(case, replace(box.options, skin_rigidity=there), trunk)))
         for there in (value + step, value - step)
     ]
     predicted = np.array([one.constants["skin_rigidity"] for one in box.found])
@@ -188,7 +180,7 @@ def test_a_phantom(phantom: Simulated) -> None:
     assert {("bsr_deg", "T1"), ("bsr_deg", "T8"), ("bsr_deg", "L4"), ("shoulder_difference_mm", "")} <= names
     assert ("max_hump_mm", "") in names
     np.testing.assert_allclose(
-        [one.value for one in phantom.found], phantom.numbers(phantom.case, phantom.last), rtol=0.0, atol=1e-9
+        [one.value for one in phantom.found], phantom.numbers(phantom.prediction), rtol=0.0, atol=1e-9
     )
     wanted = {"epsilon", "theta"} if phantom.options.energy == "itmsm" else {"poisson_ratio"}
     assert set(phantom.found[0].constants) == wanted
@@ -206,8 +198,8 @@ def test_thickness_of_layers(energy: EnergyName) -> None:
         ends = []
         for step in (0.01, -0.01):
             thicker = replace(case, layers=replace(Layers(), **{f"{layer}_thickness": value + step}))
-            prepared = prepare(thicker, layered.options, replace(layered.prepared.trunk, tissue=None))
-            ends.append(layered.numbers(case, layered.end(prepared)))
+            trunk = replace(layered.prediction.trunk, tissue=None)
+            ends.append(layered.numbers(layered.relaxed(prepare(thicker, layered.options, trunk))))
         predicted = np.array([one.constants[f"{layer}.thickness"] for one in layered.found])
         agree([one.quantity for one in layered.found], predicted, (ends[0] - ends[1]) / 0.02)
 

@@ -15,9 +15,8 @@ from benchmarking.tables import short_table
 
 from support.small_trunk import small_case
 from warp_trunk import RunOptions
-from warp_trunk.engine.simulation import simulate
 from warp_trunk.run.options import SKIN_RIGIDITY
-from warp_trunk.run.patient import prepare
+from warp_trunk.run.prediction import prepare
 
 
 @pytest.mark.slow
@@ -33,8 +32,7 @@ def test_a_problem_of_bones_that_follow(tmp_path: Path) -> None:
     assert back.bone_path().rigid_bones is not None
     for load_factor in (0.3, 1.0):
         np.testing.assert_array_equal(back.bone_path().at(load_factor), made.bone_path().at(load_factor))
-    prepared = prepare(case, options, trunk)
-    *_, last = simulate(prepared.model, prepared.bone_path, options.simulation)
+    last = prepare(case, options, trunk).relax().last
     assert back.errors(last.displacement).max_error_mm < 0.01
     setting = Setting(
         method="newton", threads=1, precision="float64", device="cpu", energy=back.energy, bones="follow"

@@ -10,7 +10,7 @@ from support.small_trunk import small_trunk
 from warp_trunk.case import Case
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Patient, patient_of
+from warp_trunk.run.patient import PreparedPatient, patient_of
 
 APEX = "T7"
 """Of its right thoracic curve of 40 degrees, T4 to T11."""
@@ -29,7 +29,7 @@ def curved_case() -> Case:
     return Case('curved "<i>box</i>"', skin, bones, before)
 
 
-def small_patient(**options: Any) -> Patient:
+def small_patient(**options: Any) -> PreparedPatient:
     """It, made ready on one CPU thread."""
     trunk = replace(small_trunk()[0], bone_names=("T8",))
     return patient_of(curved_case(), RunOptions(device="cpu", threads=1, **options), trunk)

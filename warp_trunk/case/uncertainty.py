@@ -69,15 +69,16 @@ REFERENCES: Mapping[str, str] = MappingProxyType(
         "1990, 72:320), and no study at hand compares a plan with what was reached",
         "rotation": "assumed; mean apical rotation after surgery of two techniques is 9.7 and 15.3 degrees (Tang "
         "et al. 2015)",
-        "ribs": "assumed; half of what the choice of how ribs move changes ",
-        "epsilon": "range over which the springs stay as near to a continuum",
-        "theta": "range over which the springs stay as near to a continuum",
+        "ribs": "assumed; half of what the choice of how ribs move changes (docs/ribs.md)",
+        "epsilon": "range over which itmsm stays as near to a continuum (docs/model.md)",
+        "theta": "range over which itmsm stays as near to a continuum (docs/model.md)",
         "poisson_ratio": "assumed; soft tissue is simulated with 0.3 to 0.49",
-        "youngs_modulus": "129 ± 88 and 56 ± 16 kPa of skin, 3.0 ± 1.2 of fat, as published",
-        "skin_rigidity": "0.12 to 1.5 N mm by suction and torsion",
-        "skin_thickness": "2.54 and 1.91 mm of adults, 1.3 mm of children, as published",
-        "fat_thickness": "4 to 7.5 mm of girls of 12 to 17, 3 mm of boys of 17, as published",
-        "mesh": "0.36 degrees largest, with another mesh; 0.95 mm mean, against four times as many tetrahedra",
+        "youngs_modulus": "129 ± 88 and 56 ± 16 kPa of skin, 3.0 ± 1.2 of fat (sources in case/layers.py)",
+        "skin_rigidity": "0.12 to 1.5 N mm by suction and torsion (docs/model.md)",
+        "skin_thickness": "2.54 and 1.91 mm of adults, 1.3 mm of children (sources in case/layers.py)",
+        "fat_thickness": "4 to 7.5 mm of girls of 12 to 17, 3 mm of boys of 17 (sources in case/layers.py)",
+        "mesh": "0.36 degrees largest, with another mesh; 0.95 mm mean, against four times as many tetrahedra "
+        "(docs/ribs.md)",
     }
 )
 """Where the default of each source comes from."""

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from tyro.conf import Positional
 
@@ -16,9 +15,8 @@ from warp_trunk.io.file_access import check_place
 from warp_trunk.io.result_files import TRUNK
 from warp_trunk.io.surface_files.morph import morph_glb
 from warp_trunk.io.trunk_file import read_trunk
-from warp_trunk.recording import view, view_in_browser
+from warp_trunk.recording import view_result
 from warp_trunk.results import read_result, read_summary
-from warp_trunk.results.result import find_recording
 from warp_trunk.run.progress import Progress
 
 from .output import OK
@@ -35,7 +33,7 @@ class View:
 
     def run(self, arguments: list[str]) -> int:
         """Starts the viewer, which other machines cannot reach, and waits for its end."""
-        return (view_in_browser if self.web else view)(find_recording(self.result))
+        return view_result(self.result, web=self.web)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,24 +45,17 @@ class Report:
     out: Path | None = None
     """Folder to write to; by default the result folder, or the folder of the first of several results."""
 
-    views: Literal["dressed", "bare"] = "dressed"
-    """Front and side are shown in a shirt; bare shows them without clothes too."""
-
     def run(self, arguments: list[str]) -> int:
         """Writes the page and prints its place."""
         if not self.results:
             raise InputError("report: RESULTS is missing; give one folder that `simulate` wrote, or several")
         if self.out is not None:
             refuse_case(self.out)
-        from warp_trunk.report.writing import write_comparison, write_report  # bring matplotlib
+        from warp_trunk.report.writing import write_comparison  # brings matplotlib
 
         with Progress() as progress, progress.stage("report", "measuring and drawing"):
             results = [read_result(folder) for folder in self.results]
-            bare = self.views == "bare"
-            if len(results) > 1:
-                page = write_comparison(results, self.out, bare=bare)
-            else:
-                page = write_report(results[0], self.out, bare=bare)
+            page = write_comparison(results, self.out) if len(results) > 1 else results[0].report(self.out)
         print(f"Open {page} in a browser; its pictures are in {page.with_suffix('')}")
         return OK
 

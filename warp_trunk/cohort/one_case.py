@@ -10,16 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warp_trunk.case import read_checked_case
+from warp_trunk.case.fingerprint import Fingerprint, difference, fingerprint_of
+from warp_trunk.engine.parallel import choose_device, choose_threads
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
 from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, Measured, measured
-from warp_trunk.results import Result, fingerprint_of
-from warp_trunk.results.fingerprint import Fingerprint, surface_digest
-from warp_trunk.results.fingerprint import difference as first_difference
+from warp_trunk.results import Result
 from warp_trunk.results.judging import judged, write_measures
+from warp_trunk.results.versions import versions
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
@@ -91,7 +92,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
     made_from = _made_from(case, options.run)
     earlier, notice = read_judged(out), ""
     if earlier is not None:
-        notice = first_difference(earlier.made_from, made_from)
+        notice = difference(earlier.made_from, made_from)
         if not notice:
             return Done(row=dataclasses.replace(earlier.row, folder=folder.name), kept=True)
     out.mkdir(parents=True, exist_ok=True)
@@ -104,17 +105,19 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
     return Done(row=row, notice=notice)
 
 
+CHANGES_NOTHING = frozenset({"cache", "device", "from_mesh", "live", "threads"})
+"""Options that change no displacement, or that are included below by their effect."""
+PROGRAMS = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh")
+"""Programs on which the numbers depend."""
+
+
 def _made_from(case: Case, options: RunOptions) -> Fingerprint:
-    """The inputs of a row: the simulation, the actual skin, and the table [study] of the case."""
-    found = {
-        **fingerprint_of(case, parameters(options)),
-        "actual_skin": None if case.actual_skin is None else surface_digest(case.actual_skin),
-        "record": options.record,
-        "case": case.name,
-        "study": dataclasses.asdict(case.study),
-        "uncertainty": dataclasses.asdict(case.uncertainty),
-    }
-    return json.loads(json.dumps(found))
+    """The inputs of a row: the case, the options that change it, the device, and the programs."""
+    given = {name: value for name, value in parameters(options).items() if name not in CHANGES_NOTHING}
+    device = given["device"] = choose_device(options.device)
+    given["threads"] = 1 if device.startswith("cuda") else choose_threads(options.threads)
+    given |= {f"version of {name}": version for name, version in versions().items() if name in PROGRAMS}
+    return fingerprint_of(case) | json.loads(json.dumps(given))
 
 
 def _row(case: Case, folder: Path, result: Result) -> CaseRow:

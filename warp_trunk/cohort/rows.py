@@ -7,9 +7,9 @@ from pathlib import Path
 
 import msgspec
 
+from warp_trunk.case.fingerprint import Fingerprint
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.measures.quantities import ACTUAL, Measured, MeasureTable
-from warp_trunk.results.fingerprint import Fingerprint
 
 JUDGED = "judged.json"
 """The file of a case's result that is written last: with it, the case needs nothing more."""

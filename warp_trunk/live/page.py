@@ -11,7 +11,7 @@ import viser
 from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.run.patient import Patient
+from warp_trunk.run.patient import PreparedPatient
 
 from .kept import KeptPlans
 from .loopback import LoopbackServer
@@ -29,7 +29,7 @@ PAUSE = 0.1
 class Page:
     """The page of one patient, open as long as the block that it is entered for."""
 
-    def __init__(self, patient: Patient, sliders: Sliders, folder: Path, port: int) -> None:
+    def __init__(self, patient: PreparedPatient, sliders: Sliders, folder: Path, port: int) -> None:
         """Opens the port; nothing is planned yet.
 
         Args:

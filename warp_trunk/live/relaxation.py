@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from warp_trunk.case import Case
     from warp_trunk.engine.relaxation import Relaxation, RelaxStep
-    from warp_trunk.run.patient import Patient
+    from warp_trunk.run.patient import PreparedPatient
 
 
 _FAR = 10.0
@@ -57,7 +57,7 @@ class LiveRelaxation:
     is found, all increments from before surgery are taken.
     """
 
-    def __init__(self, patient: Patient) -> None:
+    def __init__(self, patient: PreparedPatient) -> None:
         self._patient = patient
         self._scalar = wp.dtype_to_numpy(patient.model.scalar)
         before = patient.case.landmarks_before

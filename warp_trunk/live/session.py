@@ -17,7 +17,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
-from warp_trunk.run.patient import Patient, motions_of
+from warp_trunk.run.patient import PreparedPatient, motions_of
 from warp_trunk.run.warnings import curve_warnings
 
 from .image import Images
@@ -121,7 +121,7 @@ class Session:
 
     def __init__(
         self,
-        patient: Patient,
+        patient: PreparedPatient,
         sliders: Sliders,
         changed: Callable[[], None],
         report_error: Callable[[str], None],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import tempfile
 import warnings
@@ -14,10 +13,11 @@ import numpy as np
 import platformdirs
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
+from warp_trunk.geometry.digest import digest, surface_digest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.file_access import limited_memory
 
-FORMAT = 4
+FORMAT = 5
 """Raised whenever the same input would give another mesh or another file, so that old files are not used."""
 _ARRAYS = tuple(field.name for field in fields(TrunkMesh) if field.name not in ("bone_names", "tissue"))
 
@@ -31,12 +31,10 @@ def cache_folder() -> Path:
 
 def cache_key(skin: Surface, bones: Mapping[str, Surface], options: str) -> str:
     """A name for what a mesh is made from: every vertex and face, the bones' names and order, the options."""
-    digest = hashlib.sha256(f"warp-trunk mesh {FORMAT}\n{options}\n".encode())
+    parts = [f"warp-trunk mesh {FORMAT}\n{options}\n"]
     for name, surface in [("skin", skin), *((f"bone {name}", bone) for name, bone in bones.items())]:
-        digest.update(f"{name}\n{len(surface.vertices)} {len(surface.faces)}\n".encode())
-        digest.update(np.ascontiguousarray(surface.vertices, dtype="<f8").tobytes())
-        digest.update(np.ascontiguousarray(surface.faces, dtype="<i4").tobytes())
-    return digest.hexdigest()
+        parts += [name, surface_digest(surface)]
+    return digest(*parts)
 
 
 def load_cached(key: str) -> TrunkMesh | None:

@@ -2,6 +2,6 @@
 
 from .recording import Recording
 from .stream import load_rerun
-from .viewer import start_viewer, view, view_in_browser
+from .viewer import start_viewer, view_result
 
-__all__ = ["Recording", "load_rerun", "start_viewer", "view", "view_in_browser"]
+__all__ = ["Recording", "load_rerun", "start_viewer", "view_result"]

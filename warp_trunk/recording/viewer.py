@@ -14,12 +14,47 @@ from pathlib import Path
 from typing import Any
 
 from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.result_files import RECORDING
 
 LOOPBACK = "127.0.0.1"
 WAIT = 60.0
 """Longest wait for a viewer to open [s]."""
 WITHOUT_DISPLAY = "use `view --web`, or copy the result folder to a machine with a screen and `view` it there"
 """The advice if there is no display."""
+
+
+def view_result(result: str | Path, *, web: bool = False) -> int:
+    """Open the recording in a result folder, or a recording itself, and wait for its end.
+
+    Args:
+        result: a result folder, also one whose simulation was cut short, or a recording.
+        web: open it in a browser on this machine instead of a window.
+
+    Returns:
+        The exit status of the viewer.
+
+    Raises:
+        InputError: there is no recording, the file is none, or there is no display.
+    """
+    return (view_in_browser if web else view)(find_recording(Path(result)))
+
+
+def find_recording(result: Path) -> Path:
+    """The recording in a result folder, also one that was cut short, or a recording itself.
+
+    Raises:
+        InputError: there is no recording, or the file is none.
+    """
+    if result.is_file():
+        with result.open("rb") as file:
+            if file.read(3) != b"RRF":  # how a recording begins; Rerun's viewer would open many other files
+                raise InputError(f"{result}: is no recording; give a result folder or the {RECORDING} in it")
+        return result
+    for path in (result / RECORDING, partial(result / RECORDING)):
+        if path.is_file():
+            return path
+    raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")
 
 
 def view(recording: Path) -> int:

@@ -24,7 +24,6 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable
 from warp_trunk.io.result_files import (
     ACTUAL_SKIN,
-    EFFECTS,
     LANDMARKS_AFTER,
     LANDMARKS_BEFORE,
     MEASURES,
@@ -44,11 +43,11 @@ from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.quantities import MeasureTable
 
-from .bands import Bands, Effects, read_effects, read_skin_sd, write_effects, write_skin_sd
+from .bands import Bands, read_skin_sd, write_skin_sd
 from .summary import Summary, read_summary, write_summary
 
 if TYPE_CHECKING:
-    from warp_trunk.case import Case
+    pass
 
 LEAST_SPACE = 200e6
 """Free space that a result folder needs [bytes]; the largest results seen take a third of it."""
@@ -87,8 +86,6 @@ class Result:
     skin_sd: np.ndarray | None = None
     """Standard deviation of the place of each vertex of the predicted skin along its normal [mm], shape
     (vertices,); None without bands."""
-    effects: Effects | None = None
-    """Effects of the errors on its numbers; None without bands."""
     plan: str | None = None
     """The text of the plan, or of the motions of bones, that made it; None where there was none."""
     saved_in: Path | None = None
@@ -160,8 +157,7 @@ class Result:
 
         It holds `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where
         the case has one, `landmarks_before.csv`, `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the
-        recording, `skin_sd.csv` and `effects.npz` where there are bands, and `plan.toml` where a plan made the
-        case.
+        recording, `skin_sd.csv` where there are bands, and `plan.toml` where a plan made the case.
 
         Every file is written under another name and moved when all are complete, summary.json last: a folder that
         has a summary is complete. What an earlier simulation left in the same folder is removed, also the report
@@ -186,7 +182,7 @@ class Result:
         Raises:
             InputError: the result is not saved yet, or the folder cannot be written to.
         """
-        from warp_trunk.report.writing import write_report  # draws pictures
+        from warp_trunk.report.writing import write_report  # of the public face alone
 
         return write_report(self, out)
 
@@ -196,19 +192,14 @@ class Result:
         Raises:
             InputError: the result is not saved yet or has no recording, or there is no display.
         """
-        from warp_trunk.recording import view, view_in_browser
+        from warp_trunk.recording import view_result
 
-        return (view_in_browser if web else view)(find_recording(self.folder))
+        return view_result(self.folder, web=web)
 
     def _repr_html_(self) -> str:
         from warp_trunk.report.writing import notebook_html  # draws a picture
 
         return notebook_html(self)
-
-
-def predicted_skin(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> Surface:
-    """The skin of a case, same vertices and faces, moved with the nodes' displacement (nodes, 3) [mm]."""
-    return Surface(case.skin.vertices + displacement[trunk.skin_nodes], case.skin.faces)
 
 
 def prepare_folder(folder: str | Path) -> Path:
@@ -239,7 +230,6 @@ def write_result(folder: Path, result: Result) -> None:
         LANDMARKS_AFTER: (write_landmarks, after if after.names else None),
         PLAN: (_write_text, result.plan),
         SKIN_SD: (write_skin_sd, result.skin_sd),
-        EFFECTS: (write_effects, result.effects),
         SUMMARY: (write_summary, result.summary),
     }
     contents = {name: content for name, content in contents.items() if content[1] is not None}
@@ -250,7 +240,7 @@ def write_result(folder: Path, result: Result) -> None:
     if recording is not None and recording != kept:
         shutil.copyfile(recording, kept)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
-    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, EFFECTS, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
+    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
     for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
@@ -304,25 +294,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_after=reached,
         summary=summary,
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
-        effects=None if summary.bands is None else read_effects(folder / EFFECTS, len(after.vertices)),
         plan=read_text(plans[0], "the plan of a result", MOST_PLAN) if plans else None,
         saved_in=folder,
         recording=recording if recording.is_file() else None,
     )
-
-
-def find_recording(result: Path) -> Path:
-    """The recording in a result folder, also one that was cut short, or a recording itself.
-
-    Raises:
-        InputError: there is no recording, or the file is none.
-    """
-    if result.is_file():
-        with result.open("rb") as file:
-            if file.read(3) != b"RRF":  # how a recording begins; Rerun's viewer would open many other files
-                raise InputError(f"{result}: is no recording; give a result folder or the {RECORDING} in it")
-        return result
-    for path in (result / RECORDING, partial(result / RECORDING)):
-        if path.is_file():
-            return path
-    raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")

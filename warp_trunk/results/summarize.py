@@ -19,8 +19,9 @@ from warp_trunk.measures.chest import chest_indices, is_of_chest
 from warp_trunk.measures.points import follow_points
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable, measured
 from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
+from warp_trunk.meshing.predicted_skin import predicted_skin
 
-from .result import Result, predicted_skin
+from .result import Result
 from .summary import IncrementSummary, SpringSummary, StepSummary, Summary, Terms, as_read
 from .versions import versions
 
@@ -126,7 +127,6 @@ def result_of(
         landmarks_after=planned,
         summary=as_read(summary),
         skin_sd=None if found is None else found.skin_sd,
-        effects=None if found is None else found.effects,
         plan=case.plan,
         recording=recording,
     )

@@ -16,14 +16,13 @@ import numpy as np
 from warp_trunk.bone_motion.plan import Plan, Planner
 from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text, check_bounds, shares_of, with_shares
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import QUANTITIES, WIDTH
-from warp_trunk.results import predicted_skin
 
 from .options import RunOptions, with_changes
-from .patient import Patient, Prepared, patient_of, prepare_plan
+from .patient import PreparedPatient, patient_of
+from .prediction import prepare_plan
 from .progress import Progress
 from .sensitivities import Sensitivity, sensitivities
 from .sources import effect_of, sources_of
@@ -51,17 +50,11 @@ class PlanTrial:
     values: dict[str, float]
     """The numbers that the aim is the largest of, by level [mm or degrees]."""
 
-    def __init__(self, search: Search, patient: Patient, shares: tuple[float, ...]) -> None:
-        self.shares, self._search, self._patient = shares, search, patient
+    def __init__(self, search: Search, patient: PreparedPatient, shares: tuple[float, ...]) -> None:
+        self.shares, self._search = shares, search
         self.case = search.planned(shares)
-        self.prepared: Prepared = prepare_plan(patient, self.case)
-        options = patient.options
-        *_, self.end = simulate(
-            patient.model, self.prepared.bone_path, options.simulation, relaxer=patient.relaxer
-        )
-
-        skin = predicted_skin(self.case, self.prepared.trunk, self.end.displacement)
-        measured = measure(skin, self.case.planned_landmarks)
+        self.prediction = prepare_plan(patient, self.case).relax()
+        measured = measure(self.prediction.skin, self.case.planned_landmarks)
         found = QUANTITIES[AIMS[search.aim]].function(measured, ())
         self.values = {level: value for level, value in found.items() if value is not None}
 
@@ -78,11 +71,9 @@ class PlanTrial:
     @cached_property
     def numbers(self) -> dict[str, Sensitivity]:
         """The number of each level with what it depends on."""
-        patient, aim, end = self._patient, self._search.aim, self.end
-        linear = Linearization(patient.model, end, relaxer=patient.relaxer)
-        found = sensitivities(
-            self.case, self.prepared, end, patient.options, all_humps=aim == "hump", linear=linear
-        )
+        aim, prediction = self._search.aim, self.prediction
+        linear = Linearization(prediction.model, prediction.last, relaxer=prediction.patient.relaxer)
+        found = sensitivities(prediction, all_humps=aim == "hump", linear=linear)
         return {one.level: one for one in found if one.quantity == AIMS[aim]}
 
     def slopes(self) -> dict[str, np.ndarray]:
@@ -166,7 +157,7 @@ def best_plan(
     *,
     options: RunOptions | None = None,
     progress: Progress | None = None,
-    patient: Patient | None = None,
+    patient: PreparedPatient | None = None,
     most: int = MOST,
     **changes: Any,
 ) -> BestPlan:
@@ -226,7 +217,7 @@ def best_plan(
     low, high = np.array([(bound.low, bound.high) for bound in search.bounds]).T
     allowed = [trial for trial in trials if np.all((low <= trial.shares) & (trial.shares <= high))]
     best = min([given, *allowed], key=lambda trial: trial.value)
-    sd = 0.0 if best is given else gain_sd(search, patient, given, best)
+    sd = 0.0 if best is given else gain_sd(search, given, best)
     best_one = with_shares(plan, search.bounds, best.shares)
     return BestPlan(search, best_one, given, best, tuple(trials), given.value - best.value, sd)
 
@@ -271,13 +262,13 @@ def _minimise(bounds: Sequence[Bound], first: PlanTrial, trial_of: Callable[[Seq
     )
 
 
-def gain_sd(search: Search, patient: Patient, given: PlanTrial, best: PlanTrial) -> float:
+def gain_sd(search: Search, given: PlanTrial, best: PlanTrial) -> float:
     """Standard deviation of how much smaller the aim is of one plan than of the other.
 
     Errors of the patient (landmarks, tissue, ribs) are the same for both plans, so only their effect on the
     difference counts. How surgery misses a plan is not the same; it adds up.
     """
-    case, options = search.case, patient.options
+    case = search.case
     moved = np.zeros_like(case.landmarks_before.points)
     shared: dict[str, float] = defaultdict(float)
     missed = 0.0
@@ -285,7 +276,7 @@ def gain_sd(search: Search, patient: Patient, given: PlanTrial, best: PlanTrial)
         one = trial.numbers[trial.level]
         sign = side * math.copysign(1.0, one.value)
         moved = moved + sign * (one.landmarks_before + one.landmarks_after)
-        for source in sources_of(trial.case, trial.prepared, options):
+        for source in sources_of(trial.prediction):
             effect = sign * effect_of(source, one)
             if source.of_surgery:
                 missed += effect**2

@@ -18,8 +18,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import measure
 from warp_trunk.measures.quantities import QUANTITIES
 
-from .options import RunOptions
-from .patient import Prepared, motions_of_sets
+from .patient import motions_of_sets
 from .sources import ErrorSource
 
 if TYPE_CHECKING:
@@ -27,6 +26,8 @@ if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.trunk_mesh import TrunkMesh
     from warp_trunk.measures.derivatives import Derivative
+
+    from .prediction import Prediction
 
 
 MOST_NONLINEAR = 0.3
@@ -55,9 +56,7 @@ class Draws:
 
 
 def draw_errors(
-    case: Case,
-    prepared: Prepared,
-    options: RunOptions,
+    prediction: Prediction,
     sources: Sequence[ErrorSource],
     *,
     force_derivatives: Mapping[str, np.ndarray],
@@ -68,9 +67,7 @@ def draw_errors(
     """Draws all errors at once.
 
     Args:
-        case: with its uncertainty.
-        prepared: what `prepare` made of it.
-        options: those that `prepare` was given.
+        prediction: of a case with its uncertainty.
         sources: all sources but the landmarks.
         force_derivatives: what constants add to forces (`force_derivatives_of`).
         seen: what each landmark adds to the displacement of each node by the spline (`spline_response`), and the
@@ -78,18 +75,18 @@ def draw_errors(
         numbers: how many adjoints are solved for beside; as many fields are taken as fit in the same passes.
         sizes: how many draws, and where they come from.
     """
-    count, random = sizes
+    case, (count, random) = prediction.case, sizes
     size = random.standard_normal((count, len(sources)))
     of_landmarks = np.array([source.landmarks_after is not None for source in sources], dtype=bool)
     moves = [source.landmarks_after for source in sources if source.landmarks_after is not None]
     moves = np.reshape(moves, (len(moves), *case.landmarks_before.points.shape))
     others = [source for source in sources if source.landmarks_after is None]
     errors = draw_landmarks(case, moves, size[:, of_landmarks], random)
-    if options.bones == "spline":
+    if prediction.options.bones == "spline":
         most = max(LEAST_PATTERNS, MOST_SOLVES - numbers - len(others))
-        draws = spline_draws(case, prepared.trunk, moves, errors, *seen, most=most)
+        draws = spline_draws(case, prediction.trunk, moves, errors, *seen, most=most)
     else:
-        draws = rigid_draws(case, prepared.trunk, errors)
+        draws = rigid_draws(case, prediction.trunk, errors)
     bones, forces = np.zeros((2, len(others), *draws.bones.shape[1:]))
     for row, source in enumerate(others):
         if source.bones is not None:

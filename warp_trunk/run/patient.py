@@ -12,6 +12,7 @@ import numpy as np
 from warp_trunk.bone_motion.articulation import SpineFeatures, bone_motions, given_motions
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, rigid_path, spline_path
 from warp_trunk.bone_motion.skeleton import Skeleton
+from warp_trunk.case.fingerprint import anatomy_of, difference
 from warp_trunk.case.layers import Layers
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.model import Model
@@ -27,7 +28,6 @@ from warp_trunk.io.exchange import read_volume
 from warp_trunk.meshing import make_trunk
 from warp_trunk.meshing.joints import free_joints
 from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
-from warp_trunk.results.fingerprint import anatomy_of, difference
 
 from .options import RunOptions
 from .progress import stage_of
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Patient:
+class PreparedPatient:
     """One patient and her tissue, ready for any plan. Made by `patient_of`.
 
     Neither the mesh nor the model depends on where a plan takes the bones: nodes on bone are held wherever these
@@ -83,7 +83,7 @@ class Patient:
         response = spline_response(self.case.landmarks_before.points, self.trunk.nodes)
         return response.astype(self.model.precision)  # memory is what a product with it waits for
 
-    def in_float64(self) -> Patient:
+    def in_float64(self) -> PreparedPatient:
         """The same patient with her model in float64."""
         options = dataclasses.replace(self.options, precision="float64")
         return dataclasses.replace(self, options=options, model=_model(self.case, self.trunk, options))
@@ -100,7 +100,7 @@ def patient_of(
     options: RunOptions | None = None,
     trunk: TrunkMesh | None = None,
     progress: Progress | None = None,
-) -> Patient:
+) -> PreparedPatient:
     """Mesh a patient and build her model; where `from_mesh` gives a mesh, its boundary is her skin.
 
     Args:
@@ -126,8 +126,8 @@ def patient_of(
             build = make_trunk(case.skin, case.bones, options.mesh)
         trunk = build.trunk
         if progress is not None:
-            progress.add("surface", build.surface_seconds)
-            progress.add("mesh", build.mesh_seconds)
+            progress.clock.add("surface", build.surface_seconds)
+            progress.clock.add("mesh", build.mesh_seconds)
     if options.bones == "follow":
         trunk = free_joints(trunk)
     if (source := layers_from(case, options)) == "none":
@@ -135,7 +135,7 @@ def patient_of(
     else:
         with stage_of(progress, "layers", "assigning tissue layers"):
             trunk = layered(trunk, case.layers or Layers(), source)
-    return Patient(case, options, trunk, _model(case, trunk, options, kernels, progress))
+    return PreparedPatient(case, options, trunk, _model(case, trunk, options, kernels, progress))
 
 
 def _model(
@@ -171,54 +171,6 @@ def layers_from(case: Case, options: RunOptions) -> LayersFrom:
     if options.layers is not None:
         return options.layers
     return "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """A case that is ready to be simulated: `simulate(prepared.model, prepared.bone_path)`."""
-
-    trunk: TrunkMesh
-    """The mesh, with the tissue of its tetrahedra and with free joints where bones move each on its own."""
-    model: Model
-    """The mesh on its device, at rest."""
-    bone_path: PrescribedMotion
-    """Where its bones go."""
-
-
-def prepare(
-    case: Case,
-    options: RunOptions | None = None,
-    trunk: TrunkMesh | None = None,
-    progress: Progress | None = None,
-) -> Prepared:
-    """Mesh a case, build its model and find the path of its bones.
-
-    Args:
-        case: what to simulate, with its tissue.
-        options: how; the defaults when left out. Only what comes before the increments is read.
-        trunk: the mesh of the case where there is one already; made, or fetched from the cache, when left out.
-        progress: what to show the stages on; nothing is shown when left out.
-
-    Raises:
-        InputError: the case or an option is one that a stage refuses.
-    """
-    return prepare_plan(patient_of(case, options, trunk, progress), case, progress)
-
-
-def prepare_plan(patient: Patient, case: Case, progress: Progress | None = None) -> Prepared:
-    """A plan for a patient who is ready: the path of the bones is all that is still to be found.
-
-    Args:
-        patient: her mesh and model.
-        case: the patient with what is planned.
-        progress: what to show the stage on; nothing is shown when left out.
-
-    Raises:
-        InputError: the case is of another patient or tissue, or has landmarks on which no spline can be fitted.
-    """
-    patient.check(case)
-    with stage_of(progress, "path", "finding where the bones go"):
-        return Prepared(patient.trunk, patient.model, find_path(case, patient.trunk, patient.options))
 
 
 def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> PrescribedMotion:

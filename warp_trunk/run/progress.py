@@ -8,20 +8,27 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, TextIO
 
+from .clock import Clock
+
 if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
 
 
 class Progress:
-    """Times the stages of a run and shows them on a stream, which is standard error if not given."""
+    """Shows the stages of a run, timed by its clock, on a stream, which is standard error if not given."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._bars: Any = None
         self._task: Any = None
         self._began, self._reached, self._named = time.perf_counter(), 0, ""
-        self.seconds: dict[str, float] = {}
-        """Time spent so far in each stage [s]."""
+        self.clock = Clock()
+        """The clock of the run that is shown."""
+
+    def start_clock(self) -> Clock:
+        """Starts a clock for another run."""
+        self.clock = Clock()
+        return self.clock
 
     def __enter__(self) -> Progress:
         if self._stream.isatty():
@@ -55,21 +62,17 @@ class Progress:
 
     @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:
-        """Shows what is being done, and adds the time until the block ends to `seconds[name]`."""
+        """Shows what is being done, and times the stage until the block ends."""
         task = None if self._bars is None else self._bars.add_task(self._named + doing, total=None)
         start = time.perf_counter()
         try:
             yield
         finally:
-            self.add(name, taken := time.perf_counter() - start)
+            self.clock.add(name, taken := time.perf_counter() - start)
             if self._bars is not None:
                 self._bars.update(task, total=1, completed=1)
         if self._bars is None:
             self._line(f"{doing}: {taken:.1f} s")
-
-    def add(self, name: str, seconds: float) -> None:
-        """Adds to the time of a stage."""
-        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
     def message(self, text: str) -> None:
         """Shows a line that stays."""

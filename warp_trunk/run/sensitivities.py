@@ -28,14 +28,14 @@ from warp_trunk.measures.derivatives import (
     shoulder_derivative,
 )
 from warp_trunk.meshing.layers import thickness_derivatives
-from warp_trunk.results import predicted_skin
 
-from .options import RunOptions
-from .patient import Prepared, layers_from, motions_of_sets
+from .patient import layers_from, motions_of_sets
 
 if TYPE_CHECKING:
-    from warp_trunk.case import Case
-    from warp_trunk.engine.simulation import Increment
+    from warp_trunk.engine.model import Model
+    from warp_trunk.engine.trunk_mesh import TrunkMesh
+
+    from .prediction import Prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +63,7 @@ class Sensitivity:
 
 
 def sensitivities(
-    case: Case,
-    prepared: Prepared,
-    increment: Increment,
-    options: RunOptions | None = None,
-    *,
-    all_humps: bool = False,
-    linear: Linearization | None = None,
+    prediction: Prediction, *, all_humps: bool = False, linear: Linearization | None = None
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of the back surface rotation of each level, the largest hump and the shoulders.
 
@@ -78,35 +72,30 @@ def sensitivities(
     point of contact of the dual tangent may jump to another fold of the skin.
 
     Args:
-        case: what was simulated.
-        prepared: what `prepare` made of it.
-        increment: the last increment that `simulate` yielded.
-        options: those that `prepare` was given.
+        prediction: of a case, relaxed.
         all_humps: whether the hump of each level is asked for, and not the largest alone.
         linear: the trunk linearised at the increment, where there is one; made when left out.
 
     Raises:
         InputError: the last relaxation did not converge.
     """
-    options = options or RunOptions()
-    numbers = numbers_of(case, prepared, increment, all_humps=all_humps)
-    linear = linear or Linearization(prepared.model, increment)
-    adjoints = linear.adjoints(on_nodes(prepared, numbers))
-    force_derivatives = force_derivatives_of(case, prepared, options, linear)
+    trunk, numbers = prediction.trunk, numbers_of(prediction, all_humps=all_humps)
+    linear = linear or Linearization(prediction.model, prediction.last)
+    adjoints = linear.adjoints(on_nodes(trunk, numbers))
     solved = numbers, adjoints, linear.position_derivatives(adjoints)
-    response = spline_response(case.landmarks_before.points, prepared.trunk.nodes)
-    return from_adjoints(case, prepared, options, response, solved=solved, force_derivatives=force_derivatives)
+    response = spline_response(prediction.case.landmarks_before.points, trunk.nodes)
+    return from_adjoints(
+        prediction, response, solved=solved, force_derivatives=force_derivatives_of(prediction, linear)
+    )
 
 
-def numbers_of(
-    case: Case, prepared: Prepared, increment: Increment, *, all_humps: bool = False
-) -> dict[tuple[str, str], Derivative]:
+def numbers_of(prediction: Prediction, *, all_humps: bool = False) -> dict[tuple[str, str], Derivative]:
     """The numbers of a predicted skin, each with its derivative in the skin and in the landmarks after.
 
     Returns:
         By quantity and level.
     """
-    skin, landmarks = predicted_skin(case, prepared.trunk, increment.displacement), case.planned_landmarks
+    skin, landmarks = prediction.skin, prediction.case.planned_landmarks
     measured = measure(skin, landmarks)
     tangents = {level: tangent for level, tangent in measured.tangents.items() if tangent is not None}
     found: dict[tuple[str, str], Derivative | None] = {
@@ -121,18 +110,16 @@ def numbers_of(
     return {name: number for name, number in found.items() if number is not None}
 
 
-def on_nodes(prepared: Prepared, numbers: Mapping[tuple[str, str], Derivative]) -> np.ndarray:
+def on_nodes(trunk: TrunkMesh, numbers: Mapping[tuple[str, str], Derivative]) -> np.ndarray:
     """Derivatives of numbers in the vertices of the skin as those in the nodes, (numbers, nodes, 3)."""
-    by_node = np.zeros((len(numbers), *prepared.trunk.nodes.shape))
+    by_node = np.zeros((len(numbers), *trunk.nodes.shape))
     for row, number in enumerate(numbers.values()):
-        by_node[row, prepared.trunk.skin_nodes] = number.vertices
+        by_node[row, trunk.skin_nodes] = number.vertices
     return by_node
 
 
 def from_adjoints(
-    case: Case,
-    prepared: Prepared,
-    options: RunOptions,
+    prediction: Prediction,
     response: np.ndarray,
     *,
     solved: tuple[Mapping[tuple[str, str], Derivative], Adjoints, np.ndarray],
@@ -145,17 +132,15 @@ def from_adjoints(
     an error before surgery is taken to be the opposite of one after it.
 
     Args:
-        case: what was simulated.
-        prepared: what `prepare` made of it.
-        options: those that `prepare` was given.
+        prediction: of a case, relaxed.
         response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
         solved: the numbers, their adjoints, and their `Linearization.position_derivatives`.
         force_derivatives: what constants add to forces (`force_derivatives_of`).
         expected_error: see `bone_motions`.
     """
     numbers, adjoints, places = solved
-    held = prepared.trunk.prescribed
-    before, after = landmark_derivative(case, prepared, options, expected_error)(places[:, held])
+    held = prediction.trunk.prescribed
+    before, after = landmark_derivative(prediction, expected_error)(places[:, held])
     carried = np.tensordot(places[:, ~held], response[~held], axes=(1, 0)).transpose(0, 2, 1)
     by_bones = np.where(held[:, None], places, 0.0)
     return tuple(
@@ -174,38 +159,35 @@ def from_adjoints(
     )
 
 
-def landmark_derivative(
-    case: Case, prepared: Prepared, options: RunOptions, expected_error: float | None = None
-) -> PathDerivative:
+def landmark_derivative(prediction: Prediction, expected_error: float | None = None) -> PathDerivative:
     """How the nodes on bone follow the landmarks on the path that these options choose."""
-    trunk, before, after = prepared.trunk, case.landmarks_before.points, case.planned_landmarks.points
-    if options.bones == "spline":
+    case, trunk = prediction.case, prediction.trunk
+    before, after = case.landmarks_before.points, case.planned_landmarks.points
+    if prediction.options.bones == "spline":
         return spline_derivative(trunk.nodes[trunk.prescribed], before, after)
     skeleton = Skeleton(case.bones, case.landmarks_before)
     features = spine_features(skeleton, before, after, expected_error)
     return rigid_derivative(trunk, motions_of_sets(case, *sets_around(before, after), skeleton, features))
 
 
-def constant_names(prepared: Prepared) -> dict[str, Constant]:
+def constant_names(model: Model) -> dict[str, Constant]:
     """The constants of a model by the names that a case has for them."""
-    several = len(prepared.model.tissues) > 1
+    several = len(model.tissues) > 1
     return {
         f"{NAMES[constant.tissue]}.{constant.name}" if several and constant.tissue is not None else constant.name:
         constant
-        for constant in constants_of(prepared.model)
+        for constant in constants_of(model)
     }  # fmt: skip
 
 
-def force_derivatives_of(
-    case: Case, prepared: Prepared, options: RunOptions, linear: Linearization
-) -> dict[str, np.ndarray]:
+def force_derivatives_of(prediction: Prediction, linear: Linearization) -> dict[str, np.ndarray]:
     """dF/dc by the name of each constant, see `Linearization.force_derivative`, shape (nodes, 3).
 
     Layers by depth have their thickness in mm too, of skin and of fat, everywhere alike.
     """
-    model, trunk = prepared.model, prepared.trunk
-    changes = {name: weight_derivative(model, constant) for name, constant in constant_names(prepared).items()}
-    if layers_from(case, options) == "depth":
-        for name, change in thickness_derivatives(trunk, case.layers or Layers()).items():
+    model, trunk, layers = prediction.model, prediction.trunk, prediction.case.layers
+    changes = {name: weight_derivative(model, constant) for name, constant in constant_names(model).items()}
+    if layers_from(prediction.case, prediction.options) == "depth":
+        for name, change in thickness_derivatives(trunk, layers or Layers()).items():
             changes[name.replace("_", ".")] = parts_derivative(model, trunk.tets, change)
     return dict(zip(changes, linear.force_derivatives(list(changes.values())), strict=True))

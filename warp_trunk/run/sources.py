@@ -19,14 +19,15 @@ from warp_trunk.case.uncertainty import FACTORS, REFERENCES
 from warp_trunk.engine.constants import value_of
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
 
-from .options import RunOptions
-from .patient import Prepared, layers_from, motions_of
+from .patient import layers_from, motions_of
 from .sensitivities import Sensitivity, constant_names
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.trunk_mesh import TrunkMesh
+
+    from .prediction import Prediction
 
 LEAST_CORRECTION = 10.0
 """A curve that surgery changes by less than this was not corrected [degrees]."""
@@ -62,9 +63,9 @@ def effect_of(source: ErrorSource, one: Sensitivity) -> float:
     return change
 
 
-def sources_of(case: Case, prepared: Prepared, options: RunOptions) -> tuple[ErrorSource, ...]:
+def sources_of(prediction: Prediction) -> tuple[ErrorSource, ...]:
     """All sources but the landmarks, whose errors have no direction, and the mesh, which nothing carries."""
-    return (*_surgery(case), *_ribs(case, prepared, options), *_tissue(case, prepared, options))
+    return (*_surgery(prediction.case), *_ribs(prediction), *_tissue(prediction))
 
 
 def _surgery(case: Case) -> Iterator[ErrorSource]:
@@ -108,20 +109,21 @@ def _turned(landmarks: Landmarks, curve: CobbAngle, angle: float) -> np.ndarray:
     return moved
 
 
-def _ribs(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[ErrorSource]:
+def _ribs(prediction: Prediction) -> Iterator[ErrorSource]:
     """How ribs follow: part of the way to the other way of moving bones, and their shares where they have some."""
-    part, trunk = case.uncertainty.ribs, prepared.trunk
+    case, trunk = prediction.case, prediction.trunk
+    part, follows = case.uncertainty.ribs, prediction.options.bones == "follow"
     if not part:
         return
     ways = "ribs that follow by shares", "bones that bend with the spline"
-    if options.bones == "follow":
+    if follows:
         other = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks).displacement
     else:
         other, ways = rigid_displacement(trunk, motions_of(case)), ways[::-1]
-    way = np.where(trunk.prescribed[:, None], other - prepared.bone_path.at(1.0), 0.0)
+    way = np.where(trunk.prescribed[:, None], other - prediction.path.at(1.0), 0.0)
     spread = f"{part:g} of the way from {ways[0]} to {ways[1]}"
     yield ErrorSource("how ribs follow", spread, REFERENCES["ribs"], bones=part * way)
-    if options.bones == "follow":
+    if follows:
         yield from rib_share_sources(case, trunk)
 
 
@@ -132,30 +134,26 @@ def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[ErrorSource]:
         low, high = (rigid_displacement(trunk, motions_of(replace(case, rib_coupling=one))) for one in shares)
         if (high != low).any():
             spread = f"half of {ends[0]:g} to {ends[1]:g}"
-            yield ErrorSource(
-                f"ribs: {name.replace('_', ' ')}",
-                spread,
-                "range that is plausible; not measured of a patient",
-                bones=0.5 * (high - low),
-            )
+            yield ErrorSource(f"ribs: {name.replace('_', ' ')}", spread, "docs/ribs.md", bones=0.5 * (high - low))
 
 
-def _tissue(case: Case, prepared: Prepared, options: RunOptions) -> Iterator[ErrorSource]:
+def _tissue(prediction: Prediction) -> Iterator[ErrorSource]:
     """Each uncertain constant of the model; but for moduli, one varies in all layers at once. Of layers by depth,
     also how thick skin and fat are, everywhere alike."""
-    given = case.uncertainty
+    case, given = prediction.case, prediction.case.uncertainty
+    layered = layers_from(case, prediction.options)
     by_kind: dict[str, dict[str, float]] = {}
-    for name, constant in constant_names(prepared).items():
+    for name, constant in constant_names(prediction.model).items():
         spread = getattr(given, constant.name, None)
         if spread is None or spread == (1.0 if constant.name in FACTORS else 0.0):
             continue
-        change = value_of(prepared.model, constant) * math.log(spread) if constant.name in FACTORS else spread
+        change = value_of(prediction.model, constant) * math.log(spread) if constant.name in FACTORS else spread
         by_kind.setdefault(name if constant.name == "youngs_modulus" else constant.name, {})[name] = change
     for kind, changes in by_kind.items():
         constant = kind.rpartition(".")[2]
         words = f"{'a factor of ' if constant in FACTORS else ''}{getattr(given, constant):g}"
         yield ErrorSource(kind.replace("_", " "), words, REFERENCES[constant], constants=changes)
-    for name in ("skin_thickness", "fat_thickness") if layers_from(case, options) == "depth" else ():
+    for name in ("skin_thickness", "fat_thickness") if layered == "depth" else ():
         if spread := getattr(given, name):
             changes = {name.replace("_", "."): spread}
             yield ErrorSource(

@@ -18,18 +18,16 @@ from warp_trunk.case.study import Study
 from warp_trunk.case.tissue_file import RIBS, constant_of, with_constants
 from warp_trunk.engine.constants import Constant
 from warp_trunk.engine.linearization import Linearization
-from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.simulation import simulate
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.skin_distance import skin_distance
 from warp_trunk.meshing import MeshOptions, make_trunk
-from warp_trunk.results import predicted_skin
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.patient import Prepared, find_path, prepare
+from warp_trunk.run.patient import find_path
+from warp_trunk.run.prediction import Prediction, prepare
 from warp_trunk.run.starting import start_warp
 
 from .free_constants import FreeConstant, layers_with, values_of
@@ -118,26 +116,26 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     kept, options = _kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job.options
     case = kept.case if job.refine is None else job.refine(kept.case)
     case = with_constants(case, values_of(job.free, counted))
-    prepared = prepare(case, options, kept.trunk)
-    model, skin_nodes = prepared.model, prepared.trunk.skin_nodes
-    relaxer = Relaxer(model, options.simulation.relax)
-    *_, last = simulate(model, prepared.bone_path, options.simulation, relaxer=relaxer)
-    status = last.relaxation.status
-    linear = Linearization(model, last, relaxer=relaxer, unconfirmed=status is not RelaxStatus.NOT_FINITE)
+    prediction = prepare(case, options, kept.trunk).relax()
+    trunk, last = prediction.trunk, prediction.last
+    relaxer, skin_nodes, status = prediction.patient.relaxer, trunk.skin_nodes, last.relaxation.status
+    linear = Linearization(
+        prediction.model, last, relaxer=relaxer, unconfirmed=status is not RelaxStatus.NOT_FINITE
+    )
     if status is not RelaxStatus.CONVERGED:
         far = float(np.linalg.norm(linear.newton_correction()[skin_nodes], axis=1).max())
         if not far <= SETTLED:
             ended = f"ended {status.name}, the skin {far:.1f} mm from equilibrium"
             raise InputError(f"{job.folder}: {ended}, which is no prediction")
-    skin = predicted_skin(case, prepared.trunk, last.displacement)
+    skin = prediction.skin
     distance, direction = _distance(skin.vertices[kept.places], kept.actual)
     scale = np.sqrt(WORTH / len(kept.places)) / SKIN_SD
     derivative = None
     if job.derivative:
-        none = np.zeros_like(prepared.trunk.nodes)
-        bones = [_bones_moved(case, prepared.trunk, options, one) if one.of == RIBS else none for one in job.free]
+        none = np.zeros_like(prediction.trunk.nodes)
+        bones = [_bones_moved(case, trunk, options, one) if one.of == RIBS else none for one in job.free]
         force_derivatives = [
-            none if one.of == RIBS else _force_derivative(case, linear, prepared, one) for one in job.free
+            none if one.of == RIBS else _force_derivative(linear, prediction, one) for one in job.free
         ]
         moved = linear.follow(np.stack(bones), np.stack(force_derivatives))[:, skin_nodes][:, kept.places]
         derivative = scale * np.einsum("vi,cvi->vc", direction, moved)
@@ -197,12 +195,13 @@ def _bones_moved(case: Case, trunk: TrunkMesh, options: RunOptions, free: FreeCo
     return (upper - lower) / (high - low)
 
 
-def _force_derivative(case: Case, linear: Linearization, prepared: Prepared, free: FreeConstant) -> np.ndarray:
+def _force_derivative(linear: Linearization, prediction: Prediction, free: FreeConstant) -> np.ndarray:
     """Derivative of the gradient of every free node by a constant, in the scale in which it is fitted."""
-    tissues = [0] if len(prepared.model.tissues) == 1 else _without_own(case, free.constant)
+    case = prediction.case
+    tissues = [0] if len(prediction.model.tissues) == 1 else _without_own(case, free.constant)
     if free.of:
         tissues = [NAMES.index(free.of)]
-    nothing = np.zeros_like(prepared.trunk.nodes)
+    nothing = np.zeros_like(prediction.trunk.nodes)
     pull = sum((linear.force_derivative(Constant(free.constant, tissue)) for tissue in tissues), start=nothing)
     return free.slope(constant_of(case, free.name)) * pull
 

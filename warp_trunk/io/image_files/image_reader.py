@@ -12,7 +12,7 @@ four layers 2.1 GB; a CT in NIfTI 0.6 GB, in NRRD 1.2 GB, in DICOM 1.2 GB.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,6 +23,7 @@ from warp_trunk.errors import InputError
 
 from ..file_access import MOST_SURFACE, check_file, limited_memory, reason
 from .grid_checks import check_grid
+from .stored import Stored
 
 ENDINGS = (".nii", ".nii.gz", ".nrrd")
 """Endings of the files that are read; `.seg.nrrd` is one of `.nrrd`."""
@@ -45,20 +46,6 @@ class Image:
     """For each layer, what its labels are called in the file; empty where the file names none."""
     notes: tuple[str, ...] = ()
     """A sentence for each doubt about the file."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stored:
-    """An image as its file stores it, before its voxels are converted."""
-
-    slabs: Callable[[slice], np.ndarray]
-    """Voxels of a range of the last axis, shape (i, j, n) or (layers, i, j, n)."""
-    shape: tuple[int, ...]
-    """(i, j, k), or (layers, i, j, k)."""
-    affine: np.ndarray
-    """From voxels to LPS [mm], shape (4, 4)."""
-    names: tuple[Mapping[int, str], ...] = ({},)
-    notes: tuple[str, ...] = ()
 
 
 def image_ending(path: Path) -> str | None:

@@ -1,0 +1,54 @@
+"""Fingerprint of a case, so that a mesh or a finished result is kept only if its inputs are the same."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warp_trunk.geometry.digest import digest, surface_digest
+
+from .motions import motions_text
+
+if TYPE_CHECKING:
+    from .case import Case
+
+Fingerprint = dict[str, Any]
+"""Values of JSON by name: constants as they are, everything large as a digest."""
+
+
+def anatomy_of(case: Case) -> Fingerprint:
+    """The inputs on which mesh and model depend: skin, bones and tissue before surgery."""
+    found = {"skin": surface_digest(case.skin), **dataclasses.asdict(case.tissue)}
+    found |= {f"bone {name}": surface_digest(surface) for name, surface in case.bones.items()}
+    if case.layers is not None:
+        given = case.layers
+        constants = json.dumps({name: dict(values) for name, values in given.constants.items()}, sort_keys=True)
+        labels = b"" if given.mesh is None else given.mesh.read_bytes()
+        skin, fat = (np.asarray(one, dtype=np.float64) for one in (given.skin_thickness, given.fat_thickness))
+        found["layers of the case"] = digest(skin, fat, constants, labels)
+    return found
+
+
+def fingerprint_of(case: Case) -> Fingerprint:
+    """Everything of a case on which its result depends, what is known after surgery included."""
+    found = anatomy_of(case)
+    found |= {f"bone after {name}": surface_digest(surface) for name, surface in case.bones_after.items()}
+    for name, marks in (("before", case.landmarks_before), ("after", case.planned_landmarks)):
+        found[f"landmarks_{name}"] = digest("\n".join(marks.names), marks.points)
+    found |= {"case": case.name, "motions": motions_text(case.motions)}
+    found["actual_skin"] = None if case.actual_skin is None else surface_digest(case.actual_skin)
+    found |= {name: dataclasses.asdict(getattr(case, name)) for name in ("rib_coupling", "study", "uncertainty")}
+    return json.loads(json.dumps(found))  # as it comes back from a file
+
+
+def difference(then: Fingerprint, now: Fingerprint) -> str:
+    """The first thing in which they differ, in words; empty if they do not."""
+    for name in {**now, **then}:
+        old, new = then.get(name), now.get(name)
+        if old != new:
+            large = any(isinstance(value, dict) or len(str(value)) == 40 for value in (old, new))
+            return f"'{name}' is another" if large else f"'{name}' was {old} and is {new}"
+    return ""

@@ -1,0 +1,144 @@
+"""The prediction of one case: whose it is, where her bones go, and how her tissue has followed so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from warp_trunk.engine.model import Model
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.simulation import Increment, simulate
+from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkMeasures, measure
+from warp_trunk.meshing.predicted_skin import predicted_skin
+
+from .options import RunOptions
+from .patient import PreparedPatient, find_path, patient_of
+from .progress import stage_of
+
+if TYPE_CHECKING:
+    from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
+    from warp_trunk.case import Case
+
+    from .progress import Progress
+
+Observer = Callable[[Increment], None]
+"""Sees every increment as it comes."""
+
+
+@dataclass(eq=False)
+class Prediction:
+    """One case of a patient, predicted or about to be (`relax`)."""
+
+    patient: PreparedPatient
+    """Her mesh and model; after a relaxation that had to continue in float64, those in float64."""
+    case: Case
+    """The patient with what is planned."""
+    path: PrescribedMotion
+    """Where her bones go."""
+    increments: list[Increment] = field(default_factory=list)
+    """Every increment so far."""
+
+    @property
+    def options(self) -> RunOptions:
+        """How she is simulated."""
+        return self.patient.options
+
+    @property
+    def trunk(self) -> TrunkMesh:
+        """Her mesh."""
+        return self.patient.trunk
+
+    @property
+    def model(self) -> Model:
+        """Her mesh on its device, at rest."""
+        return self.patient.model
+
+    @property
+    def last(self) -> Increment:
+        """The increment with the whole correction."""
+        return self.increments[-1]
+
+    @property
+    def skin(self) -> Surface:
+        """The predicted skin [mm]."""
+        return self.skin_at(self.last)
+
+    def skin_at(self, increment: Increment) -> Surface:
+        """The skin after an increment [mm], same vertices and faces as before surgery."""
+        return predicted_skin(self.case, self.trunk, increment.displacement)
+
+    def measures_at(self, increment: Increment) -> TrunkMeasures:
+        """The measures of the skin after an increment, with the landmarks that go with it."""
+        return measure(self.skin_at(increment), self.case.landmarks_at(increment.load_factor), self.case.skin)
+
+    def relax(self, *observers: Observer, continues: Callable[[], None] | None = None) -> Prediction:
+        """Apply the correction increment by increment; observers see each of them.
+
+        Args:
+            observers: called with every increment.
+            continues: called before the relaxation continues in float64, because float32 cannot confirm the
+                equilibrium.
+
+        Returns:
+            The prediction itself.
+        """
+
+        def in_float64() -> Relaxer:
+            if continues is not None:
+                continues()
+            self.patient = self.patient.in_float64()
+            return self.patient.relaxer
+
+        patient, self.increments = self.patient, []
+        options = patient.options.simulation
+        finer = in_float64 if patient.options.precision == "float32" else None
+        for increment in simulate(patient.model, self.path, options, relaxer=patient.relaxer, finer=finer):
+            self.increments.append(increment)
+            for observer in observers:
+                observer(increment)
+        return self
+
+    @property
+    def converged(self) -> bool:
+        """Whether every node is within the tolerance of its equilibrium."""
+        return self.last.relaxation.status is RelaxStatus.CONVERGED
+
+
+def prepare(
+    case: Case,
+    options: RunOptions | None = None,
+    trunk: TrunkMesh | None = None,
+    progress: Progress | None = None,
+) -> Prediction:
+    """Mesh a case, build its model and find the path of its bones.
+
+    Args:
+        case: what to simulate, with its tissue.
+        options: how; the defaults when left out.
+        trunk: the mesh of the case where there is one already; made, or fetched from the cache, when left out.
+        progress: what to show the stages on; nothing is shown when left out.
+
+    Raises:
+        InputError: the case or an option is one that a stage refuses.
+    """
+    return prepare_plan(patient_of(case, options, trunk, progress), case, progress)
+
+
+def prepare_plan(patient: PreparedPatient, case: Case, progress: Progress | None = None) -> Prediction:
+    """A plan for a patient who is ready: the path of the bones is all that is still to be found.
+
+    Args:
+        patient: her mesh and model.
+        case: the patient with what is planned.
+        progress: what to show the stage on; nothing is shown when left out.
+
+    Raises:
+        InputError: the case is of another patient or tissue, or has landmarks on which no spline can be fitted.
+    """
+    patient.check(case)
+    with stage_of(progress, "path", "finding where the bones go"):
+        return Prediction(patient, case, find_path(case, patient.trunk, patient.options))
