@@ -49,9 +49,9 @@ def test_a_slider_is_the_share_of_its_curve() -> None:
 def test_the_kyphosis_has_plausible_ends_that_hold_the_patients_own() -> None:
     least, most, _ = REST.controls["kyphosis"].span
     assert least <= REST.controls["kyphosis"].first <= most
-    assert (least, most) == (10, 50)
+    assert (least, most) == (min(10, REST.controls["kyphosis"].first), 50)
     asked = SpineSliders(CASE, Plan(uiv="T3", liv="L2", kyphosis_T5_T12=58.0)).controls["kyphosis"]
-    assert asked.span[:2] == (10, 58)
+    assert asked.span[:2] == (least, 58)
 
 
 def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
