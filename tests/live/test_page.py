@@ -31,7 +31,7 @@ from warp_trunk.run.patient import patient_of
 pytestmark = [needs_chromium, pytest.mark.slow]
 WAIT = 90_000.0
 """Longest wait for the page [ms]."""
-RELAXED = "of its equilibrium"
+RELAXED = "solved to"
 """Status after the skin is relaxed to the end."""
 
 
