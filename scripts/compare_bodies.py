@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 import tyro
-from virtual_patient import Drawn, curve_of, draw
+from synthetic_patient import Drawn, curve_of, draw
 
 from warp_trunk import InputError, RunOptions, SpineCurve, make_case, read_surface
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery

@@ -5,7 +5,7 @@
 ANATOMY holds skin.ply and bones/ of a straight trunk, as for make-case. Each patient is drawn, gets her curve as
 make-case imposes it, and an actual skin by a model that differs from the default of `simulate`: a neo-Hookean
 continuum in layers, ribs that follow, a finer mesh, and the noise of a scanner. Her truth stands in truth.json
-beside the cases; case.toml says `virtual = true`. A patient who cannot be (her curve folds the trunk, her
+beside the cases; case.toml says `synthetic = true`. A patient who cannot be (her curve folds the trunk, her
 landmarks are refused, her truth does not converge) is drawn again, and counted.
 """
 
@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from virtual_patient import COBB, Drawn, curve_of, draw, leaning, part_of, shaped, with_landmark_errors
+from synthetic_patient import COBB, Drawn, curve_of, draw, leaning, part_of, shaped, with_landmark_errors
 
 from warp_trunk import Case, InputError, RunOptions, Surface, make_case, read_surface, simulate, write_case
 from warp_trunk.case import check_case
@@ -148,10 +148,10 @@ def posed(name: str, pose: Pose, drawn: Drawn, case: Case) -> Case:
         after = leaning(after, drawn.lean if drawn.direction == "left" else -drawn.lean)
     return dataclasses.replace(
         case,
-        name=f"virtual {drawn.kind} {drawn.cobb:.0f} degrees, {went}",
+        name=f"synthetic {drawn.kind} {drawn.cobb:.0f} degrees, {went}",
         landmarks_after=after,
         study=Study(
-            patient=name, pose=pose, months_after=drawn.months if pose == "surgery" else None, virtual=True
+            patient=name, pose=pose, months_after=drawn.months if pose == "surgery" else None, synthetic=True
         ),
         layers=Layers(fat_thickness=drawn.fat),
     )

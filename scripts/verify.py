@@ -39,7 +39,7 @@ from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.predicted_skin import predicted_skin
 from warp_trunk.preparation.deformity import SpineCurve, make_case
 from warp_trunk.preparation.landmark_finder import find_landmarks
-from warp_trunk.run.bands import find_bands
+from warp_trunk.run.intervals import find_bands
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
 from warp_trunk.run.prediction import prepare_plan

@@ -56,7 +56,11 @@ def test_bad_files_are_refused(tmp_path, text, rule):
 
 @pytest.mark.parametrize(
     "study",
-    [Study(), Study(patient='P "1"', pose="bending", months_after=0.1 + 0.2, virtual=True), Study(virtual=True)],
+    [
+        Study(),
+        Study(patient='P "1"', pose="bending", months_after=0.1 + 0.2, synthetic=True),
+        Study(synthetic=True),
+    ],
 )
 def test_a_study_comes_back(tmp_path, study):
     path = tmp_path / "case.toml"

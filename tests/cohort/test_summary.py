@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from warp_trunk.cohort.page import worse_parts
+from warp_trunk.cohort.cohort_page import worse_parts
 from warp_trunk.cohort.rows import CaseRow
 from warp_trunk.cohort.summary import case_errors, errors, summarize_cohort
 from warp_trunk.cohort.tables import write_cohort
@@ -41,7 +41,7 @@ ROWS = [
         level("T6", 6.0, 12.0, 9.0, 9.0, band=False),
         level("L2", -2.0, 0.0, -4.0, -1.0),
         level("L3", -3.0, 0.0, 0.0, None),
-        hump=(20.0, 11.0, 10.0), case="first", patient="P1", virtual=True, cobb_deg=50.0, tets=1000,
+        hump=(20.0, 11.0, 10.0), case="first", patient="P1", synthetic=True, cobb_deg=50.0, tets=1000,
     ),
     case(
         "b",
@@ -58,7 +58,7 @@ ROWS = [
 
 def test_who_counts():
     found = summarize_cohort(ROWS)
-    assert (found.cases, found.counted, found.patients, found.virtual) == (6, 2, 2, 1)
+    assert (found.cases, found.counted, found.patients, found.synthetic) == (6, 2, 2, 1)
     left_out = found.failed, found.unfinished, found.without_actual, found.bending
     assert left_out == (("e",), ("d",), ("c",), ("f",))
     assert not found.complete

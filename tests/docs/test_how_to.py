@@ -112,6 +112,7 @@ def test_the_papers_are_run_by_one_command_and_by_one_script(tmp_path: Path) -> 
     subprocess.run([sys.executable, "-c", small], cwd=tmp_path, check=True)
     said = [read_summary(tmp_path / "results" / name).springs for name in ("anna_papers", "anna_papers_python")]
     assert said[0] == said[1]
+    assert said[0] is not None
     assert (said[0].epsilon, said[0].theta, said[0].alpha) == pytest.approx((2.0, 5.0, 0.3), rel=1e-12)
 
 
@@ -168,7 +169,7 @@ def test_a_case_is_made_of_films(anatomy: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("page", ["cohorts.md", "calibration.md"])
 def test_a_study_is_simulated(page: str, tmp_path: Path) -> None:
     for name, degrees in (("a", 1.0), ("b", -2.0), ("c", 2.0)):
-        study = Study(patient=name, pose="surgery", virtual=True)
+        study = Study(patient=name, pose="surgery", synthetic=True)
         write_case(tmp_path / "patients" / name, turned_case(name, degrees, study))
     write_case(tmp_path / "planned", turned_case("planned", 1.0))
     run(page, tmp_path)

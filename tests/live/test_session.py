@@ -13,9 +13,8 @@ from support.part_phantom import part_case
 from support.small_patient import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case.motions import Motion
-from warp_trunk.live.relaxation import Interrupted, LiveRelaxation, Relaxed
 from warp_trunk.live.session import Latest, PlanView, Session
-from warp_trunk.live.sliders import MotionSliders, Sliders, SpineSliders, Wish, first_wish, with_handles
+from warp_trunk.live.sliders import MotionSliders, Sliders, SliderState, SpineSliders, first_state, with_handles
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.options import RunOptions
@@ -44,15 +43,15 @@ class Heard(Session):
         with self._more:
             assert self._more.wait_for(wanted, WAIT), self.told[-1:]
 
-    def settled(self, wish: Wish) -> PlanView:
+    def settled(self, wish: SliderState) -> PlanView:
         """The view of a wish, relaxed to the end and measured."""
         self.ask(wish)
         self.until(lambda: (v := self.view) and v.wish == wish and v.settled and v.measures is not None)
         assert self.view is not None
         return self.view
 
-    def corrected(self, share: int) -> Wish:
-        return {**first_wish(self.sliders), f"correction {APEX}": share}
+    def corrected(self, share: int) -> SliderState:
+        return {**first_state(self.sliders), f"correction {APEX}": share}
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +95,7 @@ def test_the_end_of_motions_is_that_of_a_simulation_and_a_collision_is_refused()
     options = RunOptions(mesh=MeshOptions(tets=8000, bone_voxel=4.0, cache=False), device="cpu", threads=1)
     handled = with_handles(case)
     with Heard(patient_of(handled, options), MotionSliders(handled)) as session:
-        wish = first_wish(session.sliders)
+        wish = first_state(session.sliders)
         session.settled(wish)
         session.ask({**wish, "front Back mm": 35.0})
         session.until(lambda: session.refusal.startswith("'front' passes"))
@@ -122,31 +121,6 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Prepare
     relaxed = [view for view in views if view.relaxed and not view.settled]
     assert relaxed
     assert all(view.error is not None and view.error <= 1.0 for view in relaxed)
-
-
-def test_a_newer_wish_ends_a_relaxation_that_takes_long(
-    patient: PreparedPatient, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A far wish whose relaxation never ends by itself, then undo."""
-    relax = LiveRelaxation.relax
-
-    def endless(tissue: LiveRelaxation, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
-        while np.abs(tissue._carried).max() > 12.0:
-            time.sleep(0.01)
-            if newer():
-                raise Interrupted
-        return relax(tissue, tolerance, confirm=confirm, newer=newer)
-
-    monkeypatch.setattr(LiveRelaxation, "relax", endless)
-    with Heard(patient) as session:
-        near, far = session.corrected(10), session.corrected(95)
-        session.settled(near)
-        session.ask(far)
-        assert session.planning or session.view.wish == far
-        session.until(lambda: session.view.wish == far)
-        assert not session.view.relaxed
-        session.settled(near)
-        assert not session.planning
 
 
 def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: PreparedPatient) -> None:

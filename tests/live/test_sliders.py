@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ from warp_trunk.bone_motion.plan.surgery import surgery_record
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_wish, with_handles
+from warp_trunk.live.sliders import MotionSliders, SpineSliders, first_state, with_handles
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import asis_axis, spine_of
@@ -32,89 +29,31 @@ MOTIONS = {"front": Motion(translation=(0.0, -4.0, 0.0), rotation=TURN), "left":
 
 
 def test_sliders_at_rest_move_nothing() -> None:
-    wish = first_wish(REST)
+    wish = first_state(REST)
     assert (wish["uiv"], wish["liv"]) == (MAJOR.upper, MAJOR.lower)
     surgery = REST.surgery(wish)
     assert surgery.landmarks_after is surgery.landmarks_before
 
 
 def test_a_slider_is_the_share_of_its_curve() -> None:
-    surgery = REST.surgery({**first_wish(REST), CORRECTION: 50, "kyphosis": 30})
+    surgery = REST.surgery({**first_state(REST), CORRECTION: 50, "kyphosis": 30})
     curve = next(curve for curve in surgery.curves if curve.before == MAJOR)
     assert curve.cobb_after == pytest.approx(MAJOR.angle / 2.0, abs=0.1)
     assert surgery_record(surgery)["spine"]["Kyphosis T5 to T12"][1] == pytest.approx(30.0, abs=0.1)
     assert surgery.plan.curves[0].derotation is None  # 0 % asks for nothing
 
 
-def test_the_kyphosis_has_plausible_ends_that_hold_the_patients_own() -> None:
-    least, most, _ = REST.controls["kyphosis"].span
-    assert least <= REST.controls["kyphosis"].first <= most
-    assert (least, most) == (min(10, REST.controls["kyphosis"].first), 50)
-    asked = SpineSliders(CASE, Plan(uiv="T3", liv="L2", kyphosis_T5_T12=58.0)).controls["kyphosis"]
-    assert asked.span[:2] == (least, 58)
-
-
-def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
-    now, asked = [0.0], list[dict[str, Any]]()
-    monkeypatch.setattr("warp_trunk.live.sliders.time.monotonic", lambda: now[0])
-    gui, name = Gui(), f"correction {MAJOR.apex}"
-    controls = Controls(cast(Any, gui), REST, asked.append)
-    slider = controls._handles[name]
-    for seconds, value in ((10.0, 10), (10.1, 20), (11.2, 30), (11.3, 40)):  # the hand stops for a second
-        now[0] = seconds
-        slider.set(value)
-    assert asked[-1][name] == 40
-    controls._handles["kyphosis"].set(31)  # another slider: a step of its own
-    controls.undo()
-    assert asked[-1] == {**first_wish(REST), name: 40}
-    controls.undo()
-    assert asked[-1] == first_wish(REST)
-
-
-class Gui:
-    """The part of a page that controls are added to."""
-
-    def add_folder(self, _: str) -> AbstractContextManager[None]:
-        return nullcontext()
-
-    def add_dropdown(self, _: str, __: object, initial_value: object) -> Handle:
-        return Handle(initial_value)
-
-    def add_slider(self, _: str, *span: Any, hint: object) -> Handle:
-        return Handle(span[-1])
-
-    def add_button(self, _: str, disabled: bool) -> Handle:
-        return Handle(None)
-
-
-class Handle:
-    """A control of that page."""
-
-    def __init__(self, value: object) -> None:
-        self.value, self._heard = value, list[Callable[[object], None]]()
-
-    def on_update(self, heard: Callable[[object], None]) -> None:
-        self._heard.append(heard)
-
-    on_click = on_update
-
-    def set(self, value: object) -> None:
-        self.value = value
-        for heard in self._heard:
-            heard(None)
-
-
 def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:
-    wish = {**first_wish(REST), "uiv": "L1", "liv": "L4", CORRECTION: 50}
+    wish = {**first_state(REST), "uiv": "L1", "liv": "L4", CORRECTION: 50}
     assert REST.plan(wish).curves == ()
     assert {CORRECTION, DEROTATION} <= REST.without_effect(wish)
-    assert not {CORRECTION, DEROTATION} & REST.without_effect(first_wish(REST))
+    assert not {CORRECTION, DEROTATION} & REST.without_effect(first_state(REST))
 
 
 def test_what_sliders_do_not_say_is_that_of_the_first_plan() -> None:
     given = Plan(uiv="T3", liv="L2", balance="centre", sva_after=5.0, unfused="fixed")
     sliders = SpineSliders(CASE, given)
-    plan = sliders.plan({**first_wish(sliders), CORRECTION: 10})
+    plan = sliders.plan({**first_state(sliders), CORRECTION: 10})
     assert plan == replace(given, curves=plan.curves)
     assert [c for c in plan.curves if c.correction] == [CurvePlan(MAJOR.apex, correction=0.1)]
 
@@ -123,12 +62,12 @@ def test_sliders_begin_where_a_plan_is() -> None:
     before = CASE.landmarks_before
     turned = abs(axial_rotation(spine_of(before), asis_axis(before))[MAJOR.apex] or 0.0)
     curve = CurvePlan(apex=MAJOR.apex, cobb_after=MAJOR.angle * 0.35, rotation_after=turned * 0.6)
-    wish = first_wish(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(curve,), kyphosis_T5_T12=31.4)))
+    wish = first_state(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(curve,), kyphosis_T5_T12=31.4)))
     assert (wish[CORRECTION], wish[DEROTATION], wish["kyphosis"]) == (65, 40, 31)
     beside = CurvePlan(apex=MAJOR.upper, correction=0.5)  # another level of the curve
-    asked = first_wish(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(beside,))))
+    asked = first_state(SpineSliders(CASE, Plan(uiv="T3", liv="L2", curves=(beside,))))
     assert (asked[CORRECTION], asked[DEROTATION]) == (50, 0)
-    assert asked["kyphosis"] == first_wish(REST)["kyphosis"]
+    assert asked["kyphosis"] == first_state(REST)["kyphosis"]
 
 
 def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
@@ -136,7 +75,7 @@ def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
     rows: tuple = tuple(map(tuple, shift.as_matrix().tolist()))
     case = part_case(**MOTIONS, right=Motion(transform=rows, large=True))
     sliders = MotionSliders(case)
-    wish = first_wish(sliders)
+    wish = first_state(sliders)
     assert [wish[f"front {label}"] for label in ("Pitch °", "Roll °", "Yaw °")] == pytest.approx([0.0, 0.0, 5.0])
     assert wish["left front"] == 50.0
     assert sliders.motions(wish)["right"].large
@@ -148,7 +87,7 @@ def test_sliders_stand_where_the_motions_of_the_case_are() -> None:
 def test_sliders_of_motions_at_zero_move_nothing_and_no_bone_passes_into_another() -> None:
     case = with_handles(part_case(**MOTIONS))
     sliders = MotionSliders(case)
-    still = dict.fromkeys(first_wish(sliders), 0.0)
+    still = dict.fromkeys(first_state(sliders), 0.0)
     assert not any(motion.moves for motion in motions_of(sliders.surgery(still).planned_case(case)).values())
     with pytest.raises(InputError, match=r"'front' passes .* into 'core'"):
         sliders.surgery({**still, "front Back mm": 35.0})

@@ -18,7 +18,7 @@ from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.results.bands import FoundBands
-from warp_trunk.run.bands import find_bands, spine_bands
+from warp_trunk.run.intervals import find_bands, spine_bands
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.prediction import Prediction, prepare, prepare_plan
 from warp_trunk.run.sensitivities import sensitivities

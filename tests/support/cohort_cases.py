@@ -51,9 +51,9 @@ def turned_case(name: str, degrees: float, study: Study | None = None) -> Case:
 
 def write_cohort_cases(folder: Path) -> Path:
     """Three good cases of two patients and one that is broken."""
-    write_case(folder / "a", turned_case("first", 1.0, Study(patient="P1", months_after=6.0, virtual=True)))
-    write_case(folder / "b", turned_case("second", -2.0, Study(patient="P1", months_after=12.0, virtual=True)))
-    write_case(folder / "c", turned_case("third", 3.0, Study(patient="P2", months_after=24.0, virtual=True)))
+    write_case(folder / "a", turned_case("first", 1.0, Study(patient="P1", months_after=6.0, synthetic=True)))
+    write_case(folder / "b", turned_case("second", -2.0, Study(patient="P1", months_after=12.0, synthetic=True)))
+    write_case(folder / "c", turned_case("third", 3.0, Study(patient="P2", months_after=24.0, synthetic=True)))
     write_case(folder / "d", turned_case("broken", 0.0))
     (folder / "d" / "landmarks_before.csv").unlink()
     return folder

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import PELVIS, THORACIC, is_known
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.geometry.rigid import RigidMotion, rotated, smallest_turn
 from warp_trunk.measures.cobb import cobb_angles
 
 from .rib_cage import follow
-from .skeleton import PELVIS, Link, Skeleton
+from .skeleton import Link, Skeleton
 from .vertebra_motion import Vertebrae
 from .vertebra_smoothing import vertebra_smoothing
 
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from warp_trunk.measures.cobb import CobbAngle
 
     from .vertebra_smoothing import VertebraSmoothing
-
-_THORACIC = tuple(vertebra for vertebra in VERTEBRAE if vertebra.startswith("T"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +183,7 @@ def _held_at_ends(motions: Mapping[str, RigidMotion], links: Mapping[str, Link])
 
 def _leaning(middles: Mapping[str, np.ndarray], motions: Mapping[str, RigidMotion]) -> RigidMotion:
     """The rigid motions in the coronal plane nearest to those of the middles of the thoracic vertebrae."""
-    levels = [level for level in _THORACIC if level in middles]
+    levels = [level for level in THORACIC if level in middles]
     if len(levels) < 2:
         return RigidMotion.identity()
     before = np.array([middles[level] for level in levels])
@@ -200,17 +198,13 @@ def _leaning(middles: Mapping[str, np.ndarray], motions: Mapping[str, RigidMotio
     return RigidMotion(turn, way * [1.0, 0.0, 1.0])
 
 
-_KNOWN = re.compile(
-    r"[CTL]\d+|sternum|sacrum|coccyx|(rib|costal_cartilage)_(left|right)_\d\d"
-    r"|(hip|femur|scapula|clavicle|humerus)_(left|right)"
-)
 _NAMED = 3
 """So many of the unknown bones are named."""
 
 
 def unknown_bones(bones: Iterable[str]) -> list[str]:
     """A sentence where bones have names that are of no bone, so that ribs among them would not follow."""
-    unknown = sorted(name for name in bones if not _KNOWN.fullmatch(name))
+    unknown = sorted(name for name in bones if not is_known(name))
     if not unknown:
         return []
     more = len(unknown) - _NAMED

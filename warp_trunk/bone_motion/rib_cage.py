@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import rib_of
 from warp_trunk.geometry.rigid import RigidMotion, nearest_rotation, rotated
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from .vertebra_motion import Vertebrae
 
-RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
 _TRUE_RIBS = 7
 """Ribs down to this one reach the sternum."""
 _LOWEST = 12
@@ -89,10 +88,10 @@ class RibCage:
         """
         self.ribs: dict[str, _Rib] = {}
         for name, bone in bones.items():
-            match = RIB.fullmatch(name)
-            if match and (vertebra := f"T{int(match[2])}") in bones and vertebra in levels:
-                head, tip = ends(bone, bones[vertebra])
-                self.ribs[name] = _Rib(vertebra, head, tip, int(match[2]))
+            rib = rib_of(name)
+            if rib and rib.vertebra in bones and rib.vertebra in levels:
+                head, tip = ends(bone, bones[rib.vertebra])
+                self.ribs[name] = _Rib(rib.vertebra, head, tip, rib.number)
         true = {name: rib.tip for name, rib in self.ribs.items() if rib.number <= _TRUE_RIBS}
         self.depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in self.ribs.values()), default=1.0)
         """Of the cage: the longest way from the head of a rib to its front end [mm]."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import PELVIS, SIDES, cartilage_of
 from warp_trunk.case.landmarks import NO_LANDMARKS, VERTEBRAE, bone_of
 from warp_trunk.geometry.rigid import RigidMotion, nearest_rotation
 from warp_trunk.geometry.spline import SplineSums
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
     from warp_trunk.measures.cobb import CobbAngle
 
-PELVIS = ("hip_left", "hip_right", "sacrum", "coccyx", "femur_left", "femur_right")
-"""Bones that move as one."""
 _THICK = 1.0
 """Landmarks of a bone nearer than this to one line do not hold its turn about it [mm]."""
 
@@ -177,10 +175,11 @@ class _Carried:
 
 def _neighbours(bone: str) -> tuple[str, str]:
     """The bones at both ends of a bone that has two ends; empty names where it has not."""
-    if match := re.fullmatch(r"costal_cartilage_((?:left|right)_\d\d)", bone):
-        return f"rib_{match[1]}", "sternum"
-    if match := re.fullmatch(r"clavicle_(left|right)", bone):
-        return "sternum", f"scapula_{match[1]}"
+    if rib := cartilage_of(bone):
+        return f"rib_{rib.side}_{rib.number:02d}", "sternum"
+    for side in SIDES:
+        if bone == f"clavicle_{side}":
+            return "sternum", f"scapula_{side}"
     return "", ""
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import permutations
@@ -18,6 +17,7 @@ from warp_trunk.geometry.rigid import fit_rigid
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 
+from .anatomy import region
 from .arms import arm_warnings
 from .axes import MILLIMETRES
 from .landmark_checks import check_frame, check_motion, check_on_bones, check_order, check_shapes
@@ -41,7 +41,6 @@ MOST_BENT = 3.0
 """Largest root mean square distance of a bone after surgery from the same bone moved rigidly [mm]."""
 _COINCIDENT = 0.1  # [mm]; below what any imaging resolves
 _FLAT = 1.0  # [mm], root mean square distance from the plane that fits best
-_VERTEBRA = re.compile(r"[CTL]\d+")
 
 
 @dataclass(frozen=True)
@@ -228,7 +227,7 @@ def _check_bones(case: Case, source: CaseSource) -> list[str]:
             at = ", ".join(f"{x:.1f}" for x in bone.vertices[worst])
             far = f"reaches {out:.1f} mm outside {where} at ({at}), {MOST_OUTSIDE:g} mm is allowed"
             raise InputError(f"{source.name(name)}: {far}; bring both into one frame or correct the bone")
-        depths += [-out] if _VERTEBRA.fullmatch(name) else []
+        depths += [-out] if region(name) else []
     boxes = {name: (bone.vertices.min(axis=0), bone.vertices.max(axis=0)) for name, bone in case.bones.items()}
     for (inner, (low, high)), (outer, (lower, upper)) in permutations(boxes.items(), 2):
         if (low < lower).any() or (high > upper).any():

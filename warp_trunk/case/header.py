@@ -14,10 +14,10 @@ from warp_trunk.io.surface_files import in_lps, read_stated
 
 from .axes import MILLIMETRES, Axes
 from .invented import Invented
-from .keys import changed, converted, read_toml, refuse_unknown, table_lines, toml
+from .keys import changed, converted, read_toml, refuse_unknown, table_lines, toml, with_present_keys
 from .landmarks import COLUMNS
 from .layers import LayerTable, layer_lines
-from .rib_coupling import RibCoupling, with_present_keys
+from .rib_coupling import FORMER_RIBS, RibCoupling
 from .study import Study
 from .uncertainty import Uncertainty
 
@@ -90,8 +90,9 @@ def read_header(path: Path) -> CaseHeader:
     """
     table = read_toml(path, "a case needs this file, which may be empty")
     refuse_unknown(path, table, list(_KINDS), "")
-    if "ribs" in table:
-        table["ribs"] = with_present_keys(table["ribs"])
+    for name, former in (("ribs", FORMER_RIBS), ("study", {"virtual": "synthetic"})):
+        if name in table:
+            table[name] = with_present_keys(table[name], former)
     values: dict[str, Any] = {"name": path.resolve().parent.name}
     values |= {key: converted(path, value, _KINDS[key], key) for key, value in table.items()}
     for key, allowed in (("units", MILLIMETRES), ("posture", POSTURES)):

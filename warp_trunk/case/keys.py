@@ -52,6 +52,13 @@ def refuse_unknown(path: Path, table: Iterable[str], known: list[str], prefix: s
             raise InputError(f"{path}: unknown key '{prefix}{key}'{hint}; the keys are {', '.join(keys)}")
 
 
+def with_present_keys(table: object, former: Mapping[str, str]) -> object:
+    """A table of a file whose keys may be former ones, by their present names; both names of one key are not."""
+    if not isinstance(table, dict):
+        return table
+    return {key if former.get(key) in table else former.get(key, key): value for key, value in table.items()}
+
+
 def names_of(record: Any) -> list[str]:
     """The names of the fields of a dataclass."""
     return [field.name for field in dataclasses.fields(record)]

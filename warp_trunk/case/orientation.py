@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
+from .anatomy import HIPS, rib_of
 from .landmarks import VERTEBRAE
 
 _BEHIND = 5.0
@@ -37,8 +37,8 @@ def misplaced(bones: Mapping[str, Surface]) -> dict[int, str]:
         )
     spine = [name for name in VERTEBRAE if name in middle]
     trunk = [middle[name] for name in spine if name[0] == "T"] or [middle[name] for name in spine]
-    ribs = [point for name, point in middle.items() if re.fullmatch(r"rib_(left|right)_0[2-8]", name)]
-    hips = [middle[name] for name in ("hip_left", "hip_right") if name in middle]
+    ribs = [point for name, point in middle.items() if (rib := rib_of(name)) and 2 <= rib.number <= 8]
+    hips = [middle[name] for name in HIPS if name in middle]
     sacrum = [middle["sacrum"]] if "sacrum" in middle else []
     sternum = [middle["sternum"]] if "sternum" in middle else []
     for front, behind, text in (

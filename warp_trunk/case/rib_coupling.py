@@ -72,16 +72,9 @@ RANGES = {
     "scapula": (0.8, 1.0),
 }
 """Ranges of the shares, one standard deviation of the studies to either side, for the bands (`run.sources`)."""
-_FORMER = {
+FORMER_RIBS = {
     "turn": "axial_rotation",
     "tilt": "lateral_bending",
     "recovery": "reversible_part",
     "direct": "derotation_transfer",
 }
-
-
-def with_present_keys(table: object) -> object:
-    """The table [ribs] of a file, whose keys may be former ones; both names of one share are not."""
-    if not isinstance(table, dict):
-        return table
-    return {key if _FORMER.get(key) in table else _FORMER.get(key, key): table[key] for key in table}

@@ -22,7 +22,7 @@ class Study:
     and the actual skin are those of the bent trunk."""
     months_after: float | None = None
     """Months from surgery to the scan of the actual skin; None if unknown."""
-    virtual: bool = False
+    synthetic: bool = False
     """Whether the case, including the actual skin, was made by a computer and is of no patient."""
 
     def __post_init__(self) -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.io.atomic_write import write_whole
 
-from .keys import converted, names_of, read_toml, refuse_unknown, table_lines
+from .keys import converted, names_of, read_toml, refuse_unknown, table_lines, with_present_keys
 from .layers import NAMES, Layers
-from .rib_coupling import RibCoupling, with_present_keys
+from .rib_coupling import FORMER_RIBS, RibCoupling
 
 if TYPE_CHECKING:
     from .case import Case
@@ -70,7 +70,7 @@ def read_tissue_file(path: Path) -> dict[str, float]:
     table = read_toml(path, "give a file that `calibrate` wrote")
     refuse_unknown(path, table, ["tissue", "layers", RIBS], "")
     if RIBS in table:
-        table[RIBS] = with_present_keys(table[RIBS])
+        table[RIBS] = with_present_keys(table[RIBS], FORMER_RIBS)
     layers = converted(path, table.pop("layers", {}), dict[str, Any], "layers")
     refuse_unknown(path, layers, list(NAMES), "layers.")
     found = {}

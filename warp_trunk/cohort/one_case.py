@@ -54,7 +54,7 @@ class CohortOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Done:
+class CaseOutcome:
     """How one case of a cohort ended."""
 
     row: CaseRow
@@ -65,7 +65,7 @@ class Done:
     """Why an earlier result was not kept, in words."""
 
 
-def do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
+def do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     """Simulates and judges a case unless that is done; an error becomes a row with its reason.
 
     Args:
@@ -82,10 +82,10 @@ def do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
         reason = "not enough memory for this mesh; use fewer workers or tetrahedra"
     except Exception as error:  # one case must not end the others, whatever it is
         reason = f"{type(error).__name__}: {error}"
-    return Done(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
+    return CaseOutcome(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
 
 
-def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
+def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     case, warnings = read_checked_case(folder, align=options.align_pelvis)
     if options.refine is not None:
         case = options.refine(case)
@@ -94,7 +94,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
     if earlier is not None:
         notice = difference(earlier.made_from, made_from)
         if not notice:
-            return Done(row=dataclasses.replace(earlier.row, folder=folder.name), kept=True)
+            return CaseOutcome(row=dataclasses.replace(earlier.row, folder=folder.name), kept=True)
     out.mkdir(parents=True, exist_ok=True)
     (out / JUDGED).unlink(missing_ok=True)
     with (out / LOG).open("a", encoding="utf-8") as log, Progress(log) as progress:
@@ -102,7 +102,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> Done:
         with progress.stage("judge", "judging by the actual skin"):
             row = _row(case, folder, result)
         write_judged(out, Judged(made_from=made_from, row=row))
-    return Done(row=row, notice=notice)
+    return CaseOutcome(row=row, notice=notice)
 
 
 CHANGES_NOTHING = frozenset({"cache", "device", "from_mesh", "live", "threads"})
@@ -134,7 +134,7 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
         case=case.name,
         patient=study.patient or folder.name,
         pose=study.pose,
-        virtual=study.virtual,
+        synthetic=study.synthetic,
         cobb_deg=None if main is None else main.angle,
         correction_percent=None if main is None or left is None else 100.0 * (1.0 - left / main.angle),
         months_after=study.months_after,

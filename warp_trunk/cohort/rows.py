@@ -35,7 +35,7 @@ class CaseRow:
     """Whose it is."""
     pose: str = "surgery"
     """The pose of the second scan: surgery or bending."""
-    virtual: bool = False
+    synthetic: bool = False
     """Whether a computer made it."""
     cobb_deg: float | None = None
     """Largest curve before surgery [degrees]."""

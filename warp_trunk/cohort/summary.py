@@ -83,7 +83,7 @@ class CohortSummary:
     """Cases without an actual skin to be judged by."""
     bending: tuple[str, ...]
     """Cases of a patient who bends; they do not count among surgeries."""
-    virtual: int
+    synthetic: int
     """Cases that a computer made."""
     ranges: dict[str, Estimates]
     """By the ranges that the papers use."""
@@ -161,7 +161,7 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
         unfinished=tuple(row.folder for row in rows if row.status not in (FAILED, CONVERGED)),
         without_actual=tuple(row.folder for row in known if not row.judged),
         bending=tuple(row.folder for row in known if row.pose == "bending"),
-        virtual=sum(row.virtual for row in rows),
+        synthetic=sum(row.synthetic for row in rows),
         ranges={name: _estimates(cases.filter(range=name)) for name in RANGES},
         levels={level: one for level in RANGES[WHOLE] if (one := _level(found.filter(level=level)))},
         agreement=limits_of_agreement(predicted["error"].to_list(), predicted["patient"].to_list()),

@@ -11,7 +11,7 @@ import msgspec
 from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.measures.quantities import DETECTABLE
 
-from .page import cohort_page, plus_minus, worse_parts
+from .cohort_page import cohort_page, plus_minus, worse_parts
 from .rows import CaseRow
 from .summary import CohortSummary, summarize_cohort, tidy
 
@@ -35,7 +35,7 @@ def write_cohort(out: Path, rows: Sequence[CaseRow]) -> CohortSummary:
 
 def cohort_text(summary: CohortSummary) -> str:
     """The text of a cohort for the terminal."""
-    synthetic = f"; {summary.virtual} are synthetic" if summary.virtual else ""
+    synthetic = f"; {summary.synthetic} are synthetic" if summary.synthetic else ""
     lines = [f"{summary.cases} cases: {summary.counted} of {summary.patients} patients count{synthetic}"]
     for what, names in (
         ("failed", summary.failed),

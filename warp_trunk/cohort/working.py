@@ -12,7 +12,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.folders import make_writable
 from warp_trunk.run.warming import warm
 
-from .one_case import CohortOptions, Done, do_case
+from .one_case import CaseOutcome, CohortOptions, do_case
 from .rows import FAILED, JUDGED, CaseRow
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ others there are, to the last bit."""
 
 def work(
     client: Client, folders: Sequence[Path], out: Path, options: CohortOptions, progress: Progress
-) -> list[Done]:
+) -> list[CaseOutcome]:
     """Simulates and judges every case; in the order of the folders.
 
     Each worker writes its result itself, so that none that is finished is lost with a worker, the scheduler or
@@ -44,11 +44,11 @@ def work(
     for folder in folders:
         place, key = (out / folder.name).resolve(), f"case-{folder.name}"
         futures[client.submit(do_case, folder.resolve(), place, options, key=key, pure=False)] = folder
-    found: dict[Path, Done] = {}
+    found: dict[Path, CaseOutcome] = {}
     progress.part("cases", 0, len(folders))
     for future, ended in _ended(client, futures, out):
         folder = futures[future]
-        done = found[folder] = ended if isinstance(ended, Done) else _lost(folder, ended)
+        done = found[folder] = ended if isinstance(ended, CaseOutcome) else _lost(folder, ended)
         failed = sum(one.row.status == FAILED for one in found.values())
         progress.part("cases", len(found), len(folders), _line(done), f"{failed} failed")
     return [found[folder] for folder in folders]
@@ -71,14 +71,14 @@ def _ended(client: Client, futures: dict[Any, Path], out: Path) -> Iterator[tupl
             yield future, error
 
 
-def _lost(folder: Path, error: Exception) -> Done:
+def _lost(folder: Path, error: Exception) -> CaseOutcome:
     """The row of a case whose worker was lost each time."""
     from distributed import KilledWorker
 
     reason = f"{type(error).__name__}: {error}"
     if isinstance(error, KilledWorker):
         reason = "its worker was lost each time, likely for want of memory; use fewer workers or tetrahedra"
-    return Done(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
+    return CaseOutcome(row=CaseRow(folder=folder.name, status=FAILED, reason=" ".join(reason.split())))
 
 
 def _warm_each_host(client: Client, options: CohortOptions) -> None:
@@ -89,7 +89,7 @@ def _warm_each_host(client: Client, options: CohortOptions) -> None:
     client.run(warm, options.run, workers=list(hosts.values()), on_error="ignore")  # cases report errors
 
 
-def _line(done: Done) -> str:
+def _line(done: CaseOutcome) -> str:
     """The case that ended, and how."""
     said = "kept" if done.kept else done.row.reason or done.row.status
     return f"{done.row.folder}: {said}" + (f"; done again, for {done.notice}" if done.notice else "")

@@ -15,7 +15,7 @@ class Images:
 
     The displacement by the spline is a product with a matrix made once (`spline_response`), in float32: memory is
     what such a product waits for, and what is not relaxed is off by far more. On top of it goes what relaxation
-    adds, extrapolated from the plans that were relaxed before (`Forecast`). The estimate of the error
+    adds, extrapolated from the plans that were relaxed before (`InitialGuess`). The estimate of the error
     is the way of the landmarks from the nearest of those, times the largest error for each mm of it seen of late,
     and the error of the skin relaxed last.
     """
@@ -24,7 +24,7 @@ class Images:
         self._before = case.landmarks_before.points
         self._skin = case.skin.vertices.astype(np.float32)
         self._response = spline_response(self._before, case.skin.vertices).astype(np.float32)
-        self._added = Forecast(self._before, np.zeros_like(self._skin))
+        self._added = InitialGuess(self._before, np.zeros_like(self._skin))
         self._ratios: list[float] = []
         self._error = 0.0
 
@@ -61,7 +61,7 @@ _DOUBT = 0.5
 """Plans are weighted as if landmarks had this error [mm], because they were relaxed to a millimetre only."""
 
 
-class Forecast:
+class InitialGuess:
     """A field of displacements for any landmarks, between and beside those that are known.
 
     It is a sum of the known fields whose weights add up to 1: those with which the landmarks of the known plans

@@ -48,8 +48,8 @@ def plan_live(
             "pip install 'warp-trunk[live]' (in a clone: uv sync --extra live)"
         )
     from .loopback import check_free
-    from .page import Page
-    from .sliders import MotionSliders, SpineSliders, first_wish, with_handles
+    from .planning_page import Page
+    from .sliders import MotionSliders, SpineSliders, first_state, with_handles
 
     check_free(port)
     if not case.has_spine:
@@ -57,7 +57,7 @@ def plan_live(
             raise InputError("--bones spline: needs a spine, and bones move by motions alone; leave it out")
         case = with_handles(case)
     sliders = SpineSliders(case, plan) if case.has_spine else MotionSliders(case)
-    sliders.surgery(first_wish(sliders))  # what is impossible is refused before any work
+    sliders.surgery(first_state(sliders))  # what is impossible is refused before any work
     patient = patient_of(case, options, progress=progress)
     with progress.stage("compile", "preparing the relaxation"):
         _ = patient.relaxer

@@ -15,7 +15,7 @@ from warp_trunk.engine.state import State
 from warp_trunk.run.patient import find_path, motions_of
 from warp_trunk.run.warnings import ending_warnings
 
-from .image import Forecast
+from .image import InitialGuess
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +52,7 @@ class LiveRelaxation:
     """One patient's tissue, which follows her bones from plan to plan.
 
     It starts from where the spline of the landmarks carries it and the extrapolated relaxation
-    (`Forecast`), bones from where they go: a small change of a plan takes a step. The equilibrium is that of a
+    (`InitialGuess`), bones from where they go: a small change of a plan takes a step. The equilibrium is that of a
     simulation from before surgery as far as there is only one; where tetrahedra end inside out or no equilibrium
     is found, all increments from before surgery are taken.
     """
@@ -63,14 +63,13 @@ class LiveRelaxation:
         before = patient.case.landmarks_before
         patient.carried(before)  # so that the spline's matrix is made now, not at the first drag
         still = np.zeros(patient.trunk.nodes.shape, self._scalar)
-        self._added = Forecast(before.points, still)
+        self._added = InitialGuess(before.points, still)
         self._case, self._carried, self._bones, self._lost = patient.case, still, still, False
         self._state.set_displacement(still)
 
     def go(self, case: Case) -> None:
         """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
         self._case, landmarks = case, case.planned_landmarks
-        self._lost = False  # it starts from where plans before were found, wherever the last one ended
         self._carried = self._patient.carried(landmarks)
         start = self._carried + self._added.at(landmarks.points)
         self._bones = self._carried
@@ -95,6 +94,7 @@ class LiveRelaxation:
             relaxation = patient.relaxer.relax(tolerance, watch, confirm=confirm, near=confirm, reuse=not confirm)
             self._lost = _is_lost(relaxation)
         if relaxation is None or self._lost:
+            self._lost = True  # until all increments from before surgery are taken
             options = patient.options.simulation
             *_, last = simulate(patient.model, self._path(), options, watch, relaxer=patient.relaxer)
             relaxation = last.relaxation

@@ -22,12 +22,10 @@ from warp_trunk.run.warnings import curve_warnings
 
 from .image import Images
 from .relaxation import Interrupted, LiveRelaxation, Relaxed
-from .sliders import MotionPlan, Sliders, Wish
+from .sliders import MotionPlan, Sliders, SliderState
 
 FIRST = {"cpu": 1.0, "cuda": 0.1}
 """Tolerance of a relaxation while sliders may still move, by the kind of device [mm]."""
-DRAG = 0.3
-"""A relaxation goes on for so long [s] beside a newer wish, so that skins follow a slider; then that ends it."""
 REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
 PAUSE = 0.1
@@ -98,7 +96,7 @@ class PlanView:
 
     number: int
     """Of its wish, from 1; views of one wish get better. 0 for a plan that no slider asked for."""
-    wish: Wish
+    wish: SliderState
     """Where the sliders stood."""
     surgery: PlannedSurgery | MotionPlan
     """The planned motion of each vertebra or bone."""
@@ -140,12 +138,10 @@ class Session:
         """The latest plan that is possible, as it is known."""
         self.refusal = ""
         """Why a newer wish cannot be met, and what is the nearest, in a sentence; else empty."""
-        self.planning = False
-        """Whether there is a newer wish whose plan is not found yet."""
         self.measures: TrunkMeasures | None = None
         """Measures of the skin relaxed last, which may be that of an older wish."""
         self._patient, self._sliders, self._on_change = patient, sliders, changed
-        self._wishes: Latest[Wish] = Latest()
+        self._wishes: Latest[SliderState] = Latest()
         self._jobs: Latest[PlanView] = Latest()
         self._relaxed: Latest[PlanView] = Latest(PAUSE)
         self._asides: deque[tuple[PlanView, Callable[[PlanView], None]]] = deque()
@@ -170,13 +166,9 @@ class Session:
             thread.join()
         self._limits.restore_original_limits()
 
-    def ask(self, wish: Wish) -> None:
+    def ask(self, wish: SliderState) -> None:
         """Asks for a plan, in place of what was asked for before."""
         self._wishes.put(wish)
-        with self._lock:
-            if self._wishes.waits and not self.planning:
-                self.planning = True
-                self._on_change()
 
     def relax_beside(self, surgery: PlannedSurgery, found: Callable[[PlanView], None]) -> None:
         """Passes the relaxed and measured view of another surgery to `found`, when the sliders rest."""
@@ -184,7 +176,7 @@ class Session:
         if self._planned is not None:
             self._jobs.put(self._planned)  # wakes the solver thread
 
-    def _image(self, number: int, wish: Wish, surgery: Any) -> PlanView:
+    def _image(self, number: int, wish: SliderState, surgery: Any) -> PlanView:
         warnings = ()
         if isinstance(surgery, PlannedSurgery):
             curves = curve_warnings(surgery.landmarks_before, surgery.landmarks_after)
@@ -205,14 +197,12 @@ class Session:
                 surgery = self._sliders.surgery(wish)
             except InputError as error:
                 with self._lock:
-                    self.planning = self._wishes.waits
                     self.refusal = str(error).removeprefix("plan: ").removeprefix("motions: ")
                     self._on_change()
                 continue
             with self._lock:
                 number = 1 if self._planned is None else self._planned.number + 1
                 self._planned = job = self._image(number, wish, surgery)
-                self.planning = self._wishes.waits
                 if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
                     self._jobs.put(job)
                 self._show(job)
@@ -230,7 +220,8 @@ class Session:
         while (job := self._jobs.take()) is not None:
             tissue.go(job.surgery.planned_case(case))
             try:
-                self._learn(job, tissue.relax(first, confirm=False, newer=self._newer_for(DRAG)))
+                # not given up for a newer wish: while a slider is dragged there always is one
+                self._learn(job, tissue.relax(first, confirm=False, newer=lambda: self._jobs.closed))
                 if not self._jobs.comes(REST):
                     self._learn(job, relaxed_to_the_end(), settled=True)
                 while self._asides and not self._jobs.waits:
@@ -240,11 +231,6 @@ class Session:
                     self._asides.popleft()
             except Interrupted:
                 continue
-
-    def _newer_for(self, seconds: float) -> Callable[[], bool]:
-        """Whether the page ends, or a newer wish has waited until so long from now [s]."""
-        end = time.monotonic() + seconds
-        return lambda: self._jobs.closed or (self._jobs.waits and time.monotonic() > end)
 
     def _learn(self, job: PlanView, relaxed: Relaxed, *, settled: bool = False) -> None:
         """Shows a relaxed skin, or where sliders have moved on what it makes of their image; it is measured."""

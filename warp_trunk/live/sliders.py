@@ -13,9 +13,9 @@ import numpy as np
 import viser
 
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, PlannedSurgery, Planner
-from warp_trunk.bone_motion.plan.record import rank
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case import Case, write_case
+from warp_trunk.case.anatomy import rank
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.motions import Motion, Turn, check_motions, check_passing, rigid_motions
 from warp_trunk.measures import cobb_angles
@@ -24,17 +24,16 @@ from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import asis_axis, spine_of
 from warp_trunk.run.patient import motions_of
 
-Wish = Mapping[str, Any]
+SliderState = Mapping[str, Any]
 """Where the controls of a patient stand: the value of each by its name."""
-KYPHOSIS = (10, 50, 1)
-"""Range of the kyphosis T5-T12 after surgery [degrees]: 20 to 40 is normal. The patient's own, and that of the
-first plan, are always in it."""
+KYPHOSIS = (0, 90, 1)
+"""Range of the kyphosis T5-T12 after surgery [degrees]."""
 REACH = 20
 """A slider of a motion reaches at least this far to either side [mm or degrees]."""
 COMPONENTS = ("Left mm", "Back mm", "Up mm", "Pitch °", "Roll °", "Yaw °")
 """Labels of the components of a motion: translation along and rotation vector about x, y and z in LPS."""
-PAUSE = 2.0
-"""A slider that rests for so long [s] has been released, as has one when another moves: undo returns to there."""
+PAUSE = 0.7
+"""Sliders that rest for so long [s] have been released: undo returns to where they were then."""
 MOST_UNDO = 100
 """Number of wishes that can be undone."""
 _STILL = Motion(transform=((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)))
@@ -147,14 +146,12 @@ class SpineSliders:
                 self.controls[key] = Control(folder, label, shares.get(key, 0), hint=hint)
         now, asked = kyphosis(spine)["T5-T12"], None if base is None else base.kyphosis_T5_T12
         if now is not None:
-            self._still = round(now)
+            self._still = min(max(round(now), KYPHOSIS[0]), KYPHOSIS[1])
             hint = f"Before surgery {now:.0f}°, which is kept where the slider stands there"
             first = self._still if asked is None else round(asked)
-            least, most, step = KYPHOSIS
-            span = (min(least, self._still, first), max(most, self._still, first), step)
-            self.controls["kyphosis"] = Control("Kyphosis", "T5-T12 °", first, span, hint=hint)
+            self.controls["kyphosis"] = Control("Kyphosis", "T5-T12 °", first, KYPHOSIS, hint=hint)
 
-    def plan(self, wish: Wish) -> Plan:
+    def plan(self, wish: SliderState) -> Plan:
         """The plan of the controls; what they do not say is that of the first plan.
 
         A curve in the fusion at 0 % keeps its angle, and an apex at 0 % is not turned on purpose. With all sliders
@@ -175,7 +172,7 @@ class SpineSliders:
             return plan
         return replace(plan, curves=curves, kyphosis_T5_T12=None if kept else float(wish["kyphosis"]))
 
-    def surgery(self, wish: Wish) -> PlannedSurgery:
+    def surgery(self, wish: SliderState) -> PlannedSurgery:
         """The surgery that the controls ask for; InputError if the spine cannot meet it."""
         return self.of_plan(self.plan(wish))
 
@@ -183,7 +180,7 @@ class SpineSliders:
         """The surgery that a plan asks for; InputError if the spine cannot meet it."""
         return self._planner.plan(plan)
 
-    def without_effect(self, wish: Wish) -> set[str]:
+    def without_effect(self, wish: SliderState) -> set[str]:
         """The controls of curves outside the fusion, which follow by themselves."""
         uiv, liv = rank(wish["uiv"]), rank(wish["liv"])
         outside = [apex for apex in self._curves if not uiv <= rank(apex) <= liv]
@@ -236,11 +233,11 @@ class MotionSliders:
                     most = max(REACH, math.ceil(2.0 * abs(value)))
                     self.controls[f"{bone} {label}"] = Control(bone, label, value, (-most, most, 0.1))
 
-    def motions(self, wish: Wish) -> dict[str, Motion]:
+    def motions(self, wish: SliderState) -> dict[str, Motion]:
         """The motions that the controls describe, by bone."""
         return {bone: self._motion(bone, given, wish) for bone, given in self._case.motions.items()}
 
-    def _motion(self, bone: str, given: Motion, wish: Wish) -> Motion:
+    def _motion(self, bone: str, given: Motion, wish: SliderState) -> Motion:
         if given.follows is not None:
             shares = {other: wish[f"{bone} {other}"] / 100.0 for other in given.follows}
             shares = {other: share for other, share in shares.items() if share > 0.0}
@@ -253,11 +250,11 @@ class MotionSliders:
         turn = Turn(degrees=degrees, axis=axis, point=self._points[bone]) if degrees else None
         return Motion(translation=(x, y, z), rotation=turn, large=given.large)
 
-    def surgery(self, wish: Wish) -> MotionPlan:
+    def surgery(self, wish: SliderState) -> MotionPlan:
         """Where the controls take the bones; InputError if they cannot move like this."""
         return plan_motions(self._case, self.motions(wish), self._skeleton)
 
-    def without_effect(self, _: Wish) -> set[str]:
+    def without_effect(self, _: SliderState) -> set[str]:
         """None of the controls."""
         return set()
 
@@ -265,7 +262,7 @@ class MotionSliders:
 Sliders = SpineSliders | MotionSliders
 
 
-def first_wish(sliders: Sliders) -> Wish:
+def first_state(sliders: Sliders) -> SliderState:
     """Where the controls stand first."""
     return {name: control.first for name, control in sliders.controls.items()}
 
@@ -273,7 +270,7 @@ def first_wish(sliders: Sliders) -> Wish:
 class Controls:
     """Sliders and lists with undo. All browsers share them."""
 
-    def __init__(self, gui: viser.GuiApi, sliders: Sliders, changed: Callable[[Wish], None]) -> None:
+    def __init__(self, gui: viser.GuiApi, sliders: Sliders, changed: Callable[[SliderState], None]) -> None:
         """Adds the controls to the page.
 
         Args:
@@ -283,8 +280,7 @@ class Controls:
         """
         self._sliders, self._changed = sliders, changed
         self._lock, self._setting = threading.RLock(), False
-        self._wish, self._past, self._last = first_wish(sliders), list[Wish](), 0.0
-        self._dragged = set[str]()
+        self._wish, self._past, self._last = first_state(sliders), list[SliderState](), 0.0
         self._handles: dict[str, Any] = {}
         for folder, group in groupby(sliders.controls.items(), key=lambda item: item[1].folder):
             with gui.add_folder(folder):
@@ -318,10 +314,9 @@ class Controls:
             if self._setting or wish == self._wish:
                 return
             now = time.monotonic()
-            changed = {name for name in wish if wish[name] != self._wish[name]}
-            if changed != self._dragged or now - self._last > PAUSE:
+            if now - self._last > PAUSE:
                 self._past = [*self._past[1 - MOST_UNDO :], self._wish]
-            self._wish, self._last, self._dragged = wish, now, changed
+            self._wish, self._last = wish, now
             self._enable()
             self._changed(wish)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from warp_trunk.case.anatomy import THORACIC
 
 from .back_rotation import turn
 from .spine import Spine
@@ -66,7 +67,7 @@ def apical_vertebrae(
     for (above, apex), below in zip(pairwise(apices), apices[2:], strict=False):
         level = spine.levels[apex]
         point, through = line.point, line.landmark
-        if re.fullmatch(r"T([2-9]|1[01])", level):
+        if level in THORACIC[1:11]:
             top = top_of_spine(spine)
             point, through = (None, "T1") if top is None else (spine.centroids[spine.levels.index(top), :2], top)
         to_left = None if point is None else float((spine.centroids[apex, :2] - point) @ line.across)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 
 import numpy as np
 
+from warp_trunk.case.anatomy import region
 from warp_trunk.geometry.surface import Surface
 
 _STEP = 5.0
@@ -20,9 +20,12 @@ _SLAB = 12.0
 """Ribs cross a plane obliquely: those within this height of it count [mm]."""
 
 
+_WALL = ("rib_", "costal_")
+
+
 def is_of_chest(bone: str) -> bool:
     """Whether an index depends on a bone."""
-    return re.fullmatch(r"sternum|T\d+|(rib|costal)_.*", bone) is not None
+    return bone == "sternum" or region(bone) == "T" or bone.startswith(_WALL)
 
 
 def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> dict[str, float]:
@@ -42,8 +45,8 @@ def chest_indices(skin: Surface, bones: Mapping[str, Surface]) -> dict[str, floa
     Returns:
         The indices by name and unit; none without a sternum, both sides of ribs and a vertebra at that height.
     """
-    thoracic = [bones[name].vertices for name in bones if re.fullmatch(r"T\d+", name)]
-    wall = [bones[name].vertices for name in bones if re.match(r"rib_|costal_", name)]
+    thoracic = [bones[name].vertices for name in bones if region(name) == "T"]
+    wall = [bones[name].vertices for name in bones if name.startswith(_WALL)]
     if "sternum" not in bones or not thoracic or not wall:
         return {}
     sternum, spine, ribs = bones["sternum"].vertices, np.vstack(thoracic), np.vstack(wall)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import VERTEBRAE
+
 from .back_rotation import back_surface_rotation
 from .quantities import DETECTABLE, Measured
 from .skin_distance import DistanceStatistics, distance_statistics, skin_distance
@@ -17,9 +19,8 @@ if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
 
 _DISTANCES = [field.name for field in fields(DistanceStatistics) if field.name != "area"]
-_SPINE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
 RANGES = {
-    f"{first}-{last}": _SPINE[_SPINE.index(first) : _SPINE.index(last) + 1]
+    f"{first}-{last}": VERTEBRAE[VERTEBRAE.index(first) : VERTEBRAE.index(last) + 1]
     for first, last in (("T4", "T12"), ("T3", "L5"), ("T3", "T12"), ("L1", "L5"))
 }
 """Levels over which the papers judge: T4-T12 in [2]; T3-L5, and of it the thoracic and lumbar part, in [1]."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import region
 from warp_trunk.errors import InputError, expect
 
 from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
@@ -74,12 +74,12 @@ class TrunkMeasures:
     @property
     def max_thoracic_bsr(self) -> float | None:
         """The rotation of largest size from T1 to T12, with its sign [degrees]; None if all are missing."""
-        return _largest({level: a for level, a in self.bsr.items() if re.match(r"T\d", level)})
+        return _largest({level: a for level, a in self.bsr.items() if region(level) == "T"})
 
     @property
     def max_lumbar_bsr(self) -> float | None:
         """The rotation of largest size from L1 to L5, with its sign [degrees]; None if all are missing."""
-        return _largest({level: a for level, a in self.bsr.items() if re.match(r"L\d", level)})
+        return _largest({level: a for level, a in self.bsr.items() if region(level) == "L"})
 
     @property
     def worst_level(self) -> str | None:

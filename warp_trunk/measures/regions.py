@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import LUMBAR, THORACIC
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import corner_areas, vertex_normals
 
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
 
 BANDS = {
-    "upper thoracic": tuple(f"T{i}" for i in range(1, 5)),
-    "main thoracic": tuple(f"T{i}" for i in range(5, 13)),
-    "lumbar": tuple(f"L{i}" for i in range(1, 6)),
+    "upper thoracic": THORACIC[:4],
+    "main thoracic": THORACIC[4:],
+    "lumbar": LUMBAR,
 }
 """Vertebral levels by the region of the spine that surgeons name a curve after."""
 _SIDEWAYS = math.cos(math.radians(30.0))

@@ -78,7 +78,7 @@ def plans_page(
         drawings,
         trunk=trunk,
         panels=len(poses),
-        virtual=any(result.summary.virtual for result in results),
+        synthetic=any(result.summary.synthetic for result in results),
         titles=", ".join(pose.look.title for pose in poses),
         plans=[(title, result.summary.case, result.folder.resolve().name, result.plan) for title, result in named],
         unfinished=[

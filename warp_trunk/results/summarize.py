@@ -115,7 +115,7 @@ def result_of(
         skin_quality=quality,
         bands=None if found is None else found.bands,
         springs=_springs(model, last.energy),
-        virtual=case.study.virtual,
+        synthetic=case.study.synthetic,
         points=follow_points(case, skin.vertices, motion_of),
         chest=_chest(case, trunk, skin, motion_of),
     )

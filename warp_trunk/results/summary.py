@@ -140,7 +140,7 @@ class Summary:
     """Reasons to doubt the result, a sentence each."""
     skin_quality: SkinQuality | None = None
     """Worst stretch and fold of the predicted skin."""
-    virtual: bool = False
+    synthetic: bool = False
     """Whether the trunk is synthetic."""
     bands: Bands | None = None
     """The sources of the 95 % intervals of the measures; None without `--bands`."""

@@ -28,7 +28,7 @@ from warp_trunk.recording import Recording, load_rerun, start_viewer
 from warp_trunk.results import Result, prepare_folder, result_of, write_result
 from warp_trunk.results.summary_text import markdown
 
-from .bands import find_bands
+from .intervals import find_bands
 from .options import RunOptions, parameters, with_changes
 from .patient import PreparedPatient, layers_from, motions_of, patient_of
 from .prediction import Observer, Prediction, prepare_plan

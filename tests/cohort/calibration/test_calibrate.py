@@ -28,7 +28,7 @@ CALIBRATION = Calibration(
     cases=("a", "b", "c"),
     patients=3,
     poses=("surgery",),
-    virtual=3,
+    synthetic=3,
     left_out={"d": "ended STALLED <here>"},
     rounds=4,
     converged=True,
@@ -72,7 +72,7 @@ def test_what_is_believed_is_that_of_bands() -> None:
 @pytest.fixture(scope="module")
 def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("to calibrate")
-    write_case(folder / "a", turned_case("a", 1.0, Study(patient="P1", virtual=True)))
+    write_case(folder / "a", turned_case("a", 1.0, Study(patient="P1", synthetic=True)))
     write_case(folder / "b", small_case())
     return folder
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import rank
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.spline import fit_spline
@@ -15,7 +16,6 @@ from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after, verte
 from warp_trunk.measures.spine import asis_axis, spine_of
 
 from .least_motion import least_motion, limits_of, segments
-from .record import rank
 from .spine_chain import Placed, spine_chain_of
 from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
 from .targets import curves_of_plan, targets_of
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from .record import Plan
 
-_PELVIS = ("asis", "hip", "sacrum", "S1", "coccyx", "femur")
+_HELD = ("asis", "hip", "sacrum", "S1", "coccyx", "femur")
 """Bones that stay, by how their landmarks begin."""
 _GROWS = 5.0
 """A curve that grows by more than this is reported [degrees]."""
@@ -130,7 +130,7 @@ class Planner:
         arms = points[own] - still.endplates[owner, 1]
         turned = placed.frames[owner] @ (still.frames[owner].transpose(0, 2, 1) @ arms[:, :, None])
         points[own] = turned[:, :, 0] + placed.endplates[owner, 1]
-        held = np.array([name.startswith(_PELVIS) for name in before.names])
+        held = np.array([name.startswith(_HELD) for name in before.names])
         held[own] = True
         if not held.all():
             carried = fit_spline(before.points[held], points[held])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Literal
 
+from warp_trunk.case.anatomy import rank, region
 from warp_trunk.errors import InputError
 
 _RANGES = {
@@ -108,13 +108,8 @@ class Plan:
         return self.balance == "centre" or any(value is not None for value in asked)
 
 
-def rank(level: str) -> tuple[int, int]:
-    """Sorts levels from top to bottom."""
-    return "CTL".index(level[0]), int(level[1:])
-
-
 def _check_level(level: object, what: str) -> None:
-    if not (isinstance(level, str) and re.fullmatch(r"[CTL][1-9]\d?", level)):
+    if not (isinstance(level, str) and region(level)):
         raise InputError(f"{what} must be a vertebra such as T4 or L1, not {level!r}; correct it")
 
 

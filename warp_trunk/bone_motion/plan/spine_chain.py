@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import rank
 from warp_trunk.errors import InputError
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.measures.trunk_shift import SacralLine, sacral_line, top_of_spine
-
-from .record import rank
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

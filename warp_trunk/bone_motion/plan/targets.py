@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.case.anatomy import rank
 from warp_trunk.errors import InputError
 
-from .record import rank
 from .spine_chain import AXIAL, CORONAL, Placed
 
 if TYPE_CHECKING:

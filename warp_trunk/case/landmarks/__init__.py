@@ -1,7 +1,8 @@
 """Named points on bones, and the files of spreadsheets and of 3D Slicer that hold them."""
 
+from ..anatomy import VERTEBRAE
 from .files import COLUMNS, landmark_file, read_landmarks, write_landmarks
-from .landmarks import ASIS, NO_LANDMARKS, VERTEBRA_POINTS, VERTEBRAE, Landmarks, bone_of
+from .landmarks import ASIS, NO_LANDMARKS, VERTEBRA_POINTS, Landmarks, bone_of
 
 __all__ = [
     "ASIS",

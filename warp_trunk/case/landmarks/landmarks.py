@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,8 +10,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError, expect, nearest
 
-VERTEBRAE = (*(f"T{i}" for i in range(1, 13)), *(f"L{i}" for i in range(1, 6)))
-"""Thoracic and lumbar vertebrae from the top down."""
+from ..anatomy import rank, region
 
 VERTEBRA_POINTS = (
     "superior_endplate",
@@ -26,8 +24,6 @@ VERTEBRA_POINTS = (
 
 ASIS = {"asis_left": "hip_left", "asis_right": "hip_right"}
 """The anterior superior iliac spines, and the bone of each; their names do not begin with it."""
-
-_VERTEBRA = re.compile(r"([CTL])(\d+)_")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +77,7 @@ NO_LANDMARKS = Landmarks((), np.zeros((0, 3)))
 
 @lru_cache(maxsize=16)
 def _vertebrae_of(names: tuple[str, ...]) -> tuple[str, ...]:
-    found = {match.groups() for match in map(_VERTEBRA.match, names) if match}
-    return tuple(r + n for r, n in sorted(found, key=lambda v: ("CTL".index(v[0]), int(v[1]))))
+    return tuple(sorted({level for name in names if region(level := name.partition("_")[0])}, key=rank))
 
 
 def bone_of(name: str, bones: Iterable[str]) -> str | None:

@@ -72,7 +72,7 @@ class Calibration:
     """Of how many patients."""
     poses: tuple[str, ...]
     """The pose of their second scan: after surgery, or bending."""
-    virtual: int
+    synthetic: int
     """How many of them a computer made."""
     left_out: dict[str, str]
     """Cases that did not take part in what was found, and why."""
@@ -142,7 +142,7 @@ def calibrate(
         cases=tuple(job.name for job in cases),
         patients=len(fit.pieces),
         poses=tuple(sorted({job.study.pose for job in cases})),
-        virtual=sum(job.study.virtual for job in cases),
+        synthetic=sum(job.study.synthetic for job in cases),
         left_out=rounds.left_out,
         rounds=rounds.count,
         converged=fit.converged,

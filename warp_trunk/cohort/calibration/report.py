@@ -30,7 +30,7 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
     """Writes what was found; returns the page."""
     remarks = [
         f"found by warp-trunk calibrate on {len(calibration.cases)} cases of {calibration.patients} patients",
-        *(["SYNTHETIC: these cases were made by a computer"] if calibration.virtual else []),
+        *(["SYNTHETIC: these cases were made by a computer"] if calibration.synthetic else []),
         *(f"{one.name}: {one.low:.4g} to {one.high:.4g} (95 %)" for one in calibration.found),
     ]
     record = msgspec.json.format(msgspec.json.encode(calibration), indent=2) + b"\n"
@@ -47,7 +47,7 @@ def calibration_page(calibration: Calibration) -> str:
     return rendered(
         "calibration.html",
         {},
-        virtual=calibration.virtual > 0,
+        synthetic=calibration.synthetic > 0,
         cases=len(calibration.cases),
         patients=calibration.patients,
         poses=" and ".join(calibration.poses),

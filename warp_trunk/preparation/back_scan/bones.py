@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from warp_trunk.bone_motion.rib_cage import RIB, ends
+from warp_trunk.bone_motion.rib_cage import ends
+from warp_trunk.case.anatomy import rib_of
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -38,8 +39,8 @@ def ribs_on_vertebrae(
     """
     found = dict(bones)
     for name, bone in bones.items():
-        match = RIB.fullmatch(name)
-        level = f"T{int(match[2])}" if match else ""
+        rib = rib_of(name)
+        level = rib.vertebra if rib else ""
         if level in straight:
             head = ends(straight[name], straight[level])[0]
             near = np.exp(-((np.linalg.norm(straight[name].vertices - head, axis=1) / _HEAD) ** 2))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_trunk.case import Case
+from warp_trunk.case.anatomy import PELVIC_RING
 from warp_trunk.case.invented import Invented
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.errors import InputError
@@ -15,7 +16,7 @@ from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings
 
-from ..deformity.deformity import PELVIS, grown
+from ..deformity.deformity import grown
 from ..deformity.spine_curve import VertebraPose
 from .body import StraightBody, made_body
 from .bones import all_under_skin, carried, forward_under_skin, ribs_on_vertebrae
@@ -171,7 +172,7 @@ def _fitted(
 ) -> tuple[Surface, dict[str, Surface], Landmarks, np.ndarray, np.ndarray]:
     """Skin, bones, landmarks, which points of the scan were used, and how far the vertebrae went forward."""
     axes = straight.endplates[:, 0] - straight.endplates[:, 1]
-    pelvis = [straight.bones[bone].vertices[::12] for bone in PELVIS if bone in straight.bones]
+    pelvis = [straight.bones[bone].vertices[::12] for bone in PELVIC_RING if bone in straight.bones]
 
     def fitted(forward: np.ndarray) -> tuple[Surface, dict[str, Surface], Landmarks, dict[str, VertebraPose]]:
         now = replace(placed, centres=placed.centres - forward[:, None] * [0.0, 1.0, 0.0])
@@ -180,7 +181,7 @@ def _fitted(
         skin = Surface(growth(straight.skin.vertices), straight.skin.faces)
         ends = landmarks.points[["endplate" in name for name in landmarks.names]]
         warp = warp_onto(skin, ScanField(scan), np.vstack([ends, *pelvis]))
-        bones = carried(straight.bones, poses, PELVIS, lambda points: warp(growth(points)))
+        bones = carried(straight.bones, poses, PELVIC_RING, lambda points: warp(growth(points)))
         return Surface(warp(skin.vertices), skin.faces), bones, landmarks, poses
 
     forward = np.zeros(len(VERTEBRAE))
@@ -193,7 +194,7 @@ def _fitted(
         warped, bones, landmarks, poses = fitted(forward)
     drawn, used = _drawn(warped, scan, back)
     bones = ribs_on_vertebrae(bones, straight.bones, poses)
-    bones = all_under_skin(bones, drawn, (*VERTEBRAE, *PELVIS))
+    bones = all_under_skin(bones, drawn, (*VERTEBRAE, *PELVIC_RING))
     return drawn, bones, landmarks, used, forward
 
 

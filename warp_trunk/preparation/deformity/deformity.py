@@ -10,6 +10,7 @@ import numpy as np
 from warp_trunk.bone_motion.rib_cage import RibCage, follow
 from warp_trunk.bone_motion.vertebra_motion import Vertebrae
 from warp_trunk.case import Case
+from warp_trunk.case.anatomy import PELVIC_RING
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.errors import InputError
@@ -69,7 +70,7 @@ def impose(
         raise InputError(f"curve: a curve {curve} folds this trunk, {where}; ask for less")
 
     carried = {
-        name: bone if name in PELVIS else Surface(poses.get(name, spline)(bone.vertices), bone.faces)
+        name: bone if name in PELVIC_RING else Surface(poses.get(name, spline)(bone.vertices), bone.faces)
         for name, bone in bones.items()
     }
     carried_skin = Surface(spline(skin.vertices), skin.faces)
@@ -260,7 +261,6 @@ def _behind(skin: Surface, centre: np.ndarray) -> list[np.ndarray]:
 
 GROWTH = RibCoupling(reversible_part=1.0)
 """A curve grows with all of the shares that surgery takes back in part."""
-PELVIS = ("hip_left", "hip_right", "sacrum")
 _POINTS_PER_BONE = 5
 _APART = 8.0
 """Guiding points nearer than this to another or a landmark are left out [mm]: they would ask for a shear."""
@@ -286,8 +286,10 @@ def guiding_points(
     still = all(pose.still for pose in poses.values())
     before, after = [np.empty((0, 3))], [np.empty((0, 3))]
     for name, bone in bones.items():
-        if name in motions or name in PELVIS:
-            points = _spread(bone.vertices, bone.vertices.mean(axis=0), 14 if name in PELVIS else _POINTS_PER_BONE)
+        if name in motions or name in PELVIC_RING:
+            points = _spread(
+                bone.vertices, bone.vertices.mean(axis=0), 14 if name in PELVIC_RING else _POINTS_PER_BONE
+            )
             before.append(points)
             after.append(points if still or name not in motions else motions[name].apply(points))
     points, kept, taken = np.vstack(before), [], landmarks

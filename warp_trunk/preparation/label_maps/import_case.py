@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from warp_trunk.case import Case
+from warp_trunk.case.anatomy import rib_of
 from warp_trunk.case.header import POSTURES
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, VERTEBRAE
 from warp_trunk.case.layers import Layers
@@ -25,7 +26,7 @@ from ..scanning.cutting import CutPlane
 from .cartilages import split_cartilages
 from .fat import fat_thickness
 from .mask import Mask
-from .names import CARTILAGES, FAT, MUSCLE, RIB, SKIN
+from .names import CARTILAGES, FAT, MUSCLE, SKIN
 from .segmentation_checks import doubts_of_bones, doubts_of_image, wrong_way_round
 from .skin import body_skin, check_cuts
 from .sources import Source
@@ -158,7 +159,7 @@ def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[s
     others = {name: mask for name, mask in masks.items() if name != CARTILAGES}
     if "sternum" not in others:
         return others, [f"{CARTILAGES}: left out, as the sternum that they lead to has no label."]
-    ribs = {name: mask for name, mask in others.items() if RIB.fullmatch(name)}
+    ribs = {name: mask for name, mask in others.items() if rib_of(name)}
     split, lost = split_cartilages(masks[CARTILAGES], ribs, others["sternum"])
     note = f"{CARTILAGES}: {lost / 1000.0:.1f} cm3 of it hang together with no rib, and were left out."
     return {**others, **split}, [note] if lost > 0.0 else []

@@ -16,8 +16,6 @@ from warp_trunk.io.file_access import read_text
 SKIN, ARMS, CARTILAGES = "skin", "extremities", "costal_cartilages"
 FAT, MUSCLE = "subcutaneous_fat", "skeletal_muscle"
 """Structures that are no single bone: the body, all costal cartilages in one, tissue, arms and legs."""
-RIB = re.compile(r"rib_(left|right)_(\d\d)")
-"""Our name of a rib."""
 _LEVELS = {"C": 7, "T": 13, "L": 6}
 _REGIONS = {"cervical": "C", "thoracic": "T", "dorsal": "T", "lumbar": "L"}
 _ORDINALS = (

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from warp_trunk.case.anatomy import rib_of
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.case.orientation import exchanged_pairs, misplaced
 from warp_trunk.geometry.surface import Surface
@@ -14,7 +15,6 @@ from warp_trunk.geometry.surface_checks import enclosed_volume
 
 from ..landmark_finder.find import medians_of_neighbours
 from .mask import Mask
-from .names import RIB
 
 _LARGER, _SMALLER = 1.7, 0.5
 """Volume of a vertebra over the median of its neighbours', which grow by a tenth from one to the next."""
@@ -157,18 +157,19 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
     shifts: dict[str, dict[int, int]] = {"left": {}, "right": {}}
     headless: dict[tuple[str, int], float] = {}
     doubts = []
-    for name, found in ((name, RIB.fullmatch(name)) for name in sorted(bones)):
-        if not found or (number := int(found[2])) not in trees:
+    for name, found in ((name, rib_of(name)) for name in sorted(bones)):
+        if found is None or found.number not in trees:
             continue
+        number = found.number
         points = bones[name].vertices
         if (gap := trees[number].query(points)[0].min()) <= _FROM_VERTEBRA:
             continue
         away = {level: tree.query(points)[0].min() for level, tree in trees.items()}
         at = min(away, key=lambda level: away[level])
         if at != number and (at != number - 1 or away[at] <= _FROM_VERTEBRA):
-            shifts[found[1]][number] = at
+            shifts[found.side][number] = at
         if at in (number - 1, number):
-            headless[found[1], number] = gap
+            headless[found.side, number] = gap
     for (side, number), gap in headless.items():
         if len(shifts[side]) < _ALIKE:  # a rib begins between its vertebra and the one above
             shifts[side].pop(number, None)

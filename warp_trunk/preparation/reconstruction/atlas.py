@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from warp_trunk.case.anatomy import PELVIS
 from warp_trunk.case.landmarks import Landmarks, bone_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
@@ -18,7 +19,6 @@ from warp_trunk.geometry.surface import Surface
 
 from .registration import check_near, check_size
 
-_PELVIS = ("hip_left", "hip_right", "sacrum", "coccyx", "femur_left", "femur_right")
 """Bones that the skin does not guide: how thick the tissue over them is differs most between bodies."""
 _APART = 1 / 15
 """Distance of points of the skin that guide bones, over the length of the landmarks of the atlas."""
@@ -113,7 +113,7 @@ def fit_atlas(
             left_out[i] = np.linalg.norm(carry(others, sources[i : i + 1], none)[0] - targets[i])
     carried, depth = {}, {}
     for name, bone in bones.items():
-        guides = none if name in own or name in _PELVIS else on_skin
+        guides = none if name in own or name in PELVIS else on_skin
         fitted = rows[name] if name in own else everything
         carried[name] = Surface(carry(fitted, bone.vertices, guides), bone.faces)
     if skins is not None:

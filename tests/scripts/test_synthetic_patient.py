@@ -1,7 +1,7 @@
-"""How a virtual patient's spine bends sideways: rigid vertebrae over an arc."""
+"""How a synthetic patient's spine bends sideways: rigid vertebrae over an arc."""
 
 import numpy as np
-from virtual_patient import leaning
+from synthetic_patient import leaning
 
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.preparation.phantom import straight_trunk

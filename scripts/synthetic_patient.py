@@ -1,4 +1,4 @@
-"""A virtual patient: how she is drawn, how she is shaped, how her spine bends, what is off in her landmarks."""
+"""A synthetic patient: how she is drawn, how she is shaped, how her spine bends, what is off in her landmarks."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ MONTHS = (3.0, 24.0)
 
 @dataclass(frozen=True)
 class Drawn:
-    """One virtual patient."""
+    """One synthetic patient."""
 
     kind: Kind
     direction: Literal["right", "left"]

@@ -49,11 +49,11 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
     return rendered(
         "cohort.html",
         drawings,
-        virtual=summary.virtual > 0,
+        synthetic=summary.synthetic > 0,
         cases=summary.cases,
         counted=summary.counted,
         patients=summary.patients,
-        made_up_cases=summary.virtual,
+        made_up_cases=summary.synthetic,
         first=[*worse_parts(summary), *_left_out(rows, summary)],
         detectable=DETECTABLE,
         range_head=RANGE_HEAD,

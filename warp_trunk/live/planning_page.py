@@ -15,10 +15,10 @@ from warp_trunk.run.patient import PreparedPatient
 
 from .kept import KeptPlans
 from .loopback import LoopbackServer
-from .numbers import line_html, numbers_html, status_html
-from .scene import SIDES, PageScene
+from .number_table import line_html, numbers_html, status_html
+from .page_scene import SIDES, PageScene
 from .session import Latest, PlanView, Session, worker
-from .sliders import Controls, Sliders, SpineSliders, first_wish
+from .sliders import Controls, Sliders, SpineSliders, first_state
 
 NOTHING = "nothing"
 """The first choice of the comparison."""
@@ -79,7 +79,7 @@ class Page:
     def __enter__(self) -> Self:
         self._writer.start()
         self.session.__enter__()
-        self.session.ask(first_wish(self._sliders))
+        self.session.ask(first_state(self._sliders))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -123,7 +123,7 @@ class Page:
 
     def _write(self) -> None:
         view, name = self.session.view, self._other.value
-        self._status.content = status_html(view, self.session.refusal, planning=self.session.planning)
+        self._status.content = status_html(view, self.session.refusal)
         if view is not None:
             kept = self.kept.views.get(name)
             named, measures = None if kept is None else (name, kept), self.session.measures or self._before

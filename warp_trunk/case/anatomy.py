@@ -1,0 +1,71 @@
+"""Levels, bones and sides by the names that they have in every file of a case."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+SIDES = ("left", "right")
+"""Sides of the patient."""
+THORACIC = tuple(f"T{number}" for number in range(1, 13))
+LUMBAR = tuple(f"L{number}" for number in range(1, 6))
+VERTEBRAE = (*THORACIC, *LUMBAR)
+"""Thoracic and lumbar vertebrae from the top down."""
+HIPS = ("hip_left", "hip_right")
+PELVIC_RING = (*HIPS, "sacrum")
+"""Bones that no operation on the spine moves against each other."""
+PELVIS = (*PELVIC_RING, "coccyx", "femur_left", "femur_right")
+"""Bones that move as one body."""
+
+_LEVEL = re.compile(r"([CTL])([1-9]\d?)")
+_RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
+_CARTILAGE = re.compile(r"costal_cartilage_(left|right)_(\d\d)")
+_KNOWN = re.compile(
+    r"[CTL]\d+|sternum|sacrum|coccyx|(rib|costal_cartilage)_(left|right)_\d\d"
+    r"|(hip|femur|scapula|clavicle|humerus)_(left|right)"
+)
+
+
+class Rib(NamedTuple):
+    """A rib, or its cartilage."""
+
+    side: str
+    """left or right."""
+    number: int
+    """From 1 at the top."""
+
+    @property
+    def vertebra(self) -> str:
+        """The vertebra of its head."""
+        return f"T{self.number}"
+
+
+def rib_of(bone: str) -> Rib | None:
+    """The rib that a bone is; None for another bone."""
+    return _rib(_RIB, bone)
+
+
+def cartilage_of(bone: str) -> Rib | None:
+    """The rib whose cartilage a bone is; None for another bone."""
+    return _rib(_CARTILAGE, bone)
+
+
+def _rib(pattern: re.Pattern[str], bone: str) -> Rib | None:
+    match = pattern.fullmatch(bone)
+    return None if match is None else Rib(match[1], int(match[2]))
+
+
+def region(level: str) -> str:
+    """C, T or L of a vertebra; empty for any other bone."""
+    match = _LEVEL.fullmatch(level)
+    return "" if match is None else match[1]
+
+
+def rank(level: str) -> tuple[int, int]:
+    """Sorts vertebrae from top to bottom."""
+    return "CTL".index(level[0]), int(level[1:])
+
+
+def is_known(bone: str) -> bool:
+    """Whether a name is one of a bone."""
+    return _KNOWN.fullmatch(bone) is not None
