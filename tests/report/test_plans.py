@@ -3,6 +3,7 @@
 import math
 import re
 
+import numpy as np
 import pytest
 
 from support.known_spine import known_spine
@@ -11,10 +12,11 @@ from support.trunk_shapes import flat_back, rotation, tube
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.report.plans import differences
+from warp_trunk.report.plans import apart_of, apart_table, differences
 from warp_trunk.report.style import BEFORE, PLANS, TrunkState
 from warp_trunk.report.writing import write_comparison
 from warp_trunk.results import read_result
+from warp_trunk.results.bands import Effects
 
 CURVE = {"T1": 28.0, "T5": 30.0, "T12": -30.0, "L5": -28.0}
 
@@ -31,28 +33,52 @@ def three():
     return pose(BEFORE, 1.0, 12.0), [pose(PLANS[0], 0.3, 7.0), pose(PLANS[1], 0.5, 6.0)]
 
 
+def effects_of(shift):
+    """Effects of one plan: an error that both plans share, and one by which they differ."""
+    names = [["max_thoracic_bsr_deg", ""], ["max_hump_mm", ""], ["cobb_deg", "T5-T12"]]
+    return Effects(
+        names=np.array(names), sources=np.array(["shared", "own"]), effects=np.array([[9.0, shift]] * 3),
+        landmarks=np.zeros((3, 6)), ratio=np.ones(3), likely_worse=np.zeros((8, 3)),
+    )  # fmt: skip
+
+
 def test_what_differs_is_told_with_each_plan_and_the_rest_is_alike(three):
-    told = differences(*three)
+    before, plans = three
+    apart = apart_of([before, *plans], [effects_of(0.5), effects_of(1.5)])
+    told = differences([before, *plans], apart)
     assert "Cobb angle T5 to T12: 18° with plan A and 30° with plan B." in told
     *_, alike = told
-    assert alike.startswith("Too alike to choose by, within 5° of the spine, 2.5° of the back and 5 mm: ")
+    assert alike.startswith("Too alike to choose by, within 5° of the spine, 2.5° of the back and 5 mm")
     assert "rotation of the upper back" in alike  # 7 and 6 degrees
     assert "Cobb" not in alike
-    apart = next(line for line in told if line.startswith("The predicted skins"))
-    most, mean = map(int, re.findall(r"(\d+) mm", apart))
+    cobb = next(one for one in apart if one.row.quantity.key == "cobb_deg" and one.row.level == "T5-T12")
+    assert (cobb.value, cobb.title) == (pytest.approx(-12.0, abs=0.1), "A − B")
+    assert cobb.high is not None
+    assert cobb.high - cobb.value == pytest.approx(1.96, abs=1e-3)  # what is shared cancels
+    distance = next(line for line in told if line.startswith("The predicted skins"))
+    most, mean = map(int, re.findall(r"(\d+) mm", distance))
     assert most == round(math.hypot(150.0, 100.0) * math.radians(1.0))  # its corners, turned by one degree
     assert 0 < mean <= most
 
 
+def test_plans_within_the_interval_of_their_difference_are_alike(three):
+    before, plans = three
+    apart = apart_of([before, *plans], [effects_of(0.0), effects_of(8.0)])
+    assert not any(one.differs for one in apart if one.row.quantity.key == "cobb_deg" and one.low is not None)
+    cells = {row[0]: row[1] for row in apart_table(apart)}
+    assert re.fullmatch(r"\[−12 \(−28 to \+3.\d\)\]", cells["Cobb angle T5 to T12 [°]"])
+
+
 def test_page_holds_every_plan_and_nothing_from_outside(tmp_path, capsys):
     folders = [write_small_result(tmp_path / name, name=f"<b>{name}</b>") for name in ("first", "second")]
-    (folders[1] / "plan.toml").write_text('uiv = "T4"  # <i>\n')
+    (folders[1] / "plan.toml").write_text('uiv = "T4"  # <i>\nliv = "L1"\n')
     assert main(["report", *map(str, folders)]) == 0
     page = tmp_path / "plans.html"
     assert str(page) in capsys.readouterr().out
     text = page.read_text()
     assert "&lt;b&gt;first&lt;/b&gt;" in text
-    assert text.count("# &lt;i&gt;") == 1  # by which plan it was made
+    assert text.count("# &lt;i&gt;") == 1  # the file of the plan, at the end
+    assert text.index("T4 to L1 joined (10 vertebrae)") < text.index("What differs") < text.index("# &lt;i&gt;")
     assert "http" not in re.sub(r'base64,[^"]*|plain">[^<]*', "", text).replace("http-equiv", "")
     assert text.count("<img") == 5
     assert sorted(path.stem for path in (tmp_path / "plans").iterdir()) == [

@@ -10,16 +10,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from support.report_results import write_small_result
+from support.report_results import small_bands, write_small_result
+from support.small_trunk import small_case
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.measures.quantities import Measured
 from warp_trunk.report.page import rotation_table
+from warp_trunk.report.sentences import _tile, interval_text
 from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
 
 PICTURES = [
     "back", "convergence", "front", "hump", "rotation", "sections", "side", "spine_behind", "spine_side",
-    "stretch_behind", "stretch_front",
+    "stretch_behind",
 ]  # fmt: skip
 
 
@@ -66,7 +69,7 @@ def test_page_needs_nothing_and_reaches_for_nothing(plain):
     assert not page.of("link")
     assert len(page.of("img")) == len(PICTURES)
     for image in page.of("img"):
-        assert image["src"].startswith("data:image/svg+xml;base64,")
+        assert re.match(r"data:image/(svg\+xml|webp);base64,", image["src"])
         assert len(image["alt"]) > 20
     assert "http" not in re.sub(r'base64,[^"]*|plain">[^<]*', "", plain[1]).replace("http-equiv", "")
     policy = next(meta["content"] for meta in page.of("meta") if "http-equiv" in meta)
@@ -125,3 +128,63 @@ def test_command_writes_the_same_bytes_elsewhere_and_says_where(plain, tmp_path,
     for name in PICTURES:
         again = page.parent / "report" / f"{name}.png"
         assert again.read_bytes() == (plain[0] / "report" / f"{name}.png").read_bytes()
+
+
+def test_front_is_bare_only_where_that_is_asked_for(plain, tmp_path):
+    assert main(["report", str(plain[0]), "--views", "bare", "--out", str(tmp_path)]) == 0
+    names = {path.stem for path in (tmp_path / "report").iterdir()}
+    assert names - set(PICTURES) == {"bare_front", "bare_side", "stretch_front"}
+    assert "Without clothes" in Elements((tmp_path / "report.html").read_text()).words
+    assert "Without clothes" not in Elements(plain[1]).words
+
+
+def test_fused_vertebrae_and_the_fingerprint_of_the_plan_are_on_the_page(tmp_path):
+    folder = write_small_result(tmp_path)
+    (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n')
+    words = " ".join(Elements(read_result(folder).report().read_text()).words.split())
+    assert words.count("The 10 vertebrae from T4 to L1 are joined") == 2  # for the patient, and to sign
+    assert "Plan: T4 to L1 joined (10 vertebrae); curve at T8: 65 % of the Cobb angle corrected." in words
+    assert "A scar runs along the vertebrae from T4 to L1." in words
+    first = read_result(folder).fingerprint
+    assert first in words
+    assert re.fullmatch(r"[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}", first)
+    (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L2"\n')
+    assert read_result(folder).fingerprint != first
+    (folder / "plan.toml").unlink()
+    assert "does not state which vertebrae are joined" in Elements(read_result(folder).report().read_text()).words
+
+
+@pytest.mark.parametrize(
+    ("key", "was", "will", "value", "name", "warning"),
+    [
+        ("shoulder_difference_mm", 6.7, 9.4, "7 → 9 mm", "shoulders, the right one higher", "hardly to be seen"),
+        ("shoulder_difference_mm", 6.7, -4.6, "7 right → 5 left", "shoulders [mm]", "changes its side"),
+        ("max_hump_mm", 12.0, 22.0, "12 → 22 mm", "shoulders, on the right", "more than before"),
+        ("cobb_deg", 55.0, -4.0, "55 → −4°", "shoulders", ""),
+        ("bsr_deg", -3.6, 3.8, "4 left → 4 right°", "shoulders", "changes its side"),
+        ("bsr_deg", 12.0, 0.3, "12 → 0°", "shoulders, the right side further back", ""),
+    ],
+)
+def test_sides_and_what_becomes_worse_are_marked(key, was, will, value, name, warning):
+    row = Measured.with_sd("predicted", "", key, will, 9.0)
+    tile = _tile(key, "shoulders", was, will, row)
+    assert (tile.value, tile.name) == (value, name)
+    assert warning in tile.warning
+    assert bool(tile.warning) == bool(warning)
+
+
+def test_intervals_name_both_sides_where_they_hold_both():
+    assert interval_text(Measured("predicted", "", "a", 5.0, -13.0, 23.0), sided=True) == "13 left to 23 right"
+    assert interval_text(Measured("predicted", "", "a", -8.0, -14.0, -3.0), sided=True) == "3 to 14"
+    assert interval_text(Measured("predicted", "", "a", 19.0, -1.9, 40.0), sided=False) == "−2 to 40"
+    assert interval_text(Measured("predicted", "", "a", 19.0), sided=False) == ""
+
+
+def test_bands_bring_intervals_and_a_better_and_a_worse_back(tmp_path, plain):
+    found = small_bands(len(small_case()[0].skin.vertices))
+    page = read_result(write_small_result(tmp_path, found=found)).report()
+    words = Elements(page.read_text()).words
+    assert "It can turn out better or worse" in words
+    assert "19 of 20: " in words
+    assert (tmp_path / "report" / "likely.png").exists()
+    assert "No interval was computed for these numbers" in Elements(plain[1]).words

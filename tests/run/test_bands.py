@@ -43,7 +43,9 @@ def test_what_is_certain_has_no_band() -> None:
     found = bands_of()
     assert [row.sd for row in found.table.column("predicted", "bsr_deg").values()] == [0.0] * 4
     assert found.skin_sd.max() == 0.0
-    assert [row.sd for row in found.rows if row.state == "exact"] == [0.0] * 5
+    assert [row.sd for row in found.rows if row.state == "exact"] == [
+        0.0
+    ] * 7  # with the largest rotation of the upper and the lower back
 
 
 def test_landmarks_against_whole_simulations() -> None:
@@ -87,12 +89,51 @@ def test_the_same_error_before_and_after_matters_less_and_sources_add_up() -> No
         assert low + high == pytest.approx(2.0 * value)
 
 
+def test_effects_give_the_intervals_and_the_skin_of_a_likely_larger_hump() -> None:
+    found = bands_of(landmark_error=2.1, landmark_error_sd=1.5, cobb=5.0, theta=3.0)
+    rows, effects = found.table, found.effects
+    for (quantity, level), own, by_landmarks, ratio in zip(
+        effects.names.tolist(), effects.effects, effects.landmarks, effects.ratio, strict=True
+    ):
+        sd = ratio * np.hypot(np.linalg.norm(own), np.linalg.norm(by_landmarks))
+        assert rows.column("predicted", quantity)[level].sd == pytest.approx(sd, rel=1e-3, abs=1e-6)
+    skin = simulated().skin
+    hump = rows.column("predicted", "max_hump_mm")[""]
+    for sign in (1.0, -1.0):
+        there = replace(skin, vertices=skin.vertices + sign * effects.likely_worse)
+        level = measure(skin, CASE.planned_landmarks).hump_level
+        height = measure(there, CASE.planned_landmarks).hump_height[level or ""]
+        assert None not in (height, hump.value, hump.sd)
+        value, sd = float(hump.value or 0.0), float(hump.sd or 0.0)
+        assert float(height or 0.0) - value == pytest.approx(sign * np.copysign(1.2816 * sd, value), rel=0.3)
+
+
+def test_plans_that_share_errors_differ_by_less_than_each_alone() -> None:
+    """Two plans of two numbers: the deviation of their difference against drawn errors."""
+    random, one = np.random.default_rng(5), bands_of(cobb=5.0).effects
+    names = np.array([["bsr_deg", "T8"], ["max_hump_mm", ""]])
+    first = replace(one, names=names, sources=np.array(["a", "b"]), effects=np.array([[2.0, 1.0], [3.0, 0.0]]),
+                    landmarks=random.normal(size=(2, 6)), ratio=np.array([1.0, 1.2]))  # fmt: skip
+    other = replace(first, sources=np.array(["b", "c"]), effects=np.array([[1.5, 0.5], [0.2, 2.0]]),
+                    landmarks=first.landmarks + 0.1 * random.normal(size=(2, 6)))  # fmt: skip
+    a, b, c = random.standard_normal((3, 200_000))
+    shared = random.standard_normal((6, 200_000))
+    numbers = [
+        each.ratio[:, None] * (each.effects @ np.array(own) + each.landmarks @ shared)
+        for each, own in ((first, (a, b)), (other, (b, c)))
+    ]
+    drawn = np.std(numbers[0] - numbers[1], axis=1)
+    found = first.difference_sd(other)
+    assert [found["bsr_deg", "T8"], found["max_hump_mm", ""]] == pytest.approx(drawn.tolist(), rel=0.01)
+    assert first.difference_sd(first) == {name: 0.0 for name in found}
+
+
 WHOLE = replace(whole_phantom(), uncertainty=Uncertainty(landmark_error=1.0, landmark_error_sd=0.7))
 AFTER = WHOLE.planned_landmarks
 
 
 def test_against_draws() -> None:
-    bands = {(row.quantity, row.level): row for row in spine_bands(WHOLE, ())}
+    bands = {(row.quantity, row.level): row for row in spine_bands(WHOLE, ())[0]}
     random, curves = np.random.default_rng(3), cobb_angles(WHOLE.landmarks_before)
     assert {("cobb_deg", f"{curve.upper}-{curve.lower}") for curve in curves} <= bands.keys()
     assert {("apical_rotation_deg", curve.apex) for curve in curves} <= bands.keys()
@@ -113,7 +154,9 @@ def test_a_missed_plan_is_a_change_of_its_landmarks() -> None:
     """A tenth of the whole correction less leaves a Cobb angle that is nearly a tenth of the correction larger."""
     certain = replace(WHOLE, uncertainty=Uncertainty(landmark_error=0.0, landmark_error_sd=0.0))
     move = 0.1 * (AFTER.points - WHOLE.landmarks_before.points)
-    rows = spine_bands(certain, [ErrorSource("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)])
+    rows, _ = spine_bands(
+        certain, [ErrorSource("amount", "a tenth", "none", of_surgery=True, landmarks_after=move)]
+    )
     bands = MeasureTable(rows).column("predicted", "cobb_deg")
     for curve, after in zip(
         cobb_angles(WHOLE.landmarks_before), curves_after(cobb_angles(WHOLE.landmarks_before), AFTER), strict=True

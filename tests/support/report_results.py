@@ -12,7 +12,7 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.quantities import EXACT, PREDICTED, Measured
 from warp_trunk.results import result_of
-from warp_trunk.results.bands import Bands, BandSource, FoundBands
+from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .small_trunk import made_up_increments, small_case
 
@@ -88,4 +88,13 @@ def small_bands(vertices: int) -> FoundBands:
     )
     nonlinear = (("bsr_deg", "T4"),)
     bands = Bands(sources=(source,), nonlinear=nonlinear, skin_mean_mm=2.0, skin_max_mm=2.0, draws=32)
-    return FoundBands(tuple(rows), bands, np.full(vertices, 2.0))
+    names = np.array([(row.quantity, row.level) for row in rows if row.state == PREDICTED])
+    effects = Effects(
+        names=names,
+        sources=np.array(["amount of correction"]),
+        effects=np.full((len(names), 1), 1.0),
+        landmarks=np.zeros((len(names), 6)),
+        ratio=np.ones(len(names)),
+        likely_worse=np.tile([0.0, 2.0, 0.0], (vertices, 1)),
+    )
+    return FoundBands(tuple(rows), bands, np.full(vertices, 2.0), effects)

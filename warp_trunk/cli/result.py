@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from tyro.conf import Positional
 
@@ -45,17 +46,24 @@ class Report:
     out: Path | None = None
     """Folder to write to; by default the result folder, or the folder of the first of several results."""
 
+    views: Literal["dressed", "bare"] = "dressed"
+    """Front and side are shown in a shirt; bare shows them without clothes too."""
+
     def run(self, arguments: list[str]) -> int:
         """Writes the page and prints its place."""
         if not self.results:
             raise InputError("report: RESULTS is missing; give one folder that `simulate` wrote, or several")
         if self.out is not None:
             refuse_case(self.out)
-        from warp_trunk.report.writing import write_comparison  # brings matplotlib
+        from warp_trunk.report.writing import write_comparison, write_report  # bring matplotlib
 
         with Progress() as progress, progress.stage("report", "measuring and drawing"):
             results = [read_result(folder) for folder in self.results]
-            page = write_comparison(results, self.out) if len(results) > 1 else results[0].report(self.out)
+            bare = self.views == "bare"
+            if len(results) > 1:
+                page = write_comparison(results, self.out, bare=bare)
+            else:
+                page = write_report(results[0], self.out, bare=bare)
         print(f"Open {page} in a browser; its pictures are in {page.with_suffix('')}")
         return OK
 

@@ -11,9 +11,10 @@ from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.case import write_case
 from warp_trunk.case.axes import MILLIMETRES
-from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.case_writer import HEADER, refuse_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import write_landmarks
+from warp_trunk.case.uncertainty import state_bone_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import enclosed_volume
 from warp_trunk.io.atomic_write import write_whole
@@ -119,9 +120,10 @@ class FindLandmarks:
                     raise InputError(f"{place}: is written as {ending[1:].upper()}; end the name in {ending}")
                 check_place(place)
         inner = self.bones / "bones"
+        folder = inner if inner.is_dir() else self.bones
         with Progress() as progress:
             with progress.stage("load", f"reading the bones of {self.bones}"):
-                bones = read_bones(inner if inner.is_dir() else self.bones)
+                bones = read_bones(folder)
             with progress.stage("find", "finding landmarks"):
                 found = find_landmarks(bones)
             write_landmarks(self.out, found.landmarks)
@@ -136,6 +138,9 @@ class FindLandmarks:
         for name, why in found.unsure.items():
             print(f"warp-trunk: {name}: not found: {why}", file=sys.stderr)
         print(f"{len(found.landmarks.names)} landmarks written to {self.out}")
+        header = self.out.parent / HEADER
+        if header.is_file() and folder.resolve().parent == header.resolve().parent:  # of the same case
+            print(state_bone_landmarks(header))
         return INCOMPLETE if found.unsure else OK
 
 

@@ -7,6 +7,8 @@ SUMMARY = "summary.json"
 SKIN_BEFORE, PREDICTED_SKIN, ACTUAL_SKIN = "skin_before.ply", "predicted_skin.ply", "actual_skin.ply"
 LANDMARKS_BEFORE, LANDMARKS_AFTER = "landmarks_before.csv", "landmarks_after.csv"
 TRUNK, SKIN_SD, RECORDING = "trunk.vtu", "skin_sd.csv", "recording.rrd"
+EFFECTS = "effects.npz"
+"""Effects of the errors on the numbers of a result with bands, by which plans are compared."""
 PLAN, MOST_PLAN = "plan.toml", 1_000_000
 """The plan that made a result or a case, in its folder, and the largest size of one [bytes]."""
 PAGE, PICTURES = "report.html", "report"

@@ -21,6 +21,7 @@ from .sagittal import SpineHeight, kyphosis, lordosis, spine_height
 from .shoulders import Shoulders, shoulder_heights
 from .spine import Spine, spine_of
 from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift
+from .waist import Waist, waist_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -57,6 +58,8 @@ class TrunkMeasures:
     """Section of the trunk by vertebral level, top to bottom, x and y [mm]; None where it misses the trunk."""
     tangents: dict[str, DualTangent | None] = field(default_factory=dict)
     """Dual tangent of the back by level; None where the section is missing or no line touches both sides."""
+    waist: Waist | None = None
+    """Depth and height of the waist; None without T8, or where the skin ends above the hips."""
     shoulders: Shoulders | None = None
     """Heights of the shoulders; None without T1, or where the skin ends below it."""
     skin_change_max: float | None = None
@@ -158,10 +161,12 @@ def measure(skin: Surface, landmarks: Landmarks, before: Surface | None = None) 
         if tangent is None:
             missing.setdefault(level, "no line within 60 degrees of the pelvis touches the back on both sides")
     shoulders = None if outlines.get("T1") is None else shoulder_heights(skin, spine, line.across)
+    pelvis = 0.5 * (landmarks.point("asis_left") + landmarks.point("asis_right"))[2]
+    waist = waist_of(skin, spine, line, float(pelvis))
     missing |= found.missing
     if shoulders is None:
         missing["shoulders"] = "no skin on both sides of T1" if "T1" in spine.levels else "no landmarks of T1"
-    return replace(found, outlines=outlines, tangents=tangents, shoulders=shoulders, missing=missing)
+    return replace(found, outlines=outlines, tangents=tangents, waist=waist, shoulders=shoulders, missing=missing)
 
 
 def measure_spine(landmarks: Landmarks) -> TrunkMeasures:

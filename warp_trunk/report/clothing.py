@@ -82,6 +82,9 @@ def dressed(poses: Sequence[TrunkState]) -> list[TrunkState]:
     where it is."""
     part, found = soft(poses[0].skin), []
     for pose in poses:
+        if pose.worn is not None:
+            found.append(pose)
+            continue
         same = len(pose.skin.vertices) == len(part)
         skin = softened(pose.skin, part if same else soft(pose.skin))
         found.append(replace(pose, worn=Worn(skin, cloth_of(skin, pose.landmarks))))

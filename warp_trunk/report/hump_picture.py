@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from warp_trunk.measures.hump import hump_top
+
 from .panels import panels, shaded
 from .relief import BEHIND, Relief, Window, seen_from
 from .skin_pictures import lines
@@ -46,10 +48,10 @@ def hump_on_vertices(pose: TrunkState, back: Relief, seen: Window) -> tuple[np.n
     return difference, part * (np.abs(near - depth) < COLOUR_STEP)
 
 
-def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window) -> Figure:
-    """Every pose coloured by how far each place stands behind the other side of the back, with its spine."""
+def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: Window, limit: float) -> Figure:
+    """Every pose coloured by how far each place stands behind the other side of the back, with its spine; the two
+    places of the largest hump are ringed. The scale ends at `limit` [mm]."""
     differences = [painted_difference(back, seen) for back in reliefs]
-    limit = hump_limit(poses, reliefs, seen)
     bounds, palette = np.arange(-limit, limit + COLOUR_STEP, COLOUR_STEP), hump_palette(limit)
     colours, norm = ListedColormap(palette), BoundaryNorm(bounds, len(palette))
     images = [
@@ -64,10 +66,32 @@ def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: W
         lines(axes, seen, compared, (-steps[::-1]).tolist(), "dashed")
         axes.plot(*back.spine.T, "o-", color=INK, markersize=1.8, linewidth=0.7)
         level, height = pose.measures.hump_level, pose.measures.max_hump
-        if level is not None and height is not None:  # beside the vertebra where it is
-            x, z = back.spine[pose.landmarks.vertebrae().index(level)]
+        if level is not None and height is not None:
+            tangent, z = pose.measures.tangents[level], back.spine[pose.landmarks.vertebrae().index(level)][1]
+            top = None if tangent is None else hump_top(tangent)
+            assert top is not None  # there is a hump
+            places = seen_from(np.column_stack([top[1], [z, z]]), pose.landmarks, BEHIND)[:, 0]  # right, left
+            axes.plot(
+                places,
+                [z, z],
+                "o",
+                markersize=7.0,
+                markerfacecolor="none",
+                markeredgecolor="white",
+                markeredgewidth=2.4,
+            )
+            axes.plot(
+                places,
+                [z, z],
+                "o",
+                markersize=7.0,
+                markerfacecolor="none",
+                markeredgecolor=INK,
+                markeredgewidth=1.2,
+            )
+            x = places[0 if height > 0.0 else 1] - np.copysign(14.0, height)
             axes.text(
-                x - np.copysign(62.0, height), z, f"{abs(height):.0f} mm", ha="center", va="center", fontsize=10,
+                x, z + 20.0, f"{abs(height):.0f} mm", ha="center", va="center", fontsize=10,
                 fontweight="bold", color=INK, path_effects=[withStroke(linewidth=2.5, foreground="white")],
             )  # fmt: skip
     ticks = np.arange(-limit, limit + 1.0, 10.0 if limit <= 40.0 else 20.0)

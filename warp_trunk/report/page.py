@@ -5,10 +5,12 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warp_trunk.bone_motion.plan import Plan, plan_of_text, plan_words
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.normals import corner_areas
@@ -22,7 +24,7 @@ from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.measures.table import as_html
 
 from .modelled import modelled, not_modelled, option_rows, value_text
-from .sentences import glance, sentences
+from .sentences import glance, joined, sentences
 from .style import TrunkState
 from .turning import Turning, script
 
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from warp_trunk.results.bands import Bands
 
 
-_OPTIONAL = ("error", "shoulders", "sure", "hump", "trends")
+_OPTIONAL = ("bare_front", "bare_side", "error", "hump", "likely", "shoulders", "stretch_front", "sure", "trends")
 """Pictures that a page may be without."""
 
 
@@ -42,6 +44,7 @@ def page(
     drawings: Mapping[str, bytes],
     plan: str | None = None,
     trunk: Turning | None = None,
+    fingerprint: str = "",
 ) -> str:
     """The text of the page; all that comes from files is escaped.
 
@@ -49,11 +52,12 @@ def page(
         poses: before surgery, predicted, and the actual one where it is known.
         comparison: of the predicted skin with the actual one, where that is known.
         summary: the summary of the result.
-        drawings: by name the pictures that the page shows, as SVG.
+        drawings: by name the pictures that the page shows, as SVG or WebP.
         plan: the text of the plan that made the case, where one did.
         trunk: the trunk to turn.
+        fingerprint: the name of exactly this prediction (`Result.fingerprint`).
     """
-    quality = summary.skin_quality
+    quality, planned = summary.skin_quality, read_text_of_plan(plan)
     return rendered(
         "page.html",
         drawings,
@@ -62,12 +66,15 @@ def page(
         hatched=quality is not None and bool(quality.faults),
         stretch=f"{LOOK:g}",
         implausible=f"{STRETCH:g}",
-        glance=glance(poses),
-        sentences=sentences(poses, comparison, summary),
+        glance=glance(poses, summary),
+        joined=joined(planned),
+        plan_words="" if planned is None else plan_words(planned),
+        fingerprint=fingerprint,
+        sentences=sentences(poses, comparison, summary, planned),
         measure_head=head(poses, "measure"),
         measure_rows=measure_table(poses),
-        rotation_head=head(poses, "level"),
-        rotation_rows=rotation_table(poses),
+        rotation_head=head(poses, "level") + (["19 of 20 between", "and"] if summary.bands else []),
+        rotation_rows=rotation_table(poses, summary),
         bands=summary.bands,
         band_head=BAND_HEAD,
         band_rows=band_table(summary) if summary.bands else [],
@@ -140,8 +147,13 @@ def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str
     environment.globals |= {"viewer": viewer, "script_source": source}
     environment.globals["table"] = lambda *cells: Markup(as_html(*cells))
     style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
-    pictures = dict.fromkeys(_OPTIONAL) | {name: b64encode(drawing).decode() for name, drawing in drawings.items()}
+    pictures = dict.fromkeys(_OPTIONAL) | {name: _address(drawing) for name, drawing in drawings.items()}
     return environment.get_template(template).render(style=style, pictures=pictures, **values).lstrip()
+
+
+def _address(picture: bytes) -> str:
+    kind = "webp" if picture.startswith(b"RIFF") else "svg+xml"
+    return f"data:image/{kind};base64,{b64encode(picture).decode()}"
 
 
 def _reached(summary: Summary) -> str:
@@ -183,10 +195,25 @@ def measure_table(poses: Sequence[TrunkState]) -> list[list[str]]:
     return [line for heading, rows in groups.items() for line in ([heading], *(r.compared_cells() for r in rows))]
 
 
-def rotation_table(poses: Sequence[TrunkState]) -> list[list[str]]:
-    """The rotation of the back [degrees], one row for each level."""
-    rows = level_rows([pose.measures for pose in poses])
-    return [[row.level, *row.compared_cells()[1:]] for row in rows]
+def rotation_table(poses: Sequence[TrunkState], summary: Summary | None = None) -> list[list[str]]:
+    """The rotation of the back [degrees], one row for each level, with its interval where there is one."""
+    rows, table = level_rows([pose.measures for pose in poses]), []
+    known = {} if summary is None else MeasureTable(summary.measures).column(PREDICTED, "bsr_deg")
+    for row in rows:
+        ends = (
+            [known[row.level].low, known[row.level].high]
+            if summary and summary.bands and row.level in known
+            else []
+        )
+        table.append([row.level, *row.compared_cells()[1:], *map(row.text, ends)])
+    return table
+
+
+def read_text_of_plan(text: str | None) -> Plan | None:
+    """The plan of a result from its text; None where it has none, or the motions of bones in its place."""
+    if text is None or "uiv" not in text:
+        return None
+    return plan_of_text(text, Path("plan.toml"))
 
 
 def band_table(summary: Summary) -> list[list[str]]:

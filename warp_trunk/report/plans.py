@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_trunk.bone_motion.plan import Plan, plan_words
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.measures.quantities import DETECTABLE, LENGTH, SPINE_ANGLE
-from warp_trunk.measures.rows import MeasureRow, measure_rows
+from warp_trunk.measures.quantities import DETECTABLE, LENGTH, PREDICTED, SPINE_ANGLE, WIDTH
+from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number
 
 from .page import rendered
+from .sentences import interval_text
 from .style import BEFORE, PLANS, TrunkState
 from .turning import Turning
 
 if TYPE_CHECKING:
     from warp_trunk.results import Result
+    from warp_trunk.results.bands import Effects
 
 SAME = 1e-3
 """Points of one patient before surgery differ by no more than files round [mm]."""
@@ -67,12 +72,17 @@ def plan_poses(results: Sequence[Result]) -> list[TrunkState]:
 
 
 def plans_page(
-    poses: Sequence[TrunkState], results: Sequence[Result], drawings: Mapping[str, bytes], trunk: Turning
+    poses: Sequence[TrunkState],
+    results: Sequence[Result],
+    plans: Sequence[Plan | None],
+    drawings: Mapping[str, bytes],
+    trunk: Turning,
 ) -> str:
     """The text of the page; all that comes from files is escaped."""
-    before, *plans = poses
-    named = [(plan.look.heading, result) for plan, result in zip(plans, results, strict=True)]
-    groups = measure_rows([pose.measures for pose in poses])
+    named = [(pose.look.heading, result) for pose, result in zip(poses[1:], results, strict=True)]
+    words = ["" if plan is None else plan_words(plan) for plan in plans]
+    apart = apart_of(poses, [result.effects for result in results])
+    unbanded = [title for title, result in named if result.effects is None]
     return rendered(
         "plans.html",
         drawings,
@@ -80,37 +90,111 @@ def plans_page(
         panels=len(poses),
         synthetic=any(result.summary.synthetic for result in results),
         titles=", ".join(pose.look.title for pose in poses),
-        plans=[(title, result.summary.case, result.folder.resolve().name, result.plan) for title, result in named],
+        plans=[
+            (title, result.summary.case, result.folder.resolve().name, words[number], result.plan)
+            for number, (title, result) in enumerate(named)
+        ],
         unfinished=[
             (title, end.name, end.value[:1].upper() + end.value[1:])
             for title, result in named
             if (end := result.summary.ending) is not RelaxStatus.CONVERGED
         ],
         warnings=[f"{title}: {warning}" for title, result in named for warning in result.summary.warnings],
-        differs=differences(before, plans),
+        differs=differences(poses, apart),
+        unbanded=_and(unbanded),
         numbers_head=["", *(pose.look.title for pose in poses)],
-        numbers_rows=[
-            line for heading, rows in groups.items() for line in ([heading], *(row.cells() for row in rows))
-        ],
+        numbers_rows=numbers_table(poses, results),
+        apart_head=["", *dict.fromkeys(one.title for one in apart)],
+        apart_rows=apart_table(apart),
     )
 
 
-def differences(before: TrunkState, plans: Sequence[TrunkState]) -> list[str]:
-    """A sentence for each difference between plans, and a last one on what is equal."""
-    groups = measure_rows([before.measures, *(plan.measures for plan in plans)])
+@dataclass(frozen=True)
+class Apart:
+    """The difference of a measure between two plans."""
+
+    row: MeasureRow
+    """The measure, in every state."""
+    title: str
+    """The two plans, A − B."""
+    value: float
+    """The first less the second, in the unit of the measure."""
+    low: float | None
+    """Where the interval begins that holds the difference in 19 of 20 cases; None where it was not computed ..."""
+    high: float | None
+    """... and where it ends."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether plans differ by it: zero lies outside its interval, where there is one, and it can be seen."""
+        seen = abs(self.value) >= self.row.quantity.detectable
+        return seen and (self.low is None or self.high is None or self.low * self.high > 0.0)
+
+
+def apart_of(poses: Sequence[TrunkState], effects: Sequence[Effects | None]) -> list[Apart]:
+    """The difference of every measure by which plans are chosen between each two plans.
+
+    The plans are of one patient, so that they share the errors of landmarks, of the model and of the surgery: the
+    interval of a difference comes from the difference of the effects of each (`Effects.difference_sd`).
+    """
+    groups = measure_rows([pose.measures for pose in poses])
     rows = [row for group in groups.values() for row in group if row.short]
-    lines = [f"{row.name}: {_listed(row, plans)}." for row in rows if row.differs]
-    first = plans[0]
-    for plan in plans[1:]:
-        apart = np.linalg.norm(plan.skin.vertices - first.skin.vertices, axis=1)
+    found = []
+    for one, other in combinations(range(len(effects)), 2):
+        a, b = effects[one], effects[other]
+        sds = {} if a is None or b is None else a.difference_sd(b)
+        title = " − ".join(poses[1 + number].look.title.removeprefix("plan ") for number in (one, other))
+        for row in rows:
+            first, second = row.values[1 + one], row.values[1 + other]
+            if first is not None and second is not None:
+                value, sd = first - second, sds.get((row.quantity.key, row.level))
+                ends = (None, None) if sd is None else (value - WIDTH * sd, value + WIDTH * sd)
+                found.append(Apart(row, title, value, *ends))
+    return found
+
+
+def apart_table(apart: Sequence[Apart]) -> list[list[str]]:
+    """Each difference with its interval; one that cannot be distinguished from zero is in brackets."""
+    titles, table = [*dict.fromkeys(one.title for one in apart)], dict[str, dict[str, str]]()
+    for one in apart:
+        text = number(one.value, sign=True)
+        if one.low is not None and one.high is not None:
+            text += f" ({number(one.low, sign=True)} to {number(one.high, sign=True)})"
+        table.setdefault(one.row.title, {})[one.title] = text if one.differs else f"[{text}]"
+    return [[name, *(cells.get(title, MISSING) for title in titles)] for name, cells in table.items()]
+
+
+def numbers_table(poses: Sequence[TrunkState], results: Sequence[Result]) -> list[list[str]]:
+    """Every measure before surgery and with each plan, with its interval where that was computed."""
+    lines = []
+    for heading, rows in measure_rows([pose.measures for pose in poses]).items():
+        lines.append([heading])
+        for row in rows:
+            title, *cells = row.cells()
+            for place, result in enumerate(results, start=1):
+                known = result.table.column(PREDICTED, row.quantity.key).get(row.level)
+                text = interval_text(known, sided=row.quantity.side)
+                cells[place] += f" ({text})" if text else ""
+            lines.append([title, *cells])
+    return lines
+
+
+def differences(poses: Sequence[TrunkState], apart: Sequence[Apart]) -> list[str]:
+    """A sentence for each measure by which plans differ, and a last one on what is alike."""
+    rows = {one.row.title: one.row for one in apart}
+    different = {one.row.title for one in apart if one.differs}
+    lines = [f"{row.name}: {_listed(row, poses[1:])}." for title, row in rows.items() if title in different]
+    first = poses[1]
+    for plan in poses[2:]:
+        distance = np.linalg.norm(plan.skin.vertices - first.skin.vertices, axis=1)
         lines.append(
-            f"The predicted skins of {first.look.title} and {plan.look.title} are up to {apart.max():.0f} mm "
-            f"apart, {apart.mean():.0f} mm on average."
+            f"The predicted skins of {first.look.title} and {plan.look.title} are up to {distance.max():.0f} mm "
+            f"apart, {distance.mean():.0f} mm on average."
         )
-    alike = [row.short for row in rows if row.differs is False]
+    alike = [row.short for title, row in rows.items() if title not in different]
     if alike:
-        limits = f"within {SPINE_ANGLE:g}° of the spine, {DETECTABLE:g}° of the back and {LENGTH:g} mm"
-        lines.append(f"Too alike to choose by, {limits}: {', '.join(alike)}.")
+        limits = f"{SPINE_ANGLE:g}° of the spine, {DETECTABLE:g}° of the back and {LENGTH:g} mm"
+        lines.append(f"Too alike to choose by, within {limits} or within their interval: {', '.join(alike)}.")
     return lines
 
 
@@ -121,4 +205,8 @@ def _listed(row: MeasureRow, plans: Sequence[TrunkState]) -> str:
     for plan, value in zip(plans, row.values[1:], strict=True):
         size, *side = row.text(value).split(" ")
         cells.append(f"{' '.join([f'{size}{unit}', *side])} with {plan.look.title}")
-    return f"{', '.join(cells[:-1])} and {cells[-1]}"
+    return _and(cells)
+
+
+def _and(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1] if words else "")))

@@ -90,6 +90,8 @@ def convergence_plot(summary: Summary) -> Figure:
 
 
 COLUMNS = 4
+SCALE = 100.0
+"""Length of the bar in the first section [mm]."""
 
 
 def section_plots(poses: Sequence[TrunkState]) -> Figure:
@@ -121,8 +123,13 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
     if levels:
         grid[0, 0].invert_xaxis()
         grid[0, 0].invert_yaxis()
-        for x, side in ((0.0, "left"), (1.0, "right")):
-            grid[0, 0].text(x, 0.0, side, transform=grid[0, 0].transAxes, ha=side, fontsize=7, color=FAINT)
+        for axes in grid.flat[: len(levels)]:
+            for x, side in ((0.0, "left"), (1.0, "right")):
+                axes.text(x, 0.0, side, transform=axes.transAxes, ha=side, fontsize=6.5, color=FAINT)
+            axes.text(0.5, 0.0, "back", transform=axes.transAxes, ha="center", fontsize=6.5, color=FAINT)
+        middle = sum(grid[0, 0].get_xlim()) / 2.0
+        grid[0, 0].plot([middle - SCALE / 2.0, middle + SCALE / 2.0], [0.0, 0.0], color=INK, linewidth=1.4)
+        grid[0, 0].text(middle, -6.0, f"{SCALE:g} mm", ha="center", va="bottom", fontsize=6.5, color=INK)
     handles = {h.get_label(): h for axes in grid.flat for h in axes.get_legend_handles_labels()[0]}
     figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=max(len(handles), 1))
     return figure

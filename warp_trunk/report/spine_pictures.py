@@ -20,13 +20,15 @@ MARGIN = 22.0
 """Space around the spine [mm]."""
 REACH = 62.0
 """How far from its vertebra a line of an angle reaches [mm]."""
-BONE = np.array([0.97, 0.94, 0.87])
+BONE, FUSED, ROD = np.array([0.97, 0.94, 0.87]), np.array([0.66, 0.80, 0.93]), "#3c4650"
 Boxes = Mapping[str, tuple[np.ndarray, np.ndarray]]
 """By level corners (8, 3) and pedicles (2, 3) of a vertebra [mm]."""
 
 
-def spine_picture(poses: Sequence[TrunkState], view: Viewpoint) -> Figure:
+def spine_picture(poses: Sequence[TrunkState], view: Viewpoint, fused: Sequence[Sequence[str]]) -> Figure:
     """The spine of every pose, all at one scale: the first is before surgery, the others are planned.
+
+    Vertebrae that are `fused`, by pose, are filled, and lines along their pedicles show the rods.
 
     From behind (`BEHIND`) every curve has its Cobb angle between the end vertebrae before surgery, as on a film;
     from the right (`RIGHT`) kyphosis and lordosis are written beside their vertebrae.
@@ -48,9 +50,9 @@ def spine_picture(poses: Sequence[TrunkState], view: Viewpoint) -> Figure:
     headings = [pose.look.spine[:1].upper() + pose.look.spine[1:] for pose in poses]
     figure, plots = panels(headings, extent, view, scale=50.0)
     before = poses[0].measures
-    for axes, pose, spine in zip(plots, poses, placed, strict=True):
+    for axes, pose, spine, joined in zip(plots, poses, placed, fused, strict=True):
         _plumb_lines(axes, pose, view, extent)
-        _vertebrae(axes, spine, pose.look.colour)
+        _vertebrae(axes, spine, pose.look.colour, joined)
         if view is BEHIND:
             angles = curves_after(before.cobb, pose.landmarks)
             for curve, angle in zip(before.cobb, angles, strict=True):
@@ -60,19 +62,22 @@ def spine_picture(poses: Sequence[TrunkState], view: Viewpoint) -> Figure:
     return figure
 
 
-def _vertebrae(axes: Axes, spine: Boxes, colour: str) -> None:
-    """The faces that look at the viewer, the furthest first, the brighter the more they do."""
+def _vertebrae(axes: Axes, spine: Boxes, colour: str, fused: Sequence[str]) -> None:
+    """The faces that look at the viewer, the furthest first, the brighter the more they do; rods over them."""
     faces = []
-    for corners, _ in spine.values():
+    for level, (corners, _) in spine.items():
         for face in FACES:
             a, b, c, d = corners[list(face)]
             normal = np.cross(c - a, d - b)
             facing = normal[1] / np.linalg.norm(normal)
             if facing > 0.0:
-                faces.append((corners[list(face)], facing))
-    for face, facing in sorted(faces, key=lambda one: one[0][:, 1].mean()):
-        shade = (0.72 + 0.28 * facing) * BONE
+                faces.append((corners[list(face)], facing, FUSED if level in fused else BONE))
+    for face, facing, bone in sorted(faces, key=lambda one: one[0][:, 1].mean()):
+        shade = (0.72 + 0.28 * facing) * bone
         axes.add_patch(Polygon(face[:, [0, 2]], closed=True, facecolor=shade, edgecolor=colour, linewidth=0.7))
+    rods = np.array([spine[level][1] for level in spine if level in fused]).reshape(-1, 2, 3)
+    for side in (0, 1):
+        axes.plot(*rods[:, side, ::2].T, color=ROD, linewidth=2.6, solid_capstyle="round")
     for level, (corners, pedicles) in spine.items():
         axes.plot(*pedicles[:, [0, 2]].T, "o", color=colour, markersize=2.2)
         x, z = corners[:, [0, 2]].mean(axis=0) - [0.0, 3.5]  # below its pedicles
@@ -99,17 +104,21 @@ def _cobb(axes: Axes, spine: Boxes, curve: CobbAngle, angle: float | None) -> No
     hollow = 1.0 if curve.convex == "right" else -1.0  # the picture's x is positive to the patient's left
     tips = []
     for level, ring in ((curve.upper, slice(0, 4)), (curve.lower, slice(4, 8))):
-        corners = spine[level][0][:, [0, 2]]
-        axis = corners[:4].mean(axis=0) - corners[4:].mean(axis=0)
-        along = hollow * np.array([axis[1], -axis[0]]) / np.hypot(*axis)
-        start = corners[ring].mean(axis=0)
-        tips.append(start + REACH * along)
-        axes.plot(*np.array([start, tips[-1]]).T, color=INK, linewidth=0.8)
+        tips.append(_across(axes, spine[level][0][:, [0, 2]], ring, hollow))
     upper, lower = tips
     axes.text(
         0.5 * (upper[0] + lower[0]) - 4.0 * hollow, 0.5 * (upper[1] + lower[1]), f"{angle:.0f}°",
         ha="left" if hollow > 0.0 else "right", va="center", fontsize=11, fontweight="bold", color=INK,
     )  # fmt: skip
+
+
+def _across(axes: Axes, corners: np.ndarray, ring: slice, hollow: float) -> np.ndarray:
+    """A line across the axis of a vertebra from its upper or lower end; returns where it ends."""
+    axis = corners[:4].mean(axis=0) - corners[4:].mean(axis=0)
+    start = corners[ring].mean(axis=0)
+    tip = start + REACH * hollow * np.array([axis[1], -axis[0]]) / np.hypot(*axis)
+    axes.plot(*np.array([start, tip]).T, color=INK, linewidth=0.8)
+    return tip
 
 
 def _sagittal(axes: Axes, spine: Boxes, pose: TrunkState) -> None:
@@ -120,10 +129,16 @@ def _sagittal(axes: Axes, spine: Boxes, pose: TrunkState) -> None:
     ):
         if angle is None or not all(end in spine for end in ends):
             continue
-        corners = np.concatenate([spine[end][0] for end in ends])
+        bodies = [spine[end][0][:, [0, 2]] for end in ends]
+        hollow = -1.0 if name == "kyphosis" else 1.0  # kyphosis is hollow in front, on the right of the picture
+        tips = [
+            _across(axes, body, ring, hollow)
+            for body, ring in zip(bodies, (slice(0, 4), slice(4, 8)), strict=True)
+        ]
+        x = 0.5 * (tips[0][0] + tips[1][0]) + 3.0 * hollow
         axes.text(
-            axes.get_xlim()[0], corners[:, 2].mean(), f"{name}\n{ends[0]} to {ends[1]}\n{angle:.0f}°", ha="left",
-            va="center", fontsize=8.5, color=INK,
+            x, 0.5 * (tips[0][1] + tips[1][1]), f"{name}\n{ends[0]} to {ends[1]}\n{angle:.0f}°",
+            ha="left" if hollow < 0.0 else "right", va="center", fontsize=8.5, color=INK,
         )  # fmt: skip
 
 

@@ -85,7 +85,6 @@
     out vec4 colour;
     void main() {
       vec3 n = normalize(normal), base;
-      if (!gl_FrontFacing) n = -n;
       float seen = 1.0;
       if (material == 0) {
         base = own;
@@ -96,7 +95,7 @@
         if (whole == 0) seen = clamp(edge / max(fwidth(edge), 1e-4) + 0.5, 0.0, 1.0);
         if (seen < 0.01) discard;
       }
-      float light = clamp(dot(n, vec3(0.0, 0.57, 0.82)), 0.0, 1.0);
+      float light = gl_FrontFacing ? clamp(dot(n, vec3(0.0, 0.57, 0.82)), 0.0, 1.0) : 0.6;  // the inside of cloth is even
       colour = vec4((vec3(0.36, 0.33, 0.31) + vec3(0.64, 0.67, 0.69) * light) * base, seen);
     }`;
   const program = gl.createProgram();

@@ -19,7 +19,7 @@ import numpy as np
 
 from .clothing import SHORTS_FACES, cloth_faces, open_back
 
-STEP = 0.02
+STEP = 0.04
 """Places are rounded to this [mm]."""
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from warp_trunk.bone_motion.plan import fused_levels
+from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.folders import make_writable
@@ -24,13 +26,13 @@ from warp_trunk.measures.skin_quality import skin_change
 from . import skin_pictures as skins
 from .clothing import dressed
 from .hump_picture import hump_limit, hump_on_vertices, hump_palette, hump_picture
-from .page import page, part_page
+from .page import page, part_page, read_text_of_plan
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page
 from .plots import convergence_plot, rotation_plot, section_plots
 from .relief import BEHIND, FRONT, RIGHT, in_pelvis
 from .spine_pictures import spine_picture
-from .style import ACTUAL, BEFORE, PREDICTED, RC, TrunkState, file_of
+from .style import ACTUAL, BEFORE, BETTER, PREDICTED, RC, WORSE, TrunkState, embedded, file_of
 from .turning import Turning, TurningState, turning
 
 if TYPE_CHECKING:
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
 PLANS_PAGE, PLANS_PICTURES = "plans.html", "plans"
 
 
-def write_report(result: Result, out: str | Path | None = None) -> Path:
+def write_report(result: Result, out: str | Path | None = None, *, bare: bool = False) -> Path:
     """Write the report of a result: one page that needs no network, and its pictures as PNG.
 
     The page is `report.html`; the pictures lie in the folder `report` beside it. An earlier report is replaced,
@@ -48,6 +50,7 @@ def write_report(result: Result, out: str | Path | None = None) -> Path:
     Args:
         result: a saved result.
         out: the folder to write to; the result folder when left out.
+        bare: whether the trunk is also shown without clothes from the front and the side.
 
     Returns:
         The page.
@@ -58,11 +61,11 @@ def write_report(result: Result, out: str | Path | None = None) -> Path:
     out = result.folder if out is None else Path(out)
     folder = _prepare(out, PICTURES)
     with rc_context(RC):
-        text = (_whole if result.landmarks_before.names else _part)(result, folder)
+        text = _whole(result, folder, bare) if result.landmarks_before.names else _part(result, folder)
     return _write(out / PAGE, text.encode())
 
 
-def _whole(result: Result, folder: Path) -> str:
+def _whole(result: Result, folder: Path, bare: bool) -> str:
     """The page of a trunk; its pictures are written."""
     poses, summary, comparison = poses_of(result), result.summary, None
     if result.actual_skin is not None:
@@ -72,21 +75,37 @@ def _whole(result: Result, folder: Path) -> str:
     doubtful = None
     if quality is not None and quality.faults:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
-    figures, trunk = _backs(poses, doubtful)
+    planned, more, sd = read_text_of_plan(result.plan), [], result.table.column("predicted", "max_hump_mm").get("")
+    if result.effects is not None and sd is not None and summary.ending is RelaxStatus.CONVERGED:
+        more = _likely(poses[1], result.effects.likely_worse)
+    figures, trunk = _backs(poses, doubtful, more, bare=bare)
+    fused = [(), () if planned is None else fused_levels(planned)]
     figures |= {
         "front": skins.plain_picture(poses, FRONT)[0],
         "side": skins.plain_picture(poses, RIGHT)[0],
         "shoulders": skins.shoulders_picture(poses),
-        "spine_behind": spine_picture(poses[:2], BEHIND),
-        "spine_side": spine_picture(poses[:2], RIGHT),
+        "spine_behind": spine_picture(poses[:2], BEHIND, fused),
+        "spine_side": spine_picture(poses[:2], RIGHT, fused),
         "rotation": rotation_plot(poses, result.table.column("predicted", "bsr_deg")),
         "sure": skins.sure_picture(poses[1], result.skin_sd),
         "stretch_behind": skins.stretch_picture(poses[1], change, BEHIND),
-        "stretch_front": skins.stretch_picture(poses[1], change, FRONT),
+        "stretch_front": skins.stretch_picture(poses[1], change, FRONT) if bare else None,
         "sections": section_plots(poses),
         "convergence": convergence_plot(summary),
     }
-    return page(poses, comparison, summary, _drawn(figures, folder), result.plan, trunk)
+    if bare:
+        figures["bare_front"] = skins.plain_picture(poses, FRONT, wear="nothing")[0]
+        figures["bare_side"] = skins.plain_picture(poses, RIGHT, wear="nothing")[0]
+    return page(poses, comparison, summary, _drawn(figures, folder), result.plan, trunk, result.fingerprint)
+
+
+def _likely(predicted: TrunkState, worse: np.ndarray) -> list[TrunkState]:
+    """A likely better and a likely worse back than the predicted one, by the displacement to the latter."""
+    found = []
+    for look, sign in ((BETTER, -1.0), (WORSE, 1.0)):
+        skin = Surface(predicted.skin.vertices + sign * worse, predicted.skin.faces)
+        found.append(TrunkState(look, skin, predicted.landmarks, measure(skin, predicted.landmarks)))
+    return found
 
 
 def _part(result: Result, folder: Path) -> str:
@@ -109,7 +128,7 @@ def _part(result: Result, folder: Path) -> str:
     return part_page(poses, result.summary, _drawn(figures, folder), agreed, result.plan)
 
 
-def write_comparison(results: Sequence[Result], out: str | Path | None = None) -> Path:
+def write_comparison(results: Sequence[Result], out: str | Path | None = None, *, bare: bool = False) -> Path:
     """Write plans for one patient side by side: one page that needs no network, and its pictures as PNG.
 
     The page is `plans.html`; the pictures lie in the folder `plans` beside it. An earlier one is replaced.
@@ -117,6 +136,7 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None) -
     Args:
         results: saved results, plan A first.
         out: the folder to write to; that which holds the first result when left out.
+        bare: whether the trunk to turn may be shown without clothes.
 
     Returns:
         The page.
@@ -128,14 +148,16 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None) -
     out = results[0].folder.resolve().parent if out is None else Path(out)
     folder, poses = _prepare(out, PLANS_PICTURES), dressed(plan_poses(results))
     with rc_context(RC):
-        figures, trunk = _backs(poses)
+        figures, trunk = _backs(poses, bare=bare)
+        plans = [read_text_of_plan(result.plan) for result in results]
+        fused = [(), *(() if plan is None else fused_levels(plan) for plan in plans)]
         figures |= {
-            "spine_behind": spine_picture(poses, BEHIND),
-            "spine_side": spine_picture(poses, RIGHT),
+            "spine_behind": spine_picture(poses, BEHIND, fused),
+            "spine_side": spine_picture(poses, RIGHT, fused),
             "rotation": rotation_plot(poses),
         }
         drawings = _drawn(figures, folder)
-    return _write(out / PLANS_PAGE, plans_page(poses, results, drawings, trunk).encode())
+    return _write(out / PLANS_PAGE, plans_page(poses, results, plans, drawings, trunk).encode())
 
 
 def notebook_html(result: Result) -> str:
@@ -168,27 +190,40 @@ def poses_of(result: Result) -> list[TrunkState]:
 
 
 def _backs(
-    poses: Sequence[TrunkState], doubtful: np.ndarray | None = None
+    poses: Sequence[TrunkState],
+    doubtful: np.ndarray | None = None,
+    likely: Sequence[TrunkState] = (),
+    *,
+    bare: bool = False,
 ) -> tuple[dict[str, Figure | None], Turning]:
-    """The pictures of the back, and the trunk to turn: its states with the triangles of the first."""
-    seen, reliefs = skins.looks(poses, pixel=skins.FINE)
+    """The pictures of the back, and the trunk to turn: its states with the triangles of the first, and a likely
+    better and a likely worse one."""
+    every = dressed([*poses, *likely])
+    poses, likely = every[: len(poses)], every[len(poses) :]
+    seen, all_reliefs = skins.looks(every, pixel=skins.FINE)
+    reliefs = all_reliefs[: len(poses)]
     back = skins.back_picture(poses, reliefs, seen, doubtful)
-    limit, states = hump_limit(poses, reliefs, seen), []
-    for pose, one in zip(poses, reliefs, strict=True):
+    limit, states = hump_limit(every, all_reliefs, seen), []
+    for pose, one in zip(every, all_reliefs, strict=True):
         if pose.worn is not None and np.array_equal(pose.skin.faces, poses[0].skin.faces):
             cloth = in_pelvis(pose.worn.cloth.reshape(-1, 3), pose.landmarks).reshape(pose.worn.cloth.shape)
             skin, hump = in_pelvis(pose.worn.skin.vertices, pose.landmarks), hump_on_vertices(pose, one, seen)
             states.append(TurningState(pose.look.heading, skin, cloth, *hump))
-    trunk = turning(states, poses[0].skin.faces, palette=hump_palette(limit), limit=limit)
-    return {"back": back, "hump": hump_picture(poses, reliefs, seen)}, trunk
+    trunk = turning(states, poses[0].skin.faces, palette=hump_palette(limit), limit=limit, bare=bare)
+    figures: dict[str, Figure | None] = {"back": back, "hump": hump_picture(poses, reliefs, seen, limit)}
+    if likely:
+        better, worse = likely
+        row, views = [better, poses[1], worse], [all_reliefs[-2], reliefs[1], all_reliefs[-1]]
+        figures["likely"] = hump_picture(row, views, seen, limit)
+    return figures, trunk
 
 
 def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, bytes]:
-    """The figures as SVG, by name, each written as PNG too; those that are None are left out."""
+    """The figures as pages hold them, by name, each written as PNG too; those that are None are left out."""
     drawn = {name: figure for name, figure in figures.items() if figure is not None}
     for name, figure in drawn.items():
         _write(folder / f"{name}.png", file_of(figure, "png"))
-    return {name: file_of(figure, "svg") for name, figure in drawn.items()}
+    return {name: embedded(figure) for name, figure in drawn.items()}
 
 
 def _prepare(out: Path, pictures: str) -> Path:

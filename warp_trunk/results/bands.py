@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -45,6 +48,74 @@ class Bands:
 
 
 @dataclass(frozen=True, eq=False)
+class Effects:
+    """Effects of the errors on the numbers of a prediction, with their signs: two plans for one patient share the
+    errors, so that much of them cancels in the difference of two predictions."""
+
+    names: np.ndarray
+    """Quantity and level of each number, shape (numbers, 2)."""
+    sources: np.ndarray
+    """Names of the sources of error but for the landmarks, shape (sources,)."""
+    effects: np.ndarray
+    """Change of each number by one standard deviation of each source, shape (numbers, sources)."""
+    landmarks: np.ndarray
+    """Change of each number by one standard deviation of each coordinate of a landmark, before surgery and after,
+    shape (numbers, coordinates)."""
+    ratio: np.ndarray
+    """Deviation of each number in draws over that by its derivatives, shape (numbers,)."""
+    likely_worse: np.ndarray
+    """Mean displacement of the predicted skin where its hump is at the upper end of its 80 % interval [mm], shape
+    (vertices, 3); the opposite is as likely."""
+
+    def difference_sd(self, other: Effects) -> dict[tuple[str, str], float]:
+        """The standard deviation of the difference of each number between two plans that share all errors."""
+        theirs = {tuple(name): row for row, name in enumerate(other.names.tolist())}
+        every = sorted({*self.sources.tolist(), *other.sources.tolist()})
+        found = {}
+        for mine, name in enumerate(self.names.tolist()):
+            row = theirs.get(tuple(name))
+            if row is None or self.landmarks.shape[1] != other.landmarks.shape[1]:
+                continue
+            here, there = (
+                one.ratio[at] * np.append(_by_source(one, at, every), one.landmarks[at])
+                for one, at in ((self, mine), (other, row))
+            )
+            found[name[0], name[1]] = float(np.linalg.norm(here - there))
+        return found
+
+
+def _by_source(effects: Effects, row: int, sources: Sequence[str]) -> list[float]:
+    known = dict(zip(effects.sources.tolist(), effects.effects[row].tolist(), strict=True))
+    return [known.get(source, 0.0) for source in sources]
+
+
+def write_effects(path: Path, effects: Effects) -> None:
+    """Write effects as arrays of NumPy."""
+    with path.open("wb") as file:
+        arrays = {one.name: np.asarray(getattr(effects, one.name)) for one in fields(effects)}
+        small: dict[str, Any] = {
+            name: array.astype("f4") if array.dtype.kind == "f" else array for name, array in arrays.items()
+        }
+        np.savez_compressed(file, **small)
+
+
+def read_effects(path: Path, vertices: int) -> Effects:
+    """Effects from their file.
+
+    Raises:
+        InputError: there is no such file, or it is damaged or of another skin.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = Effects(**{one.name: file[one.name] for one in fields(Effects)})
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise InputError(f"{path}: cannot be read ({error}); simulate the case again") from error
+    if found.likely_worse.shape != (vertices, 3):
+        raise InputError(f"{path}: must have a row for each of {vertices} vertices; simulate the case again")
+    return found
+
+
+@dataclass(frozen=True, eq=False)
 class FoundBands:
     """Intervals of a prediction, and of every vertex of its skin."""
 
@@ -55,6 +126,8 @@ class FoundBands:
     """Their sources."""
     skin_sd: np.ndarray
     """Standard deviation of the place of each vertex of the skin along its normal [mm], shape (vertices,)."""
+    effects: Effects
+    """Effects of the errors, for comparisons."""
 
     @property
     def table(self) -> MeasureTable:

@@ -18,12 +18,14 @@ from warp_trunk.case.motions import FILE as MOTIONS
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.digest import digest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, partial
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable
 from warp_trunk.io.result_files import (
     ACTUAL_SKIN,
+    EFFECTS,
     LANDMARKS_AFTER,
     LANDMARKS_BEFORE,
     MEASURES,
@@ -43,7 +45,7 @@ from warp_trunk.io.trunk_file import read_trunk, write_trunk
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.quantities import MeasureTable
 
-from .bands import Bands, read_skin_sd, write_skin_sd
+from .bands import Bands, Effects, read_effects, read_skin_sd, write_effects, write_skin_sd
 from .summary import Summary, read_summary, write_summary
 
 if TYPE_CHECKING:
@@ -86,6 +88,8 @@ class Result:
     skin_sd: np.ndarray | None = None
     """Standard deviation of the place of each vertex of the predicted skin along its normal [mm], shape
     (vertices,); None without bands."""
+    effects: Effects | None = None
+    """Effects of the errors on its numbers; None without bands."""
     plan: str | None = None
     """The text of the plan, or of the motions of bones, that made it; None where there was none."""
     saved_in: Path | None = None
@@ -118,6 +122,16 @@ class Result:
     def bands(self) -> Bands | None:
         """The sources of the 95 % intervals; None unless the simulation was asked for them (`bands=True`)."""
         return self.summary.bands
+
+    @property
+    def fingerprint(self) -> str:
+        """A short name of exactly this plan and prediction, for a sheet that is signed: it changes with the plan,
+        the landmarks before and after, and the predicted skin."""
+        marks, skins = (self.landmarks_before, self.landmarks_after), (self.skin_before, self.skin)
+        points = [np.round(one.points, 3) for one in marks]  # as their files have them
+        points += [np.round(one.vertices, 3).astype(np.float32) for one in skins]
+        name = digest(self.plan or "", *points)
+        return "-".join(name[first : first + 4] for first in (0, 4, 8))
 
     @cached_property
     def table(self) -> MeasureTable:
@@ -157,7 +171,8 @@ class Result:
 
         It holds `skin_before.ply` and `predicted_skin.ply` (the same vertices and faces), `actual_skin.ply` where
         the case has one, `landmarks_before.csv`, `landmarks_after.csv`, `trunk.vtu`, `summary.json`, the
-        recording, `skin_sd.csv` where there are bands, and `plan.toml` where a plan made the case.
+        recording, `skin_sd.csv` and `effects.npz` where there are bands, and `plan.toml` where a plan made the
+        case.
 
         Every file is written under another name and moved when all are complete, summary.json last: a folder that
         has a summary is complete. What an earlier simulation left in the same folder is removed, also the report
@@ -230,6 +245,7 @@ def write_result(folder: Path, result: Result) -> None:
         LANDMARKS_AFTER: (write_landmarks, after if after.names else None),
         PLAN: (_write_text, result.plan),
         SKIN_SD: (write_skin_sd, result.skin_sd),
+        EFFECTS: (write_effects, result.effects),
         SUMMARY: (write_summary, result.summary),
     }
     contents = {name: content for name, content in contents.items() if content[1] is not None}
@@ -240,7 +256,7 @@ def write_result(folder: Path, result: Result) -> None:
     if recording is not None and recording != kept:
         shutil.copyfile(recording, kept)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
-    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
+    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, EFFECTS, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
     for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
@@ -294,6 +310,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_after=reached,
         summary=summary,
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
+        effects=None if summary.bands is None else read_effects(folder / EFFECTS, len(after.vertices)),
         plan=read_text(plans[0], "the plan of a result", MOST_PLAN) if plans else None,
         saved_in=folder,
         recording=recording if recording.is_file() else None,

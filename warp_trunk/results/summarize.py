@@ -127,6 +127,7 @@ def result_of(
         landmarks_after=planned,
         summary=as_read(summary),
         skin_sd=None if found is None else found.skin_sd,
+        effects=None if found is None else found.effects,
         plan=case.plan,
         recording=recording,
     )

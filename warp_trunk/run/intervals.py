@@ -23,7 +23,7 @@ from warp_trunk.geometry.spline import spline_response
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import EXACT, PREDICTED, QUANTITIES, Measured, quantities_of
-from warp_trunk.results.bands import Bands, BandSource, FoundBands
+from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .draws import Draws, draw_errors, linearity, skin_deviation
 from .sensitivities import Sensitivity, force_derivatives_of, from_adjoints, numbers_of, on_nodes
@@ -63,22 +63,78 @@ def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
     ratio, in_proportion = linearity(solved.drawn, on_skin, solved.numbers, skin, case.planned_landmarks)
     deviation = skin_deviation(solved.drawn, on_skin, vertex_normals(skin))
     skin_sd = np.hypot(deviation, case.uncertainty.mesh_length)
-    names = [*solved.numbers]
+    every = [*zip(solved.numbers, range(len(solved.numbers)), strict=True), *_largest(solved)]
+    names, at = [name for name, _ in every], [row for _, row in every]
+    values = [*solved.numbers.values()]
 
     def intervals(state: str, effects: Mapping[str, np.ndarray]) -> list[Measured]:
         sds = np.sqrt(sum(np.square(effect * ratio) for effect in effects.values()) + _mesh(case, solved) ** 2)
-        numbers = zip(names, solved.numbers.values(), sds.tolist(), strict=True)
-        return [Measured.with_sd(state, level, name, one.value, sd) for (name, level), one, sd in numbers]
+        return [
+            Measured.with_sd(state, level, name, values[row].value, float(sds[row]))
+            for (name, level), row in every
+        ]
 
     bands = Bands(
         sources=_ranked(case, sources, solved, effects),
-        nonlinear=tuple(name for name, straight in zip(names, in_proportion, strict=True) if not straight),
+        nonlinear=tuple(name for name, straight in zip(names, in_proportion[at], strict=True) if not straight),
         skin_mean_mm=float(skin_sd.mean()),
         skin_max_mm=float(skin_sd.max()),
         draws=draws,
     )
-    rows = [*intervals(PREDICTED, effects), *spine_bands(case, sources), *intervals(EXACT, exact)]
-    return FoundBands(tuple(rows), bands, skin_sd)
+    of_spine, spine = spine_bands(case, sources)
+    rows = [*intervals(PREDICTED, effects), *of_spine, *intervals(EXACT, exact)]
+    hump = next((row.sd for row in rows if (row.state, row.quantity) == (PREDICTED, "max_hump_mm")), None)
+    by_source = np.array([effects[source.name] for source in sources])
+    apart = [np.concatenate([one.landmarks_before, one.landmarks_after]).ravel() for one in solved.apart]
+    both = Effects(
+        names=np.array([*names, *spine.names], dtype=str).reshape(-1, 2),
+        sources=np.array([source.name for source in sources], dtype=str),
+        effects=np.vstack(
+            [by_source.reshape(len(sources), -1).T[at] if sources else np.zeros((len(at), 0)), spine.effects]
+        ),
+        landmarks=np.vstack([case.uncertainty.landmark_sd * np.array(apart)[at], spine.landmarks]),
+        ratio=np.append(ratio[at], spine.ratio),
+        likely_worse=_likely_worse(solved, on_skin, hump or 0.0),
+    )
+    return FoundBands(tuple(rows), bands, skin_sd, both)
+
+
+def _largest(solved: _Solved) -> list[tuple[tuple[str, str], int]]:
+    """The largest rotations of the upper and the lower back: quantity and level, and the row of the vertebra."""
+    rows = [(abs(one.value), name, row) for row, (name, one) in enumerate(solved.numbers.items())]
+    found = []
+    for key, part in (("max_thoracic_bsr_deg", "T"), ("max_lumbar_bsr_deg", "L")):
+        known = [
+            (size, row) for size, (quantity, level), row in rows if quantity == "bsr_deg" and level[0] == part
+        ]
+        found += [((key, ""), max(known)[1])] if known else []
+    return found
+
+
+LIKELY = 1.281552
+"""Standard deviations to either side that hold 80 % of a normal distribution."""
+
+
+def _likely_worse(solved: _Solved, on_skin: np.ndarray, sd: float) -> np.ndarray:
+    """The displacement of the skin with a hump at the upper end of its 80 % interval [mm], shape (vertices, 3).
+
+    Of all errors together, the mean displacement where the hump has that size: the covariance of the skin with the
+    hump over the variance of the hump, times the change of the hump (regression of normally distributed numbers).
+
+    Args:
+        solved: the derivative of the hump and the fields of error.
+        on_skin: how the skin follows each field [mm], shape (fields, vertices, 3).
+        sd: standard deviation of the hump [mm].
+    """
+    hump = solved.numbers.get(("max_hump_mm", ""))
+    if hump is None:
+        return np.zeros(on_skin.shape[1:])
+    by_field = np.tensordot(on_skin, hump.vertices, axes=2)
+    variance = solved.drawn.variance * by_field
+    total = float(variance @ by_field)
+    if total <= 0.0:
+        return np.zeros(on_skin.shape[1:])
+    return np.copysign(LIKELY * sd, hump.value) * np.tensordot(variance, on_skin, axes=1) / total
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +227,7 @@ def _ranked(
     size = f"{given.landmark_error:g} ± {given.landmark_error_sd:g} mm, before and after each"
     mesh = f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm"
     texts = {source.name: (source.spread, source.reference) for source in sources}
-    texts |= {_LANDMARKS: (size, REFERENCES["landmark_error"]), _MESH: (mesh, REFERENCES["mesh"])}
+    texts |= {_LANDMARKS: (size, given.landmark_source), _MESH: (mesh, REFERENCES["mesh"])}
     found = []
     for name, effect in {**effects, _MESH: _mesh(case, solved)}.items():
         sd: dict[str, dict[str, float]] = {}
@@ -193,8 +249,18 @@ OBLIQUE = np.array([0.7, 0.5, 0.3])
 """A generic direction, on which every measure depends."""
 
 
-def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> list[Measured]:
-    """The measures of the planned spine with their intervals.
+@dataclass(frozen=True, eq=False)
+class _OfSpine:
+    """The part of `Effects` that is of the planned spine, with the same fields."""
+
+    names: list[tuple[str, str]]
+    effects: np.ndarray
+    landmarks: np.ndarray
+    ratio: np.ndarray
+
+
+def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> tuple[list[Measured], _OfSpine]:
+    """The measures of the planned spine with their intervals, and the effects that these come from.
 
     A Cobb angle is that between the end vertebrae that the curve has before surgery, and rotation that of its apex
     before. Each landmark after surgery has its own error; how surgery misses the plan comes on top.
@@ -202,15 +268,21 @@ def spine_bands(case: Case, sources: Sequence[ErrorSource]) -> list[Measured]:
     after, curves = case.planned_landmarks, cobb_angles(case.landmarks_before)
     values = spine_measures(after, curves)
     by_point = _derivatives(after, curves, values)
-    missed = [source.landmarks_after for source in sources if source.landmarks_after is not None]
-    found = []
-    for (quantity, level), derivative in zip(values, by_point, strict=True):
-        parts = [case.uncertainty.landmark_sd * float(np.linalg.norm(derivative))]
-        parts += [float(np.vdot(derivative, move)) for move in missed]
-        if np.isfinite(parts).all():
-            sd = float(np.linalg.norm(parts))
-            found.append(Measured.with_sd(PREDICTED, level, quantity, values[quantity, level], sd))
-    return found
+    known = [bool(np.isfinite(one).all()) for one in by_point]
+    names, by_point = [name for name, one in zip(values, known, strict=True) if one], by_point[known]
+    moves = [
+        np.zeros(after.points.shape) if one.landmarks_after is None else one.landmarks_after for one in sources
+    ]
+    effects = np.array([[float(np.vdot(one, move)) for move in moves] for one in by_point])
+    effects = effects.reshape(len(names), len(sources))
+    landmarks = case.uncertainty.landmark_sd * by_point.reshape(len(names), after.points.size)
+    sds = np.hypot(np.linalg.norm(effects, axis=1), np.linalg.norm(landmarks, axis=1)).tolist()
+    rows = [
+        Measured.with_sd(PREDICTED, name[1], name[0], values[name], sd)
+        for name, sd in zip(names, sds, strict=True)
+    ]
+    both = np.hstack([np.zeros_like(landmarks), landmarks])  # before surgery, after
+    return rows, _OfSpine(names, effects, both, np.ones(len(names)))
 
 
 def _derivatives(

@@ -134,7 +134,12 @@ def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[ErrorSource]:
         low, high = (rigid_displacement(trunk, motions_of(replace(case, rib_coupling=one))) for one in shares)
         if (high != low).any():
             spread = f"half of {ends[0]:g} to {ends[1]:g}"
-            yield ErrorSource(f"ribs: {name.replace('_', ' ')}", spread, "docs/ribs.md", bones=0.5 * (high - low))
+            yield ErrorSource(
+                f"ribs: {name.replace('_', ' ')}",
+                spread,
+                "range that is plausible; not measured of a patient",
+                bones=0.5 * (high - low),
+            )
 
 
 def _tissue(prediction: Prediction) -> Iterator[ErrorSource]:

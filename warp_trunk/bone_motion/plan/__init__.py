@@ -1,8 +1,8 @@
 """The surgeon's plan, and the rigid motion of every vertebra that meets it with the least motion."""
 
-from .plan_file import plan_text, read_plan, write_plan
+from .plan_file import plan_of_text, plan_text, read_plan, write_plan
 from .planner import Planner, plan_surgery
-from .record import CurvePlan, Plan
+from .record import CurvePlan, Plan, fused_levels, plan_words
 from .surgery import CurveMotion, PlannedSurgery, VertebraMotion
 
 __all__ = [
@@ -12,8 +12,11 @@ __all__ = [
     "PlannedSurgery",
     "Planner",
     "VertebraMotion",
+    "fused_levels",
+    "plan_of_text",
     "plan_surgery",
     "plan_text",
+    "plan_words",
     "read_plan",
     "write_plan",
 ]

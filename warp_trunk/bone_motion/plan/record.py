@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Literal
 
-from warp_trunk.case.anatomy import rank, region
+from warp_trunk.case.anatomy import VERTEBRAE, rank, region
 from warp_trunk.errors import InputError
 
 _RANGES = {
@@ -106,6 +106,39 @@ class Plan:
         asked = [value for curve in self.curves for value in list(dataclasses.asdict(curve).values())[1:]]
         asked += [self.kyphosis_T5_T12, self.lordosis_L1_L5, self.sva_after]
         return self.balance == "centre" or any(value is not None for value in asked)
+
+
+def fused_levels(plan: Plan) -> tuple[str, ...]:
+    """The vertebrae that a plan fuses, top to bottom.
+
+    >>> from warp_trunk.bone_motion.plan import fused_levels
+    >>> len(fused_levels(wt.Plan(uiv="T4", liv="L1")))
+    10
+    """
+    first, last = rank(plan.uiv), rank(plan.liv)
+    return tuple(level for level in VERTEBRAE if first <= rank(level) <= last)
+
+
+def plan_words(plan: Plan) -> str:
+    """A plan in one line for a reader."""
+    parts = [f"{plan.uiv} to {plan.liv} joined ({len(fused_levels(plan))} vertebrae)"]
+    for curve in plan.curves:
+        asked = [
+            (curve.correction, "{:.0%} of the Cobb angle corrected"),
+            (curve.cobb_after, "Cobb angle {:.0f}° after"),
+            (curve.derotation, "{:.0%} of the rotation corrected"),
+            (curve.rotation_after, "rotation {:.0f}° after"),
+        ]
+        words = [text.format(value) for value, text in asked if value is not None]
+        parts.append(f"curve at {curve.apex}: {', '.join(words) or 'no target'}")
+    whole = [
+        (plan.kyphosis_T5_T12, "kyphosis {:.0f}°"),
+        (plan.lordosis_L1_L5, "lordosis {:.0f}°"),
+        (plan.sva_after, "top of the spine {:.0f} mm in front of the sacrum"),
+    ]
+    parts += [text.format(value) for value, text in whole if value is not None]
+    parts += ["T1 over the sacrum"] if plan.balance == "centre" else []
+    return "; ".join(parts).replace("%", " %")
 
 
 def _check_level(level: object, what: str) -> None:

@@ -28,6 +28,7 @@ def morph_glb(before: Surface, after: Surface, names: tuple[str, str], colours: 
     """
     import trimesh
     from trimesh.exchange.gltf import export_glb
+    from trimesh.visual import ColorVisuals, TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
     places, normals = (
@@ -39,9 +40,9 @@ def morph_glb(before: Surface, after: Surface, names: tuple[str, str], colours: 
     )
     mesh = trimesh.Trimesh(places[0], before.faces, vertex_normals=normals[0], process=False)
     material = PBRMaterial(name="skin", baseColorFactor=_CLAY, metallicFactor=0.0, roughnessFactor=0.8)
-    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    mesh.visual = TextureVisuals(material=material)
     if colours is not None:
-        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.round(255.0 * colours).astype(np.uint8))
+        mesh.visual = ColorVisuals(mesh, vertex_colors=np.round(255.0 * colours).astype(np.uint8))
 
     def with_target(buffers: dict[str, bytes], tree: dict[str, Any]) -> None:
         def add(name: str, data: np.ndarray, kind: str) -> int:

@@ -16,6 +16,7 @@ from warp_trunk.case.header import POSTURES
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, VERTEBRAE
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.orientation import misplaced
+from warp_trunk.case.uncertainty import ON_BONES, Uncertainty
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.cores import each_over_cores
@@ -145,6 +146,7 @@ def import_case(
         bones=bones,
         landmarks_before=found.landmarks,
         posture=options.posture,
+        uncertainty=Uncertainty(landmark_error=ON_BONES[0], landmark_error_sd=ON_BONES[1]),
         layers=layers,
     )
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
