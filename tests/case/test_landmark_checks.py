@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
 
@@ -14,7 +13,7 @@ from support.known_spine import LEVELS
 from support.marked_spine import before_and_after, exchanged, shifted, with_errors
 from support.small_case import palpated, small_case
 from warp_trunk.case import Case, check_case
-from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_order, check_shapes, orders
+from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_order, check_shapes
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -39,12 +38,9 @@ def test_reconstructions_with_the_errors_of_the_papers_are_in_order():
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(VERTEBRA_POINTS, 2)))
 @pytest.mark.parametrize("level", ["T1", "T8", "L5"])
-def test_two_points_exchanged_are_found_and_named(level, one, other):
-    with pytest.raises(
-        InputError, match=rf"^here: in {level} the .* must lie .* exchanging .* corrects it"
-    ) as error:
+def test_two_points_exchanged_are_found(level, one, other):
+    with pytest.raises(InputError, match=rf"^here: in {level} the .* must lie .* where two are exchanged"):
         check_order(exchanged(BEFORE, (f"{level}_{one}", f"{level}_{other}")), "here")
-    assert f"exchanging '{level}_{one}' and '{level}_{other}' corrects" in str(error.value)
 
 
 @pytest.mark.parametrize("upper", range(16))
@@ -53,18 +49,6 @@ def test_neighbouring_vertebrae_exchanged_are_found(upper):
     with pytest.raises(InputError, match=r"must lie above .* along the spine, but lies below") as error:
         check_order(exchanged(BEFORE, (one, other)), "here")
     assert one in str(error.value) or other in str(error.value)
-
-
-def test_nearly_every_other_wrong_order_is_found():
-    missed = 0
-    own = [BEFORE.index(f"T8_{name}") for name in VERTEBRA_POINTS]
-    for order in orders():
-        points = BEFORE.points.copy()
-        points[own] = points[np.array(own)[list(order)]]
-        with suppress(InputError):
-            missed += not check_order(Landmarks(BEFORE.names, points), "here")
-    assert len(orders()) == 719
-    assert missed <= 7  # 1 %, all of them four points or more in a ring
 
 
 def test_a_point_a_little_on_the_wrong_side_is_a_warning():
@@ -108,17 +92,9 @@ def test_half_of_that_is_a_warning():
     assert check_shapes(BEFORE, shifted(AFTER, "T8_left_pedicle_superior", (3.0, 0.0, 0.0)), "after") == []
 
 
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        ("T8_superior_endplate", "T8_inferior_endplate"),
-        ("T8_left_pedicle_superior", "T8_right_pedicle_superior"),
-        ("L2_left_pedicle_superior", "L2_left_pedicle_inferior"),
-    ],
-)
-def test_an_exchange_is_told_from_a_point_that_is_off(one, other):
-    with pytest.raises(InputError, match=rf"exchanging '{one}' and '{other}' corrects it"):
-        check_shapes(BEFORE, exchanged(AFTER, (one, other)), "after")
+def test_an_exchange_is_refused():
+    with pytest.raises(InputError, match=r"which is rigid.* where two are exchanged"):
+        check_shapes(BEFORE, exchanged(AFTER, ("T8_superior_endplate", "T8_inferior_endplate")), "after")
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.06, [1.0, 1.0, 1.25]])

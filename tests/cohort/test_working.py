@@ -22,6 +22,7 @@ from warp_trunk.cohort.one_case import LOG, do_case
 from warp_trunk.cohort.rows import JUDGED
 from warp_trunk.cohort.working import work
 from warp_trunk.errors import InputError
+from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.progress import Progress
 
 OPTIONS = "--tets 8000 --bone-voxel 8 --increments 1 --device cpu --no-record"
@@ -86,7 +87,7 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
     kept = do_case(cases / "a", out, cohort_options(threads=1))
     assert kept.kept
     assert kept.row.measures
-    changed = dataclasses.replace(cohort_options(threads=1), refine=_softer)
+    changed = dataclasses.replace(cohort_options(threads=1), changes=CaseChanges({"youngs_modulus": 5.0}))
     done = do_case(cases / "a", out, changed)
     assert not done.kept
     assert done.notice == "'youngs_modulus' was 17.0 and is 5.0"
@@ -94,10 +95,6 @@ def test_what_is_done_is_kept_and_what_changed_is_done_again(cases: Path, alone:
     write_case(moved, turned_case("first", 2.0, None))
     again = do_case(moved, out, changed)
     assert (again.kept, again.notice) == (False, "'actual_skin' is another")
-
-
-def _softer(case: Any) -> Any:
-    return dataclasses.replace(case, tissue=dataclasses.replace(case.tissue, youngs_modulus=5.0))
 
 
 def test_only_this_machine_is_listened_to(client: Client) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,8 +89,7 @@ def check_order(landmarks: Landmarks, where: str) -> list[str]:
         A warning for each vertebra whose order is wrong by less than `ROUGH`.
 
     Raises:
-        InputError: two exchanged vertebrae, or points in the wrong order by more; it names an exchange that
-            corrects the order.
+        InputError: two exchanged vertebrae, or points in the wrong order by more.
     """
     levels = landmarks.vertebrae()
     points = _six_points(landmarks, levels)
@@ -106,20 +104,8 @@ def check_order(landmarks: Landmarks, where: str) -> list[str]:
         if by.min() >= -ROUGH:
             warnings.append(f"{text}; check its landmarks.")
             continue
-        order = _better(points[i], up[i], left)
-        raise InputError(f"{text}; {'mark its landmarks again' if order is None else exchanged(level, order)}")
+        raise InputError(f"{text}; correct the names of its landmarks where two are exchanged, or mark them again")
     return warnings
-
-
-def exchanged(level: str, order: tuple[int, ...]) -> str:
-    """The cure if the point with name k should have the name order[k]."""
-    wrong = [f"'{level}_{VERTEBRA_POINTS[k]}'" for k in range(6) if order[k] != k]
-    return f"exchanging {', '.join(wrong[:-1])} and {wrong[-1]} corrects it, so correct these names"
-
-
-def orders() -> list[tuple[int, ...]]:
-    """Every wrong order of six points, those with the fewest exchanges first."""
-    return sorted(permutations(range(6)), key=lambda order: sum(k != place for place, k in enumerate(order)))[1:]
 
 
 def _check_levels(levels: tuple[str, ...], centres: np.ndarray, where: str) -> np.ndarray:
@@ -132,15 +118,6 @@ def _check_levels(levels: tuple[str, ...], centres: np.ndarray, where: str) -> n
             order = f"{levels[upper]} must lie above {levels[upper + 1]} along the spine, but lies below it"
             raise InputError(f"{where}: {order}; their landmarks seem exchanged, so correct their names")
     return up / np.linalg.norm(up, axis=1)[:, None]
-
-
-def _better(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> tuple[int, ...] | None:
-    """The correct order with the fewest exchanged names; of equals, the one with the largest margin."""
-    every = orders()
-    by = _margins(six[np.array(every)], up, left).min(axis=-1)
-    changed = (np.array(every) != np.arange(6)).sum(axis=1)
-    best = min(range(len(every)), key=lambda k: (by[k] <= 0.0, changed[k], -by[k]))
-    return every[best] if by[best] > 0.0 else None
 
 
 def _margins(six: np.ndarray, up: np.ndarray, left: np.ndarray) -> np.ndarray:
@@ -204,8 +181,8 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         A warning for each deviation that errors of landmarks seldom reach.
 
     Raises:
-        InputError: a larger deviation: a vertebra of another shape, with the landmark, its distance, and whether
-            an exchange of names explains it; or the vertebrae of another patient.
+        InputError: a larger deviation: a vertebra of another shape, with the landmark and its distance, or the
+            vertebrae of another patient.
     """
     levels = before.vertebrae()
     here, there = (_six_points(marks, levels) for marks in (before, after))
@@ -221,8 +198,7 @@ def check_shapes(before: Landmarks, after: Landmarks, where: str) -> list[str]:
         name, errors = f"'{level}_{VERTEBRA_POINTS[point]}'", "errors of landmarks"
         text = f"{where}: {name} is {off:.1f} mm from its position by the other five landmarks of {level}"
         if off > refused:
-            order = next((o for o in orders() if misfit(here[i], there[i][list(o)]) < 0.5 * warned), None)
-            cure = "mark it again, before and after" if order is None else exchanged(level, order)
+            cure = "mark it again, before and after, or correct the names where two are exchanged"
             raise InputError(f"{text}, which is rigid, and {errors} reach {refused:.1f} mm at most; {cure}")
         if off > warned:
             warnings.append(f"{text}, which is rigid; {errors} seldom reach {warned:.1f} mm; check it.")

@@ -24,7 +24,7 @@ ONLY_IN_PYTHON = frozenset({"radius_edge_ratio"})
 """Fields that only studies need; they are no options of a command."""
 
 
-def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
+def parse(command: Any, arguments: Sequence[str]) -> Any:
     """The command of a class that the words after `warp-trunk`, its name first, ask for.
 
     `--help` shows the fields of the class itself and, of the dataclasses within it, those that its attribute
@@ -37,18 +37,18 @@ def parse(command: Any, arguments: Sequence[str], default: Any = None) -> Any:
     name, *words = arguments
     common = getattr(command, "common", None)
     all_shown = "--help" if common is None else "--help-all"
-    options = {"prog": f"warp-trunk {name}", **({} if default is None else {"default": default})}
+    prog = f"warp-trunk {name}"
     if not {"-h", "--help", "--help-all"}.isdisjoint(words):
         shown = None if "--help-all" in words else common
         if shown is not None:
             print(f"The options that are set most; warp-trunk {name} --help-all shows all of them.\n")
-        tyro.cli(OmitArgPrefixes[command], args=["--help"], registry=_registry(command, shown), **options)
+        tyro.cli(OmitArgPrefixes[command], args=["--help"], registry=_registry(command, shown), prog=prog)
     if twice := _given_twice(command, words):
         raise InputError(f"{twice}: is given more than once, and only the last one would count; give it once")
     said = io.StringIO()  # as it is no terminal, tyro draws neither boxes nor colours
     try:
         with redirect_stdout(said), redirect_stderr(said):
-            return tyro.cli(OmitArgPrefixes[command], args=words, registry=_registry(command), **options)
+            return tyro.cli(OmitArgPrefixes[command], args=words, registry=_registry(command), prog=prog)
     except SystemExit as end:
         error: BaseException | None = end
         while error is not None and not isinstance(error, InputError):

@@ -1,15 +1,14 @@
 """Commands about many cases: warp-trunk cohort and calibrate."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from tyro.conf import Positional
 
-from warp_trunk.case import Case, read_checked_case
+from warp_trunk.case import read_checked_case
 from warp_trunk.case.case_writer import refuse_case
-from warp_trunk.case.tissue_file import constant_of, read_tissue_file
+from warp_trunk.case.tissue_file import constant_of
 from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free
 from warp_trunk.cohort.calibration.one_fit import FitJob
@@ -42,10 +41,8 @@ class Cohort(SimulationArguments):
         """Simulates the missing cases and writes tables and page."""
         folders = case_folders(self.folder)
         left_over = check_out(self.out, self.folder, [folder.name for folder in folders])
-        if self.tissue_file is not None:
-            read_tissue_file(self.tissue_file)  # refused here, and not by every case
-        refine = partial(refined_by, self, arguments)
-        options = CohortOptions(run=self.chosen(arguments), align_pelvis=self.align_pelvis, refine=refine)
+        run, changes = self.chosen(arguments), self.changes(arguments)
+        options = CohortOptions(run=run, align_pelvis=self.align_pelvis, changes=changes)
         with Progress() as progress:
             for name in left_over:
                 progress.message(f"{self.out / name}: is of no case in {self.folder}, and left out")
@@ -60,11 +57,6 @@ class Cohort(SimulationArguments):
         page = self.out / "cohort.html"
         print(f"\nOpen {page} in a browser; the tables are cohort.csv, cases.csv and cohort.json beside it")
         return OK if cohort.complete else INCOMPLETE
-
-
-def refined_by(command: SimulationArguments, arguments: list[str], case: Case) -> Case:
-    """The case with the constants that the command line gives; a function, so that it travels to workers."""
-    return command.refined(case, arguments)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +96,7 @@ class Calibrate(SimulationArguments):
 
     def _cases(self, options: CohortOptions, arguments: list[str], progress: Progress) -> list[FitJob]:
         """The cases that take part, each checked."""
-        found, free = [], ()
+        found, free, changes = [], (), self.changes(arguments)
         for folder in case_folders(self.folder):
             case, _ = read_checked_case(folder, align=self.align_pelvis)
             study = case.study
@@ -113,13 +105,12 @@ class Calibrate(SimulationArguments):
             if case.actual_skin is None:
                 progress.message(f"{folder}: has no actual skin, and takes no part")
                 continue
-            case = self.refined(case, arguments)
+            case = changes.of(case, options.run)
             check_free(self.free, case, options.run)
             free = free or tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in self.free)
-            refine = partial(refined_by, self, arguments)
             place, run, align = folder.resolve(), options.run, self.align_pelvis
             found.append(
-                FitJob(folder=place, options=run, align_pelvis=align, refine=refine, free=free, study=study)
+                FitJob(folder=place, options=run, align_pelvis=align, changes=changes, free=free, study=study)
             )
         if not found:
             after = "" if self.pose == "all" else f" after {self.pose}"

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -11,8 +11,8 @@ from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.bone_motion.plan import read_plan
 from warp_trunk.bone_motion.plan.plan_file import plan_files
-from warp_trunk.case import Case, read_checked_case
-from warp_trunk.case.tissue_file import read_tissue_file, with_constants
+from warp_trunk.case import read_checked_case
+from warp_trunk.case.tissue_file import read_tissue_file
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
@@ -22,17 +22,40 @@ from warp_trunk.meshing import CrossingError, MeshOptions
 from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
+from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.options import PAPERS, RunOptions
-from warp_trunk.run.patient import layers_from, patient_of
+from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.unread_options import refuse_unread
 
-from .arguments import parse
 from .output import NOT_CONVERGED, OK, next_command
 
 COMMON = frozenset({"bands", "device", "from_mesh", "gravity", "increments", "layers", "live", "tets", "threads"})
 """The simulation options that `--help` shows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constants:
+    """Constants of the soft tissue that the command gives."""
+
+    epsilon: float | None = None
+    """Stiffness of faces against edges, k_A / k_D of eq. 4.6; 0 leaves the area term out."""
+    theta: float | None = None
+    """Stiffness of tetrahedra against edges, k_V / k_D of eq. 4.6; 0 leaves the volume term out."""
+    density: float | None = None
+    """Mass per volume [kg/m^3], eq. 4.15; used only with gravity."""
+    youngs_modulus: float | None = None
+    """Stiffness of the tissue as a continuum [kPa]; it matters beside other tissues, and with gravity."""
+    poisson_ratio: float | None = None
+    """Poisson's ratio of the neo-Hookean energy, from 0 to 0.499; 0.5 would keep every volume."""
+
+    def __post_init__(self) -> None:
+        Tissue(**self.given)  # refuses what no tissue has
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Those that are given, by name."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +72,7 @@ class SimulationArguments:
     """Move the data after surgery onto the pelvis before it, if they are in another frame."""
     tissue_file: Path | None = None
     """Constants of tissue and ribs that override those of case.toml, as `calibrate` writes them (tissue.toml)."""
-    tissue: Tissue = field(default_factory=Tissue)
+    tissue: Constants = field(default_factory=Constants)
     """Material of the soft tissue; values that are not given come from the tissue file, then from case.toml."""
 
     def chosen(self, arguments: list[str]) -> RunOptions:
@@ -58,20 +81,11 @@ class SimulationArguments:
             return self.options
         return replace(self.options, **{name: PAPERS[name] for name in PAPERS.keys() - _given(arguments).keys()})
 
-    def refined(self, case: Case, arguments: list[str]) -> Case:
-        """A case with the constants of the tissue file, and over them those that the words of the command give.
-
-        Raises:
-            InputError: a word gives an option that the model does not read.
-        """
-        if self.tissue_file is not None:
-            case = with_constants(case, read_tissue_file(self.tissue_file))
-        options, named = self.chosen(arguments), _given(arguments)
-        refuse_unread(named, options, layered=layers_from(case, options) != "none")
-        if named.keys().isdisjoint(constant.name for constant in fields(Tissue)):
-            return case
-        given = parse(type(self), arguments, replace(self, tissue=case.tissue))
-        return replace(case, tissue=given.tissue)
+    def changes(self, arguments: list[str]) -> CaseChanges:
+        """The changes to each case: constants of the tissue file, and over them those of its
+        words."""
+        constants = {} if self.tissue_file is None else read_tissue_file(self.tissue_file)
+        return CaseChanges(constants | self.tissue.given, _given(arguments))
 
 
 def _given(arguments: list[str]) -> dict[str, str]:
@@ -141,7 +155,8 @@ class Simulate(SimulationArguments):
                     name: read_checked_case(self.case, align=self.align_pelvis, motions=file)
                     for name, file in files.items()
                 }
-            cases = [(name, self.refined(case, arguments), warnings) for name, (case, warnings) in read.items()]
+            changes = self.changes(arguments)
+            cases = [(name, changes.of(case, options), warnings) for name, (case, warnings) in read.items()]
             _, case, warnings = cases[0]
 
             def ended(name: str, result: Result) -> None:

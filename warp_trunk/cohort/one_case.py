@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +20,7 @@ from warp_trunk.measures.quantities import BEFORE, PREDICTED, Measured, measured
 from warp_trunk.results import Result
 from warp_trunk.results.judging import judged, write_measures
 from warp_trunk.results.versions import versions
+from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
@@ -43,8 +43,8 @@ class CohortOptions:
     """As one case alone."""
     align_pelvis: bool = False
     """Bring what is known after surgery back onto the pelvis before it."""
-    refine: Callable[[Case], Case] | None = None
-    """Changes each case after it is read, such as its tissue by what the command line says."""
+    changes: CaseChanges = field(default_factory=CaseChanges)
+    """Values that are given for every case, such as constants of its tissue."""
 
     def __post_init__(self) -> None:
         """Raises InputError for what is of one case alone."""
@@ -87,8 +87,7 @@ def do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
 
 def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     case, warnings = read_checked_case(folder, align=options.align_pelvis)
-    if options.refine is not None:
-        case = options.refine(case)
+    case = options.changes.of(case, options.run)
     made_from = _made_from(case, options.run)
     earlier, notice = read_judged(out), ""
     if earlier is not None:

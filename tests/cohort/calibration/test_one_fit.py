@@ -46,7 +46,7 @@ def made_job(tmp_path_factory: pytest.TempPathFactory, names: tuple[str, ...], *
         **changed,
     )
     free = tuple(FreeConstant(name=name, start=constant_of(case, name)) for name in names)
-    return FitJob(folder=folder, options=options, align_pelvis=False, refine=None, free=free)
+    return FitJob(folder=folder, options=options, align_pelvis=False, free=free)
 
 
 def test_derivatives_are_differences(job: FitJob) -> None:

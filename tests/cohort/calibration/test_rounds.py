@@ -29,10 +29,7 @@ class Known(Rounds):
         self.limits = limits
         free = (FreeConstant(name="theta", start=1.0),)
         nobody: Any = None
-        jobs = [
-            FitJob(folder=Path(name), options=RunOptions(), align_pelvis=False, refine=None, free=free)
-            for name in limits
-        ]
+        jobs = [FitJob(folder=Path(name), options=RunOptions(), align_pelvis=False, free=free) for name in limits]
         super().__init__(nobody, jobs, Progress())
 
     def submitted(self, jobs: Sequence[tuple[FitJob, np.ndarray]]) -> dict[str, CaseFit | Exception]:

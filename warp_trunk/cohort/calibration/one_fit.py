@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +24,7 @@ from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.skin_distance import skin_distance
 from warp_trunk.meshing import MeshOptions, make_trunk
+from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import find_path
 from warp_trunk.run.prediction import Prediction, prepare
@@ -64,10 +64,10 @@ class FitJob:
     """How it is simulated."""
     align_pelvis: bool
     """Bring what is known after surgery back onto the pelvis before it."""
-    refine: Callable[[Case], Case] | None
-    """The changes of the command line to each case."""
     free: tuple[FreeConstant, ...]
     """The constants that are fitted."""
+    changes: CaseChanges = field(default_factory=CaseChanges)
+    """Values that are given for every case."""
     study: Study = field(default_factory=Study)
     """Whose case it is, its pose, and whether it is synthetic."""
     derivative: bool = True
@@ -114,8 +114,7 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     """
     start_warp()
     kept, options = _kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job.options
-    case = kept.case if job.refine is None else job.refine(kept.case)
-    case = with_constants(case, values_of(job.free, counted))
+    case = with_constants(job.changes.of(kept.case, options), values_of(job.free, counted))
     prediction = prepare(case, options, kept.trunk).relax()
     trunk, last = prediction.trunk, prediction.last
     relaxer, skin_nodes, status = prediction.patient.relaxer, trunk.skin_nodes, last.relaxation.status
