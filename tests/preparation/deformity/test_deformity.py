@@ -1,6 +1,7 @@
 """A curve imposed on straight anatomy: landmarks, bones and skin."""
 
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from warp_trunk.geometry.surface_checks import crossings
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
-from warp_trunk.preparation.deformity.deformity import guiding_points
+from warp_trunk.preparation.deformity.deformity import SKIN_SHARES, guiding_points, guiding_skin
 from warp_trunk.preparation.deformity.spine_curve import vertebra_poses
 from warp_trunk.preparation.landmark_finder import find_landmarks
 from warp_trunk.preparation.phantom import straight_trunk
@@ -164,3 +165,22 @@ def test_backs_of_ribs_go_back_on_the_convex_side_and_forward_on_the_other() -> 
         behind = (np.abs(before[:, 0]) > 30.0) & (before[:, 1] > LANDMARKS.of_bone("T8").points[:, 1].mean())
         assert behind.any()
         assert (sign * (after - before)[behind, 1] > 5.0).all()
+
+
+def test_skin_takes_its_share_of_the_turn() -> None:
+    """Only vertebrae that turn: a guided point goes round the axis of its vertebra by a share of the turn."""
+    angles = {level: 0.2 for level in SKIN_SHARES}
+    poses = {
+        level: replace(pose, rotation=angles.get(level, 0.0), tilt=0.0, pitch=0.0, after=pose.before)
+        for level, pose in vertebra_poses(LANDMARKS, SpineCurve(cobb=40.0)).items()
+    }
+    before, after = guiding_skin(SKIN, LANDMARKS, poses, 0.0)
+    rows = 0
+    for level, shares in SKIN_SHARES.items():
+        for offset, share in shares:
+            for _ in range(2 if offset else 1):
+                start, end = before[rows] - poses[level].before, after[rows] - poses[level].before
+                turned = np.arctan2(start[0] * end[1] - start[1] * end[0], start[:2] @ end[:2])
+                assert turned == pytest.approx(0.2 * share, abs=1e-9)
+                assert start[1] > 0.0
+                rows += 1

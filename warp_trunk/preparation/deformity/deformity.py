@@ -200,13 +200,20 @@ def check_straight(bones: Mapping[str, Surface]) -> None:
         raise InputError(f"bones: the spine must be straight, but {found}; {cure}")
 
 
-LUMBAR_SHARE = 0.5
-"""Of a lumbar vertebra's axial rotation, what the skin behind it turns by. Inclination of the trunk and rotation
-of the vertebra go together (r = 0.77, Carlson et al. 2013), and the back turns less than the vertebra; the ratio
-is assumed."""
-_LUMBAR = ("L1", "L2", "L3", "L4")
-_BESIDE = 0.3
-"""Where the muscles beside the lumbar spine bulge, over half the width of the trunk there."""
+_OVER_MUSCLE = ((0.0, 1.0), (45.0, 0.7))
+SKIN_SHARES: dict[str, tuple[tuple[float, float], ...]] = {
+    **dict.fromkeys(("T4", "T5", "T6", "T7", "T8"), (*_OVER_MUSCLE, (80.0, 0.0))),
+    "T9": (*_OVER_MUSCLE, (80.0, 0.1)),
+    **dict.fromkeys(("L2", "L3", "L4"), ((0.0, 1.0), (45.0, 0.6), (70.0, 0.4))),
+}
+"""Where beside the spine the skin of the back is guided [mm], and what share of its vertebra's turn it takes.
+
+Skin over a spinous process goes with it, and that over the muscles beside the spine, which are fixed to it, with
+most of its turn. Shoulder blades glide on the ribs and do not turn with T4 to T8. At T10 to L1 the ribs guide it.
+Fitted to 20 patients whose own spines were imposed (docs/patients.md): unguided, the back turned two to five times
+too much at T4 to T9, and the lumbar prominence was too far from the spine."""
+_LENGTH = 390.0
+"""Between the middles of T1 and L5 of bodies for which these distances hold [mm]; others are scaled."""
 
 
 def guiding_skin(
@@ -214,9 +221,10 @@ def guiding_skin(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points on the skin before and after the curve has grown, each (n, 3) [mm].
 
-    Beside each of L1 to L4 the skin goes sideways with its vertebra and turns by `LUMBAR_SHARE` of it. The tops of
-    both shoulders go with T1, and one stands higher than the other as in patients with such a curve, whose muscles
-    hold the shoulders nearly level whatever T1 does. Nothing is guided where no vertebra moves.
+    Behind and beside the vertebrae of `SKIN_SHARES` the skin goes sideways with its vertebra and takes a share of
+    its turn. The tops of both shoulders go with T1, and one stands higher than the other as in patients with such
+    a curve, whose muscles hold the shoulders nearly level whatever T1 does. Nothing is guided where no vertebra
+    moves.
 
     Args:
         skin: of the straight trunk.
@@ -228,12 +236,15 @@ def guiding_skin(
     after: list[np.ndarray] = []
     if all(pose.still for pose in poses.values()):
         return np.empty((0, 3)), np.empty((0, 3))
-    for pose in (poses[level] for level in _LUMBAR):
-        c, s = np.cos(LUMBAR_SHARE * pose.rotation), np.sin(LUMBAR_SHARE * pose.rotation)
-        for point in _behind(skin, pose.before):
-            x, y, z = point - pose.before
-            before.append(point)
-            after.append(pose.after + np.array([c * x - s * y, s * x + c * y, z]))
+    size = float(np.linalg.norm(poses["T1"].before - poses["L5"].before)) / _LENGTH
+    for level, shares in SKIN_SHARES.items():
+        pose = poses[level]
+        for offset, share in shares:
+            c, s = np.cos(share * pose.rotation), np.sin(share * pose.rotation)
+            for point in _behind(skin, pose.before, size * offset):
+                x, y, z = point - pose.before
+                before.append(point)
+                after.append(pose.after + np.array([c * x - s * y, s * x + c * y, z]))
     outline = upper_outline(skin, spine_of(landmarks), asis_axis(landmarks))
     if outline is not None:
         way = poses["T1"].after - poses["T1"].before
@@ -244,18 +255,15 @@ def guiding_skin(
     return np.array(before).reshape(-1, 3), np.array(after).reshape(-1, 3)
 
 
-def _behind(skin: Surface, centre: np.ndarray) -> list[np.ndarray]:
-    """The skin of the back at the height of a vertebra, on either side of it."""
-    near = skin.vertices[np.abs(skin.vertices[:, 2] - centre[2]) < 10.0]
-    if not len(near):
-        return []
-    half = 0.5 * np.ptp(near[:, 0])
-    back = near[near[:, 1] > centre[1]]
+def _behind(skin: Surface, centre: np.ndarray, offset: float) -> list[np.ndarray]:
+    """The skin of the back at the height of a vertebra and a distance [mm] to either side of it."""
+    from_centre = skin.vertices - centre
+    back = from_centre[(np.abs(from_centre[:, 2]) < 10.0) & (from_centre[:, 1] > 0.0)]
     found = []
-    for side in (-1.0, 1.0):
-        beside = np.abs(back[:, 0] - centre[0] - side * _BESIDE * half)
-        if len(beside) and beside.min() < 0.2 * half:
-            found.append(back[beside.argmin()])
+    for place in {offset, -offset}:
+        away = np.hypot(back[:, 0] - place, 0.5 * back[:, 2])
+        if len(away) and away.min() < 20.0:
+            found.append(centre + back[away.argmin()])
     return found
 
 
