@@ -113,15 +113,15 @@ def holds(points: np.ndarray) -> bool:
 
 def find_pieces(tets: np.ndarray, nodes: int) -> np.ndarray:
     """The lowest node of the connected piece that each node is in, shape (nodes,)."""
-    corners = tets.ravel()
-    around = np.argsort(corners, kind="stable")
-    used, start = np.unique(corners[around], return_index=True)
-    label = np.arange(nodes)
+    corners, label = np.ascontiguousarray(tets.T), np.arange(nodes)
     while True:
-        lowest = np.repeat(label[tets].min(axis=1), 4)
         found = label.copy()
-        found[used] = np.minimum.reduceat(lowest[around], start)
-        found = found[found]  # the label of the label: a piece grows by more than one layer in a round
+        lowest = np.minimum.reduce([label.take(corner) for corner in corners])
+        for corner in corners:
+            np.minimum.at(found, corner, lowest)
+        np.minimum.at(found, label, found.copy())  # what a node has found, the one that names its piece has, too
+        while not np.array_equal(found, named := found.take(found)):
+            found = named
         if np.array_equal(found, label):
             return label
         label = found

@@ -104,14 +104,17 @@ def fit_spline(
     sources = np.asarray(sources, dtype=np.float64)
     targets = np.asarray(targets, dtype=np.float64)
     check_landmarks(sources, targets, nugget, names, drift)
+    from scipy.linalg import lu_factor, lu_solve  # heavy
+
     n = len(sources)
     origin = sources.mean(axis=0)
     scale = float(np.abs(sources - origin).max()) or 1.0
     A = spline_matrix((sources - origin) / scale, nugget / scale, drift)
     rhs = np.zeros((len(A), 3))
     rhs[:n] = targets - sources
-    solution = np.linalg.solve(A, rhs)
-    solution += np.linalg.solve(A, rhs - A @ solution)  # one refinement, for landmarks met to 1e-9 mm
+    factors = lu_factor(A)
+    solution = lu_solve(factors, rhs)
+    solution += lu_solve(factors, rhs - A @ solution)  # one refinement, for landmarks met to 1e-9 mm
     return Spline(
         origin=origin,
         centres=sources - origin,
