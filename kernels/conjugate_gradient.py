@@ -193,8 +193,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         outcome: wp.array(dtype=wp.float64),
         running: wp.array(dtype=wp.int32),
     ):
-        """Whether the solve continues: limits are an error [mm], a relative one, least iterations, a largest
-        length.
+        """Whether the solve continues: limits are an error [mm], a relative one, and least iterations.
 
         The error is estimated from how the changes over two windows shrink: a sequence whose changes shrink by q
         each time has change q / (1 - q) to go. The first window therefore never ends a solve, nor does a plateau
@@ -234,7 +233,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         # the changes of an ill-conditioned solve can pause: then the residual has not fallen either
         fallen = now <= limits[1] * limits[1] * start
         early = wp.float64(iteration[0]) < limits[2]
-        inside = sound and not negative_curvature and length <= limits[3] and iteration[0] < most
+        inside = sound and not negative_curvature and iteration[0] < most
         if inside and (error > wanted or early or not fallen):
             running[0] = 1
 

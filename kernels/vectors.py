@@ -127,13 +127,15 @@ SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PRE
 """Columns of the products."""
 PRODUCTS = 6
 """Their number."""
+LEAST = wp.constant(wp.float64(1e-12))
+"""The least part of a diagonal element that a Cholesky factor leaves."""
 
 
 @cache
 def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     """The kernels of the loop, in one precision."""
     add, keep_largest = sums_reducer(cuda, PRODUCTS), max_reducer(cuda)
-    vec3 = wp.types.vector(3, scalar)
+    vec3, mat33 = wp.types.vector(3, scalar), wp.types.matrix((3, 3), scalar)
     module = f"vectors_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
     products_type = wp.types.vector(PRODUCTS, wp.float64)
 
@@ -216,6 +218,30 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             displacement[i] = now + (last + scalar(part[0]) * bend[i])
 
     @wp.kernel(module=module, enable_backward=False)
+    def color_kernel(
+        first: int,
+        end: int,
+        slab: int,
+        inverse_diagonal: wp.array(dtype=mat33),
+        white: wp.array(dtype=vec3),
+        colored: wp.array(dtype=vec3),
+    ):
+        """C^-T w for D^-1 = C C^T: of white noise, forces whose covariance is D, the diagonal blocks."""
+        i = first + wp.tid()
+        if i < end:
+            a = wp.mat33d(inverse_diagonal[i])
+            w = wp.vec3d(white[i])
+            x = wp.sqrt(a[0, 0])
+            xy = a[1, 0] / x
+            xz = a[2, 0] / x
+            y = wp.sqrt(wp.max(a[1, 1] - xy * xy, LEAST * a[1, 1]))  # rounding may leave nothing
+            yz = (a[2, 1] - xz * xy) / y
+            z = wp.sqrt(wp.max(a[2, 2] - xz * xz - yz * yz, LEAST * a[2, 2]))
+            third = w[2] / z
+            second = (w[1] - yz * third) / y
+            colored[i] = vec3(wp.vec3d((w[0] - xy * second - xz * third) / x, second, third))
+
+    @wp.kernel(module=module, enable_backward=False)
     def longest_kernel(
         first: int,
         end: int,
@@ -235,5 +261,6 @@ def vector_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         products=products_kernel,
         descend=descend_kernel,
         extrapolate=extrapolate_kernel,
+        color=color_kernel,
         longest=longest_kernel,
     )

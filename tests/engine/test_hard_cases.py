@@ -200,6 +200,7 @@ NOT_CONVERGED = {
     "start with all inverted (mirrored)": RelaxStatus.STALLED,  # itmsm knows no inside
     "edge lengths 1 : 1e4": RelaxStatus.STEP_LIMIT,
     "gravity 1e5 m/s^2, collapse": RelaxStatus.STALLED,
+    "theta 1e5": RelaxStatus.STALLED,  # in float32: rounding hides the sign of its softest motions
     "bones crush the tissue": RelaxStatus.STALLED,
     "bones crush the tissue, 10 increments": RelaxStatus.STALLED,
 }

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from search_false_claims import draw
 
 from support.meshes import block, block_with_bone, rotate
 from support.models import increments, model_of, settle
@@ -110,6 +111,23 @@ def test_another_plan_with_the_same_relaxer_is_the_same_to_the_last_bit() -> Non
     for one, other in zip(fresh, again, strict=True):
         assert (one.from_rest == other.from_rest).all()
         assert one.relaxation == other.relaxation
+
+
+@pytest.mark.parametrize("seed", [4, 36, 38])
+def test_what_a_relaxation_learns_does_not_outlive_it(seed: int) -> None:
+    """Random trunks on which a relaxer took other steps once it had served another plan, or the same."""
+    drawn, trunk, moved = draw(seed, None)
+    model = model_of(trunk, drawn.tissue, energy=drawn.energy, precision=drawn.precision, gravity=drawn.gravity)
+    options = SimulationOptions(
+        increments=max(drawn.increments, 1), relax=RelaxOptions(tolerance=drawn.tolerance, max_steps=200)
+    )
+    fresh, shared = Relaxer(model, options.relax), Relaxer(model, options.relax)
+    wanted = list(simulate(model, PrescribedMotion(moved), options, relaxer=fresh))
+    for before in (0.7 * moved[:, [1, 0, 2]], moved):
+        list(simulate(model, PrescribedMotion(before), options, relaxer=shared))
+        found = list(simulate(model, PrescribedMotion(moved), options, relaxer=shared))
+        assert [each.relaxation for each in found] == [each.relaxation for each in wanted]
+        assert (found[-1].from_rest == wanted[-1].from_rest).all()
 
 
 def test_refuses_what_does_not_belong_together() -> None:

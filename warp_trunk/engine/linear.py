@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, Protocol
 
 import numpy as np
@@ -156,22 +157,29 @@ class BlockMatrix:
         return model.parallel.record(kernel, LANES * model.free_nodes, given, [p, q, at.p_dot_q.products])
 
 
+class Outcome(Enum):
+    """Why a linear solve ended."""
+
+    SOLVED = "no vector is estimated to be wrong by more than was asked for"
+    NEGATIVE_CURVATURE = "a search direction of negative curvature was met; `search` holds it"
+    EXHAUSTED = "the bound of iterations was reached, so that the error is not known"
+    UNSOUND = "a vector is not finite, or rounding has made the preconditioner indefinite"
+
+
 @dataclass(frozen=True)
 class LinearSolution:
     """How a linear solve ended."""
 
+    outcome: Outcome
+    """Why."""
     iterations: int
     """Products with the matrix."""
     length: float
     """Length of the solution's longest vector [mm]; not finite where a vector is not."""
     error: float
     """Estimated error of a vector [mm], from how the changes over WINDOW iterations shrank."""
-    negative_curvature: bool
-    """Whether a search direction of negative curvature was met; the solve ended there and `search` holds it."""
     norm: float
     """The square root of g . M^-1 g."""
-    exhausted: bool
-    """Whether the bound of iterations ended it, so that its error is not known."""
 
 
 class ConjugateGradient:
@@ -185,7 +193,7 @@ class ConjugateGradient:
     """The last search direction, shape (free nodes,), vec3."""
 
     def __init__(
-        self, matrix: BlockMatrix, preconditioner: Preconditioner, gradient: wp.array, most_iterations: int = 500
+        self, matrix: BlockMatrix, preconditioner: Preconditioner, gradient: wp.array, most_iterations: int = 1000
     ) -> None:
         """Records the launches.
 
@@ -201,9 +209,11 @@ class ConjugateGradient:
         iteration, running = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         r_dot_z, p_dot_q = (Dots.zero(model, iteration, rows) for _ in range(2))
-        self._limits, outcome = model.zeros(wp.float64, 4), model.zeros(wp.float64, 6)
+        self._limits, outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 6)
         self._set_limits: tuple[float, ...] = ()
-        self._outcome, self._products = (Readback(parallel, array) for array in (outcome, r_dot_z.products))
+        self._outcome, self._r_dot_z, self._p_dot_q = (
+            Readback(parallel, array) for array in (outcome, r_dot_z.products, p_dot_q.products)
+        )
         x, r, z, p, q = (_in_whole_runs(model) for _ in range(5))
         self.solution, self.residual, self.search = x, r, p
         iterates = Iterates(x, r, z, p, q, r_dot_z, p_dot_q)
@@ -231,48 +241,67 @@ class ConjugateGradient:
             running, in_sequence(self._iterate_window, self._measure, self._test_convergence)
         )
         self._run = parallel.graph(self._begin, windows, self._outcome.send)
+        self._go_on, self._running = parallel.graph(windows, self._outcome.send), running
 
-    def solve(
-        self, absolute: float, relative: float, least_iterations: float = 0.0, most_length: float = math.inf
-    ) -> LinearSolution:
+    def solve(self, absolute: float, relative: float, least_iterations: float = 0.0) -> LinearSolution:
         """Solves H d = -g for the gradient as it is now.
 
         It ends when no vector of d is estimated to be wrong by more than `absolute` [mm] or `relative` of the
         longest, and not before `least_iterations`: a residual falls long before the long waves of the solution
         have come. It also ends at a search direction of negative curvature, where the matrix has no least energy
-        (Steihaug 1983), and where the longest vector, which grows with the iterations, is longer than
-        `most_length` [mm]."""
-        self.launch(absolute, relative, least_iterations, most_length)
+        (Steihaug 1983)."""
+        self.launch(absolute, relative, least_iterations)
         return self.read()
 
-    def launch(
-        self, absolute: float, relative: float, least_iterations: float = 0.0, most_length: float = math.inf
-    ) -> None:
+    def launch(self, absolute: float, relative: float, least_iterations: float = 0.0) -> None:
         """Begins what `solve` does; `read` waits for its end."""
-        limits = (absolute, relative, least_iterations, most_length)
+        self._limit(absolute, relative, least_iterations)
+        self._run()
+
+    def go_on(self, least_iterations: float) -> LinearSolution:
+        """Continues the last solve to a number of iterations in all, where it was SOLVED."""
+        self._limit(*self._set_limits[:2], least_iterations)
+        self._running.fill_(1)
+        self._go_on()
+        return self.read()
+
+    def _limit(self, *limits: float) -> None:
         if limits != self._set_limits:
             self._set_limits = ()  # where it is interrupted here, they are not known
             self._limits.assign(np.array(limits))
             self._set_limits = limits
-        self._run()
 
     def read(self) -> LinearSolution:
         """How the solve that was launched last ended."""
         outcome = self._outcome.read()
+        end = Outcome.SOLVED
+        if not math.isfinite(outcome[SOLUTION_LENGTH]):
+            end = Outcome.UNSOUND
+        elif outcome[NEGATIVE_CURVATURE]:
+            end = Outcome.NEGATIVE_CURVATURE
+        elif outcome[ITERATIONS] >= self._most_iterations:
+            end = Outcome.EXHAUSTED
         return LinearSolution(
+            end,
             iterations=int(outcome[ITERATIONS]),
             length=float(outcome[SOLUTION_LENGTH]),
             error=float(outcome[ERROR]),
-            negative_curvature=bool(outcome[NEGATIVE_CURVATURE]),
             norm=float(outcome[NORM]),
-            exhausted=outcome[ITERATIONS] >= self._most_iterations,
         )
+
+    def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
+        """r . z and p . q of every iteration of the last solve, float64, shape (iterations,) each."""
+        self._r_dot_z.send()
+        self._p_dot_q.send()
+        count = int(self._outcome.read()[ITERATIONS])
+        r_dot_z, p_dot_q = (each.read()[:count].sum(axis=1) for each in (self._r_dot_z, self._p_dot_q))
+        return r_dot_z, p_dot_q
 
     def norm(self) -> float:
         """The square root of g . M^-1 g for the gradient as it is now; `solution` is zero after it."""
         self._begin()
-        self._products.send()
-        return max(0.0, float(self._products.read()[0].sum())) ** 0.5
+        self._r_dot_z.send()
+        return max(0.0, float(self._r_dot_z.read()[0].sum())) ** 0.5
 
 
 def _iterations_on_cuda(

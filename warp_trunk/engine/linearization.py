@@ -21,7 +21,7 @@ from warp_trunk.errors import InputError
 
 from .constants import STIFFNESS, Constant, weight_derivative
 from .coupling import Coupling
-from .linear import ConjugateGradient, Dots
+from .linear import ConjugateGradient, Dots, Outcome
 from .model import Model
 from .newton import Relaxer
 from .relaxation import RelaxStatus
@@ -218,7 +218,7 @@ class Linearization:
         self._right_side.assign((force * (-1.0 / size)).astype(self.model.precision))
         solution = solver.solve(absolute / size, relative)
         self.iterations += solution.iterations
-        if solution.negative_curvature or solution.exhausted or not np.isfinite(solution.length):
+        if solution.outcome is not Outcome.SOLVED:
             raise InputError(
                 "sensitivities: the trunk is at no stable equilibrium, or too near the end of one; "
                 "simulate with a smaller tolerance"

@@ -67,7 +67,8 @@ class RelaxStep:
     energy: Energy
     """Energy after it, by term."""
     estimated_error: float
-    """Estimated largest distance of a node from its equilibrium after it [mm]; infinite if unknown."""
+    """Estimated largest distance of a node from its equilibrium after it [mm], by the solve that began there, or
+    how the relaxation ended; infinite if unknown."""
     step_length: float
     """Fraction of the proposed direction that was taken."""
     linear_iterations: int
@@ -91,7 +92,8 @@ class Relaxation:
     evaluations: int
     """Evaluations of energy and gradient."""
     estimated_error: float
-    """Largest distance of a node from its equilibrium at the end [mm]; an estimate where that is not CONVERGED."""
+    """Largest distance of a node from its equilibrium at the end [mm]: certified if CONVERGED, an estimate if NEAR
+    or STOPPED, infinite with a status that claims nothing."""
     inverted_tets: int
     """Tetrahedra without positive volume at the end."""
     history: tuple[RelaxStep, ...] = ()

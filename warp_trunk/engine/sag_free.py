@@ -11,7 +11,6 @@ shrinks in every round to about the strain.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +18,11 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from .model import Model
-from .newton import Newton
+from .newton import begin, find_direction
+from .policy import Action, Phase, Run, plan, searched
 from .rest_mesh import RestMesh
-from .state import ProductReader, State
+from .state import State
+from .work import Work
 
 MOST_ROUNDS = 50
 """A sag of 6 mm takes 4 rounds, one of 40 mm 14; what has not ended by then will not."""
@@ -65,15 +66,14 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
     scanned = mesh_at(model, scan)
     work = resting(model, scanned)
     state = State(work)
-    newton = Newton(state)
-    products = ProductReader(state, newton.direction, state.gradient)
-    newton.begin(tolerance, 0.0)
+    solver, run = Work(state), Run(tolerance)
     state.displacement.assign(scan - rest)
-    state.evaluate()
+    solver.evaluate()
     spent = 0
     for rounds in range(1, MOST_ROUNDS + 1):
-        spent += newton.propose(None, 1.0).iterations
-        rest[model.free] -= newton.direction.numpy()
+        spent += direction_of(solver, run)[1]
+        rest[model.free] -= solver.direction.numpy()
+        searched(run, 1.0)
         mesh = mesh_at(model, rest)
         if not (np.isfinite(rest).all() and (mesh.volume > LEAST_VOLUME * scanned.volume).all()):
             break
@@ -81,30 +81,35 @@ def sag_free(model: Model, tolerance: float = 0.005) -> RestState:
             for name, values in part.measures(mesh).items():
                 getattr(part, name).assign(values)
         state.displacement.assign(scan - rest)
-        state.evaluate()
-        if newton.distance > tolerance:
+        solver.evaluate()
+        if not (run.known and run.distance <= tolerance):
             continue
-        newton.begin(tolerance, 0.0, confirm=True, near=True)
-        spent += newton.propose(None, 1.0).iterations
-        products.launch()
-        arrived, more = newton.judge(0.0, products.read())
+        confirmed = Run(tolerance, confirm=True, try_true=True, at_saddle=True)
+        action, more = direction_of(solver, confirmed)
         spent += more
         sag = float(np.linalg.norm(scan - rest, axis=1).max())
-        if arrived:
+        if action is Action.CONVERGED:
             found = replace(resting(model, mesh), rest=rest, scan=scan - rest)
-            return RestState(found, sag, newton.distance, rounds, spent)
-        if newton.negative_curvature or math.isinf(newton.distance):
+            return RestState(found, sag, confirmed.distance, rounds, spent)
+        if action is Action.STALLED or confirmed.phase is Phase.SADDLE:
             raise InputError(
                 f"gravity: from the only rest state that was found, {sag:.0f} mm away, tissue of "
                 f"{softest(model):g} kPa does not come to rest in the scan but buckles under its weight; "
                 "raise youngs_modulus or lower alpha, or take the scan as the rest state (--rest scan)"
             )
-        newton.begin(tolerance, 0.0)
+        run = Run(tolerance)
     raise InputError(
         f"gravity: no rest state was found from which {model.gravity:g} m/s^2 pulls the tissue into the scan; "
         f"with a Young's modulus of {softest(model):g} kPa it would sag by {np.abs(scan - rest).max():.0f} mm or "
         "more: raise youngs_modulus or lower alpha, or take the scan as the rest state (--rest scan)"
     )
+
+
+def direction_of(work: Work, run: Run) -> tuple[Action, int]:
+    """Plans and solves; see `find_direction`."""
+    planned = plan(run)
+    begin(work, planned)
+    return find_direction(work, run, planned)
 
 
 def softest(model: Model) -> float:

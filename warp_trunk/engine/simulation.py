@@ -24,6 +24,8 @@ from .state import State, to_mesh_order
 ON_THE_WAY = 20.0
 """Tolerances to which increments on the way are relaxed, by an estimate that is pessimistic: at the default of
 0.1 mm no node was farther than 0.9 mm from its equilibrium then, and none of the skin 0.05 mm."""
+NEAR = 3.0
+"""An increment that was so many tolerances from its end before its last step: the next likely starts near its."""
 LEAST_SHARE = 0.4
 """The least share of the newest change of the motion in the mean by which tissue is extrapolated."""
 
@@ -135,6 +137,7 @@ def simulate(
     user = relaxer.user = object()
     predictor = Predictor(relaxer.state, bone_path)
     descent = ProjectedGradient(relaxer) if options.relax.method == "gradient" else None
+    near = False
     for number in range(1, options.increments + 1):
         if relaxer.user is not user:
             raise InputError(
@@ -152,10 +155,11 @@ def simulate(
                     options.relax.tolerance * (1.0 if final else ON_THE_WAY),
                     watch,
                     confirm=final,
-                    near=number > 1,
+                    near=near,
                     meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
                 )
             predictor.record(relaxation)
+            near = relaxation.estimated_error <= NEAR * options.relax.tolerance
             displacement = wp.clone(relaxer.state.displacement)
             seconds = time.perf_counter() - start
         increment = Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -87,10 +88,10 @@ class Progress:
             self._bar("relaxing the tissue", increment.number, count)
             return
         end = increment.relaxation
+        far = f"{end.estimated_error:.2g} mm from equilibrium, " if end.estimated_error < math.inf else ""
         self._line(
-            f"increment {increment.number} of {count}: {end.status.name}, {end.estimated_error:.2g} mm from "
-            f"equilibrium, {end.steps} step{'s' * (end.steps != 1)}, {end.linear_iterations} linear iterations, "
-            f"{increment.seconds:.1f} s"
+            f"increment {increment.number} of {count}: {end.status.name}, {far}{end.steps} "
+            f"step{'s' * (end.steps != 1)}, {end.linear_iterations} linear iterations, {increment.seconds:.1f} s"
         )
 
     def part(self, doing: str, done: int, count: int, line: str = "", note: str = "") -> None:

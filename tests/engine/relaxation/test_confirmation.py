@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from support.meshes import block, single_tet
-from support.models import evaluated, held_turned, model_of, relax
+from support.continuum import Continuum
+from support.meshes import block, block_with_bone, column, single_tet
+from support.models import evaluated, held_turned, increments, model_of, relax
 from support.reference import Reference
-from warp_trunk.engine.certify import Certificate, Step
-from warp_trunk.engine.linear import BlockMatrix, LinearSolution
-from warp_trunk.engine.multigrid import Multigrid
-from warp_trunk.engine.newton import Newton, Relaxer
-from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.newton import Relaxer
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus, RelaxStep
+from warp_trunk.engine.state import State
 from warp_trunk.engine.tissue import Tissue
+from warp_trunk.engine.work import Work
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
@@ -35,12 +35,13 @@ def test_a_direction_of_negative_curvature_is_followed_downwards(side: float) ->
     """Beside a saddle the gradient says which of its two ways that is."""
     trunk, start = single_tet(), np.zeros((4, 3))
     start[3] = [2.0, 2.0, -9.5]
-    state = evaluated(model_of(trunk, Tissue(epsilon=0.0, theta=0.0)), start)
-    newton = Newton(state)
-    newton.begin(0.01)
-    newton._down = np.array([[0.0, 0.0, side]])
-    newton.propose(None, 1.0)
-    assert np.vdot(state.gradient.numpy()[0], newton.direction.numpy()[0]) < 0.0
+    work = Work(evaluated(model_of(trunk, Tissue(epsilon=0.0, theta=0.0)), start))
+    down = np.array([[0.0, 0.0, side]])
+    work.descend(down, 0.1, on=False)
+    assert np.vdot(work.state.gradient.numpy()[0], work.direction.numpy()[0]) < 0.0
+    assert np.linalg.norm(work.direction.numpy()[0]) == pytest.approx(0.1)
+    work.assemble(true=True)
+    assert work.curvature(down) < 0.0
 
 
 @pytest.mark.parametrize("theta", [0.0, 10.0, 1000.0])
@@ -66,19 +67,70 @@ def test_what_is_on_the_way_is_not_claimed() -> None:
     assert Reference(trunk).error(relaxer.state.host_displacement(), 1e-6) <= 2e-3
 
 
+COLUMN = column()
+
+
 @pytest.mark.parametrize(
-    ("earlier", "wanted"), [([], 0.6 / 0.4), ([Step(0.8, 0.2)], 0.6 / 0.4), (None, 0.5 / 0.9)]
+    ("precision", "beyond", "tolerance", "count"),
+    [
+        ("float32", 7.94328e-05, 0.1, 5),
+        ("float32", 3.98107e-05, 0.01, 10),
+        ("float64", 7.94328e-06, 0.01, 10),
+        ("float64", 3.06e-06, 0.01, 5),
+        ("float64", 6.26e-06, 0.01, 2),
+    ],
 )
-def test_the_distance_is_that_within_which_there_is_an_equilibrium(
-    earlier: list[Step] | None, wanted: float
-) -> None:
-    """A step of 1 mm that left 0.6: of the newest as long as what is left, left / (1 - q), by hand."""
-    model = model_of(block((1, 1, 2)))
-    state = evaluated(model, np.zeros((len(model.order), 3)))
-    matrix = BlockMatrix(state)
-    certificate = Certificate(state, matrix, Multigrid(matrix))
-    for step in [Step(5.0, 0.5)] if earlier is None else earlier:
-        certificate.add(step)
-    solution = LinearSolution(9, length=0.4, error=0.1, negative_curvature=False, norm=1.0, exhausted=False)
-    last = None if earlier is None else Step(1.0, 0.6)
-    assert certificate._reach(solution, last, 1.0, 0.4) == pytest.approx(wanted)
+def test_no_claim_is_false_next_to_buckling(precision: str, beyond: float, tolerance: float, count: int) -> None:
+    """A column squeezed by a little more than its critical part: the straight one is a saddle."""
+    path = np.zeros_like(COLUMN.nodes)
+    path[:, 2] = -(0.16225501 + beyond) * COLUMN.nodes[:, 2]
+    model = model_of(COLUMN, energy="neo-hookean", precision=precision)
+    last = increments(model, path, count, tolerance=tolerance)[-1]
+    curvature = np.linalg.eigvalsh(Continuum(COLUMN).hessian(last.displacement))[0]
+    if precision == "float64":
+        assert last.relaxation.status is RelaxStatus.CONVERGED
+    if last.relaxation.status is RelaxStatus.CONVERGED:
+        assert curvature > 0.0
+    else:
+        assert last.relaxation.estimated_error == np.inf  # what claims nothing states no distance
+
+
+def test_to_judge_moves_no_node() -> None:
+    trunk = block((2, 2, 2))
+    relaxer = Relaxer(model_of(trunk, precision="float32"), RelaxOptions(tolerance=1e-3))
+    relaxer.state.set_displacement(held_turned(trunk, 20.0))
+    relaxer.relax()
+    before = relaxer.state.displacement.numpy().copy()
+    again = relaxer.relax(0.1, near=True)
+    assert (again.status, again.steps) == (RelaxStatus.CONVERGED, 0)
+    assert (relaxer.state.displacement.numpy() == before).all()
+
+
+def test_a_hessian_that_is_not_projected_is_not_used_as_one() -> None:
+    """Crushed tissue, whose true Hessian was assembled for its sensitivities, and bones that go on from there."""
+    trunk = block_with_bone((5, 3, 3), holes=((1, 1, 1), (3, 1, 1)))
+    path = np.where((trunk.bone == 1)[:, None], [-14.0, 0.0, 0.0], 0.0)
+    relaxer = Relaxer(model_of(trunk), RelaxOptions(tolerance=0.01, max_steps=100))
+    relaxer.state.set_displacement(path)
+    relaxer.assemble_true(relaxer.state.displacement)
+    ended = relaxer.relax(confirm=False, reuse=True)
+    assert ended.status is RelaxStatus.NEAR
+    assert Reference(trunk).error(relaxer.state.host_displacement(), 1e-5) <= 2.0 * ended.estimated_error + 0.01
+
+
+def test_the_distance_of_a_step_is_that_of_where_it_led() -> None:
+    trunk = block((2, 2, 3))
+    relaxer = Relaxer(model_of(trunk), RelaxOptions(tolerance=1e-3))
+    relaxer.state.set_displacement(held_turned(trunk, 15.0))
+    seen: list[tuple[float, float]] = []
+    reference = Reference(trunk)
+
+    def watch(step: RelaxStep, state: State) -> None:
+        seen.append((step.estimated_error, reference.error(state.host_displacement(), 1e-7)))
+
+    ended = relaxer.relax(watch=watch)
+    assert ended.status is RelaxStatus.CONVERGED
+    assert len(seen) == ended.steps > 2
+    for reported, true in seen[1:]:
+        assert true <= 2.0 * reported
+        assert reported <= 10.0 * true + 1e-4

@@ -13,7 +13,7 @@ from support.matrices import on_host
 from support.meshes import block_with_bone
 from support.models import evaluated, model_of
 from support.reference import Reference
-from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots
+from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient, Dots, Outcome
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.state import State
 
@@ -101,22 +101,29 @@ def test_a_direction_of_negative_curvature_ends_a_solve() -> None:
     matrix = BlockMatrix(state)
     matrix.assemble_projected()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
-    assert not solver.solve(1e-6, 0.0).negative_curvature
+    assert solver.solve(1e-6, 0.0).outcome is Outcome.SOLVED
     matrix.assemble_true()
     dense = np.asarray(on_host(matrix).todense())
     assert np.linalg.eigvalsh(dense)[0] < 0.0
-    solution = solver.solve(1e-6, 0.0)
-    assert solution.negative_curvature
+    assert solver.solve(1e-6, 0.0).outcome is Outcome.NEGATIVE_CURVATURE
     down = np.asarray(solver.search.numpy()).ravel()
     assert down @ dense @ down < 0.0
     gradient = np.asarray(state.gradient.numpy())[: len(matrix.inverse_diagonal)].ravel()
     assert gradient @ down < 0.0
 
 
-def test_a_solution_that_grows_too_long_ends_a_solve() -> None:
+def test_a_solve_that_goes_on_ends_where_a_longer_one_does() -> None:
+    """To the last bit, its coefficients too."""
     state, matrix = stretched()
     solver = ConjugateGradient(matrix, Multigrid(matrix), state.gradient)
-    whole = solver.solve(1e-9, 0.0)
-    part = solver.solve(1e-9, 0.0, most_length=0.5 * whole.length)
-    assert part.iterations < whole.iterations
-    assert part.length > 0.5 * whole.length
+    assert solver.solve(1e-3, 0.1).iterations < 40
+    assert solver.go_on(40).iterations == 40
+    part, parts = solver.solution.numpy().copy(), solver.coefficients()
+    assert solver.solve(1e-3, 0.1, 40).iterations == 40
+    assert (part == solver.solution.numpy()).all()
+    np.testing.assert_array_equal(parts, solver.coefficients())
+    assert [len(each) for each in parts] == [40, 40]
+    bounded = ConjugateGradient(matrix, Multigrid(matrix), state.gradient, most_iterations=8)
+    assert bounded.solve(1e-9, 0.0).outcome is Outcome.EXHAUSTED
+    state.gradient.fill_(np.nan)
+    assert solver.solve(1e-9, 0.0).outcome is Outcome.UNSOUND

@@ -1,0 +1,295 @@
+"""Where a relaxation goes next: pure Python, from how the last linear solve ended and what is known of the way.
+
+Far away the Hessian is projected to a positive semidefinite one, so that every direction descends; it is stiffer
+than the truth, and its steps are shorter than the way to go. Where the end is to be confirmed, the true one takes
+over near it. If that is negative along some direction, the projected one leads nearer, or from a saddle the step
+descends along that direction (Steihaug 1983). The end is a solve with noise that is continued until no saddle can
+have been missed (`certify`)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from .certify import Step, reach
+from .linear import LinearSolution, Outcome
+
+
+class Phase(Enum):
+    """The origin of the last direction."""
+
+    PROJECTED = "a solve with the Hessian projected to a positive semidefinite one"
+    TRUE = "a solve with the true Hessian"
+    SADDLE = "a direction of negative curvature of the true Hessian"
+
+
+class Action(Enum):
+    """The next thing after a linear solve."""
+
+    SEARCH = "search along its solution"
+    DESCEND = "search along its direction of negative curvature"
+    SOLVE = "solve again, as planned now"
+    CERTIFY = "continue it, which had noise, until no saddle can have been missed"
+    CONVERGED = "end: the equilibrium is nearer than the tolerance, and no saddle"
+    STALLED = "end: nothing can be claimed, and nothing leads on"
+
+
+@dataclass(frozen=True)
+class Policy:
+    """The constants of the decisions, each with its evidence."""
+
+    accuracy: float = 0.1
+    """The part of the tolerance that a solve may leave."""
+    accuracy_on_the_way: float = 0.03
+    """The same at increments on the way, whose tolerance is larger: the extrapolation builds on them."""
+    projected_accuracy: float = 0.3
+    """The part of the distance that a solve with the projected Hessian may leave. Such a step leaves more where
+    tissue is crushed: solves to a tenth took as many steps, and a third more iterations. Where volume is a
+    thousand times as stiff as usual they took a fifth of the iterations."""
+    true_accuracy: tuple[float, float] = (0.03, 0.1)
+    """The part that a solve with the true Hessian may leave: the square of the contraction of the last step,
+    between these (Eisenstat and Walker 1996)."""
+    contraction: float = 0.2
+    """A step that leaves more than this part of the distance calls for the Hessian of where it led."""
+    first: float = 2.0 / 3.0
+    """The part of the distance that the first step of a relaxation is assumed to leave: its Hessian, projected, is
+    too stiff where edges are compressed, and no step has been seen yet."""
+    unseen: float = 0.9
+    """The part that a true step is assumed to leave where none as long was seen."""
+    slowest: float = 0.95
+    """Steps are assumed to shrink at least this fast from one to the next."""
+    near: tuple[float, float] = (3.0, 0.3)
+    """The true Hessian takes over within so many tolerances, or mm: beyond, crushed tissue has negative
+    curvature."""
+    nearer: float = 0.25
+    """The part of the distance to which the projected Hessian leads before the true one, found indefinite, is
+    tried again."""
+    reach: float = 10.0
+    """A descent from a saddle is first tried as far as this many tolerances."""
+    noise: tuple[float, float] = (0.1, 0.001)
+    """Norm of the noise in the right side of a solve that may be the last, in norms of the gradient; and once that
+    moved soft tissue by more than the tolerance. Each factor of ten takes 25 iterations more on the anatomy."""
+    quiet: float = 0.1
+    """A solve has noise where the last true step left this part of the tolerance, by the norm of the gradient."""
+    least_noise: float = 1e-5
+    """Standard deviation of the noise on a gradient of zero, in roundings."""
+    chance: float = 1e-3
+    """Of a claim that is false because a saddle was missed. Ten times less takes 35 iterations more."""
+    rounding: float = 1.0
+    """Roundings of the largest eigenvalue by which an eigenvalue may be wrong. With ten of them float32 claimed 43
+    of 60 columns next to buckling, with one 50; no claim was false."""
+    stretch: tuple[int, int] = (8, 64)
+    """Iterations by which a solve is continued before the chance is computed again."""
+
+
+POLICY = Policy()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The next linear solve."""
+
+    true: bool
+    """Whether with the true Hessian."""
+    fresh: bool
+    """Whether with the Hessian of the state itself, or else the last of its kind."""
+    noise: float
+    """Norm of the noise in the right side, in norms of the gradient: with it, the solve can be the last."""
+    absolute: float
+    """The error of any vector that it may leave [mm]."""
+    relative: float
+    """The same as a part of the longest."""
+    least_iterations: int
+    """Iterations before it may end."""
+
+
+@dataclass
+class Run:
+    """Everything that changes during one relaxation, beside its state and the steps it reports."""
+
+    tolerance: float
+    """Wanted distance [mm]."""
+    confirm: bool = False
+    """Whether the end is to be confirmed."""
+    try_true: bool = False
+    """Whether the next solve is with the true Hessian, however far the end is."""
+    reuse: bool = False
+    """Whether the first solve may take the projected Hessian that was assembled last."""
+    floor: float = 0.0
+    """Rounding error of every distance [mm]."""
+    phase: Phase = Phase.PROJECTED
+    """The origin of the last direction."""
+    distance: float = math.inf
+    """How far the equilibrium is estimated to be from where the last solve was [mm]; infinite where not known."""
+    known: bool = False
+    """Whether the solve behind the distance ended SOLVED."""
+    length: float = math.inf
+    """Of the longest vector of the last solution [mm]."""
+    norm: float = 0.0
+    """The square root of g . M^-1 g where that was found."""
+    contraction: float = math.inf
+    """Its length as a part of the one before."""
+    left: float = 0.0
+    """The part of the last true step that it left, by how much less the gradient fell [mm]."""
+    whole: bool = False
+    """Whether the last solution was taken as a whole step."""
+    claimed: bool = False
+    """Whether a solve without noise found the state within the tolerance."""
+    quiet: bool = False
+    """Whether the usual noise was too much."""
+    solved: bool = False
+    """Whether the distance of the state itself was estimated."""
+    cut: bool = False
+    """Whether the line search had to cut a step. Then stiff motions hide soft ones, and a short solve of what a
+    step along the soft ones left would look converged: solves no longer end early."""
+    longest_solve: int = 0
+    """The most iterations of a solve for a step."""
+    nearer: float = math.inf
+    """The distance within which the true Hessian, found indefinite, is tried again [mm]."""
+    at_saddle: bool = False
+    """Whether negative curvature is followed rather than avoided."""
+    down: np.ndarray | None = None
+    """The last direction of negative curvature, shape (free nodes, 3), until the state has left it."""
+    steps: list[Step] = field(default_factory=list)
+    """Whole steps along the true Hessian."""
+
+
+def plan(run: Run, norm: float = math.inf, policy: Policy = POLICY) -> Plan:
+    """The next linear solve, where the gradient has a norm, the square root of g . M^-1 g.
+
+    It has noise where the last step has left a small part of the tolerance, by how much less the gradient fell.
+    """
+    within = min(run.nearer, max(policy.near[0] * run.tolerance, policy.near[1]))
+    was_true = run.phase is Phase.TRUE
+    true = run.confirm and (run.try_true or (was_true and run.whole) or run.distance <= within)
+    little = was_true and run.whole and norm * run.length <= policy.quiet * run.tolerance * run.norm
+    noise = policy.noise[run.quiet] if true and (run.claimed or little) else 0.0
+    kept = run.reuse or run.contraction <= policy.contraction
+    least, most = policy.true_accuracy
+    return Plan(
+        true,
+        fresh=noise > 0.0 or true != was_true or not kept,
+        noise=noise,
+        absolute=(policy.accuracy if run.confirm else policy.accuracy_on_the_way) * run.tolerance,
+        relative=min(most, max(least, run.contraction**2)) if true else policy.projected_accuracy,
+        least_iterations=run.longest_solve if run.cut else 0,
+    )
+
+
+def decide(run: Run, planned: Plan, solution: LinearSolution, policy: Policy = POLICY) -> Action:
+    """The next thing after a planned solve."""
+    run.try_true = run.reuse = False
+    if not planned.noise and solution.outcome is Outcome.SOLVED:
+        run.longest_solve = max(run.longest_solve, solution.iterations)
+    match solution.outcome:
+        case Outcome.UNSOUND if not planned.true:
+            return Action.STALLED
+        case Outcome.UNSOUND:  # the preconditioner was made too far away
+            return _avoid(run, policy)
+        case Outcome.NEGATIVE_CURVATURE if planned.true:
+            return _leave(run, planned, policy)
+        case Outcome.SOLVED | Outcome.EXHAUSTED | Outcome.NEGATIVE_CURVATURE:  # of a projected one: rounding
+            _estimate(run, planned, solution, policy)
+            if not (planned.true and run.known):
+                return Action.SEARCH
+            if max(run.distance, bound(run, policy)) > run.tolerance:
+                return _beyond(run, planned)
+            run.claimed = True
+            return Action.CERTIFY if planned.noise else Action.SOLVE
+    raise AssertionError(solution.outcome)
+
+
+def decide_end(
+    run: Run, planned: Plan, solution: LinearSolution, chance: float, policy: Policy = POLICY
+) -> Action:
+    """The next thing after a solve with noise that is continued, by the chance that it missed a saddle."""
+    match solution.outcome:
+        case Outcome.NEGATIVE_CURVATURE:
+            return _leave(run, planned, policy)
+        case Outcome.EXHAUSTED | Outcome.UNSOUND:  # soft directions hide behind others 1e6 times as stiff
+            return Action.STALLED
+        case Outcome.SOLVED if math.isinf(chance):
+            return Action.STALLED
+        case Outcome.SOLVED:
+            run.length = solution.length + solution.error
+            run.distance = max(bound(run, policy), policy.accuracy * run.tolerance)
+            if run.distance > run.tolerance:
+                return _beyond(run, planned)
+            return Action.CONVERGED if chance <= policy.chance else Action.CERTIFY
+    raise AssertionError(solution.outcome)
+
+
+def stretch(iterations: int, chance: float, policy: Policy = POLICY) -> int:
+    """By how many iterations a solve is continued before the chance is computed again: half of what is expected.
+
+    A solve to the chance takes about twice the iterations of one to the accuracy of a step.
+    """
+    least, most = policy.stretch
+    return int(min(most, max(least, 0.1 * iterations * math.log10(chance / policy.chance))))
+
+
+def bound(run: Run, policy: Policy = POLICY) -> float:
+    """The distance within which there is an equilibrium, by the true steps so far [mm]."""
+    return run.floor + reach(max(run.length, run.left), run.steps, policy.unseen, policy.slowest)
+
+
+def _avoid(run: Run, policy: Policy) -> Action:
+    """The true Hessian was tried too far away: the projected one leads nearer."""
+    run.nearer = min(run.nearer, policy.nearer * run.distance)
+    run.at_saddle = run.nearer <= run.tolerance
+    run.phase, run.distance, run.solved = Phase.PROJECTED, math.inf, False
+    return Action.SOLVE
+
+
+def _beyond(run: Run, planned: Plan) -> Action:
+    """The solution is too long: it leads on, unless that may be due to the noise."""
+    again = run.claimed and planned.noise > 0.0 and not run.quiet
+    run.quiet = run.quiet or planned.noise > 0.0
+    return Action.SOLVE if again else Action.SEARCH
+
+
+def _leave(run: Run, planned: Plan, policy: Policy) -> Action:
+    """Negative curvature of the true Hessian: avoided far from the end, followed downwards near it."""
+    if not (planned.noise or run.at_saddle):
+        return _avoid(run, policy)
+    run.phase, run.distance, run.at_saddle = Phase.SADDLE, math.inf, True
+    return Action.DESCEND
+
+
+def _estimate(run: Run, planned: Plan, solution: LinearSolution, policy: Policy) -> None:
+    """Sets the distance by the length of a solution and how much shorter it is than the one before."""
+    length, before = solution.length + solution.error, run.length
+    run.known = solution.outcome is Outcome.SOLVED
+    if run.solved:  # again at the same state
+        run.length = length
+        return
+    run.left = 0.0
+    if planned.true and run.whole and run.phase is Phase.TRUE:
+        run.left = solution.norm / run.norm * before
+        run.steps.append(Step(before, max(run.left, length)))
+    run.contraction = length / before if 0.0 < before < math.inf else math.inf
+    left = min(run.contraction, policy.slowest) if before < math.inf else policy.first
+    run.length, run.norm, run.solved = length, solution.norm, True
+    run.phase = Phase.TRUE if planned.true else Phase.PROJECTED
+    run.distance = run.floor + length * max(1.0, left / (1.0 - left))
+
+
+def searched(run: Run, length: float | None) -> bool:
+    """Takes note of the part of the direction that was taken; None where none lowers the energy.
+
+    Returns:
+        Whether the relaxation can go on.
+    """
+    run.whole, run.solved, run.claimed = length == 1.0, False, False
+    if length is None:  # the true Hessian is tried once where the projected one leads nowhere
+        run.try_true = run.at_saddle = True
+        return run.confirm and run.phase is Phase.PROJECTED
+    if run.phase is Phase.SADDLE:
+        run.length = run.contraction = math.inf
+        run.steps.clear()
+    else:
+        run.cut = run.cut or length < 1.0
+    return True

@@ -1,0 +1,183 @@
+"""The work of a relaxation on its device: assemble, solve, try, accept. It decides nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import warp as wp
+
+from warp_trunk.kernels.assembly import COLUMNS
+from warp_trunk.kernels.vectors import vector_kernels
+
+from .certify import chance_of_saddle
+from .line_search import Trial
+from .linear import BlockMatrix, ConjugateGradient, Dots, LinearSolution
+from .multigrid import Multigrid
+from .parallel import Readback
+from .policy import POLICY, Plan
+from .state import ProductReader, Products, State, longest
+
+ROUNDING_STEPS = 10.0
+"""Roundings of the largest displacement that a force summed over a node's tetrahedra may hide."""
+
+
+class Work:
+    """The state of a relaxation with its Hessian, preconditioner, solver and trial."""
+
+    matrix: BlockMatrix
+    """The Hessian that was assembled last."""
+    hessian: tuple[bool, int] | None = None
+    """Whether that is the true one, and the version of the state that it was assembled at; None: at rest."""
+
+    def __init__(self, state: State) -> None:
+        """For a state at rest, or where the trunk was scanned: the preconditioner is made of the Hessian there."""
+        self.state, model = state, state.model
+        self.matrix = BlockMatrix(state)
+        self.preconditioner = Multigrid(self.matrix)
+        self._trial, self._version = State(model, start=state), 0
+        kernels, graph = vector_kernels(*model.variant), model.parallel.graph
+        self._assemble_projected = graph(self.matrix.assemble_projected)
+        self._assemble_true = graph(self.matrix.assemble_true)
+        # the solver, for the gradient with an amount of noise
+        noise, force = model.free_vectors(), model.free_vectors()
+        white = model.array(np.random.default_rng(0).standard_normal((model.free_nodes, 3)), model.vec3)
+        self._color = model.over_free(kernels.color, [self.matrix.inverse_diagonal, white], [noise])
+        self._amount = model.zeros(wp.float64, 1)
+        self._set_force = model.over_free(kernels.step, [self._amount, state.gradient, noise], [force])
+        self._solver = ConjugateGradient(self.matrix, self.preconditioner, force)
+        self.direction = self._solver.solution
+        self._noise = self._gradient_norm = 0.0
+        self._curved, curvature = model.free_vectors(), Dots.zero(model)
+        self._multiply = self.matrix.multiply(self._curved, model.free_vectors(), curvature)
+        self._curvature, self._clear_curvature = (
+            Readback(model.parallel, curvature.products),
+            curvature.products.zero_,
+        )
+        # the trial along the direction
+        self._length = model.zeros(wp.float64, 1)
+        self._products = ProductReader(state, self.direction, state.gradient)
+        self._trial_products = ProductReader(self._trial, self.direction, state.gradient)
+        self._step, whole_step = (
+            model.over_free(kernels.step, [length, state.displacement, self.direction], [self._trial.displacement])
+            for length in (self._length, model.array(np.ones(1), wp.float64))
+        )
+        self._try_ahead = graph(
+            self._products.launch, whole_step, self._trial.evaluate, self._trial_products.launch
+        )
+        self._ahead = False
+        self._accept = graph(partial(state.copy_from, self._trial))
+        # evaluation, with the largest displacement
+        largest = model.zeros(wp.float64, model.parallel.ranges, COLUMNS)
+        self._largest = Readback(model.parallel, largest)
+        find_largest = model.over_nodes(kernels.longest, [state.displacement], [largest])
+        copy_prescribed = partial(wp.copy, self._trial.displacement, state.displacement)  # no step moves them
+        measure = (largest.zero_, find_largest, self._largest.send)
+        self._measure = graph(*measure)
+        self._evaluate = graph(state.evaluate, *measure, copy_prescribed)
+
+    def evaluate(self) -> None:
+        """Evaluates the state, which was set to another displacement."""
+        self._evaluate()
+        self._version, self._ahead = self._version + 1, False
+
+    def floor(self) -> float:
+        """Rounding error of every distance [mm], by the largest displacement when that was last measured."""
+        largest = float(self._largest.read().max()) ** 0.5
+        return ROUNDING_STEPS * float(np.finfo(self.state.model.precision).eps) * largest
+
+    def measure(self) -> float:
+        """The rounding error of distances at the state as it is now."""
+        self._measure()
+        return self.floor()
+
+    def assemble(self, *, true: bool, fresh: bool = True) -> None:
+        """Sets the matrix to the Hessian of the state; if not `fresh`, where it is not the last of its kind."""
+        now = true, self._version
+        if self.hessian is not None and (self.hessian == now or (self.hessian[0] == true and not fresh)):
+            return
+        (self._assemble_true if true else self._assemble_projected)()
+        self.hessian = now
+
+    def launch(self, plan: Plan, *, ahead: bool = False) -> None:
+        """Begins a planned solve; on CUDA with `ahead`, the trial at the end of it.
+
+        A device that waits for the host is idle; the trial is dropped where the direction becomes another one.
+        """
+        self._noise = 0.0
+        norm = self.norm() if plan.noise else 0.0
+        if plan.noise:
+            self._color()
+            least = POLICY.least_noise * float(np.finfo(self.state.model.precision).eps)
+            self._noise = max(plan.noise * norm / max(3 * self.state.model.free_nodes, 1) ** 0.5, least)
+        self._gradient_norm = norm
+        self._amount.fill_(self._noise)
+        self._set_force()
+        self._solver.launch(plan.absolute, plan.relative, plan.least_iterations)
+        self._ahead = ahead and self.state.model.parallel.is_cuda
+        if self._ahead:
+            self._try_ahead()
+
+    def norm(self) -> float:
+        """The square root of g . M^-1 g of the gradient at the state."""
+        self._amount.fill_(0.0)
+        self._set_force()
+        return self._solver.norm()
+
+    def read(self) -> LinearSolution:
+        """How the solve that was launched ended."""
+        solution = self._solver.read()
+        return replace(solution, norm=self._gradient_norm) if self._noise else solution
+
+    def chance(self) -> float:
+        """The chance that the last solve, which had noise, has missed a saddle."""
+        rounding = POLICY.rounding * float(np.finfo(self.state.model.precision).eps)
+        return chance_of_saddle(*self._solver.coefficients(), self._noise, rounding)
+
+    def go_on(self, iterations: int) -> LinearSolution:
+        """Continues the last solve to so many iterations in all."""
+        self._ahead = False
+        return replace(self._solver.go_on(iterations), norm=self._gradient_norm)
+
+    def negative_curvature(self) -> np.ndarray:
+        """The search direction at which the last solve ended, shape (free nodes, 3)."""
+        return self._solver.search.numpy().copy()
+
+    def curvature(self, along: np.ndarray) -> float:
+        """v . H v with the matrix as it is."""
+        self._curved.assign(along)
+        self._clear_curvature()
+        self._multiply()
+        self._curvature.send()
+        return float(self._curvature.read().sum())
+
+    def descend(self, down: np.ndarray, reach: float, *, on: bool) -> None:
+        """Sets the direction to one of negative curvature, downwards, so far [mm]; `on` from the solution."""
+        start = self.direction.numpy() if on else np.zeros_like(down)
+        gradient = self.state.gradient.numpy()[: len(down)].astype(float)
+        sign = -1.0 if np.vdot(gradient, down) > 0.0 else 1.0
+        scale = sign * max(reach, longest(start)) / max(longest(down), 1e-300)
+        self.direction.assign((start + scale * down).astype(down.dtype))
+        self._ahead = False
+
+    def products(self) -> Products:
+        """Products of the gradient at the state with the direction."""
+        if not self._ahead:
+            self._products.launch()
+        return self._products.read()
+
+    def attempt(self, length: float) -> Trial:
+        """Evaluates the trial at a length along the direction."""
+        ahead, self._ahead = self._ahead and length == 1.0, False
+        if not ahead:
+            self._length.fill_(length)
+            self._step()
+            self._trial.evaluate()
+            self._trial_products.launch()
+        return Trial.read(length, self._trial, self._trial_products)
+
+    def accept(self) -> None:
+        """The state becomes the trial that was evaluated last."""
+        self._accept()
+        self._version += 1
