@@ -87,7 +87,7 @@ def split(motion: RigidMotion, axis: np.ndarray, coupled: np.ndarray | float = n
     Args:
         motion: of the vertebrae, the pelvis at rest [mm], shape (...).
         axis: their centres, and their own axes upward, of any length, before, shape (..., 2, 3) [mm].
-        coupled: the rotation that comes with the change of their curves (`coupled_turns`) [rad], shape (...); all
+        coupled: the rotation that comes with the change of their curves (`CoupledTurns`) [rad], shape (...); all
             of it where NaN.
     """
     centre, upward = axis[..., 0, :], axis[..., 1, :]

@@ -20,7 +20,11 @@ _MOST = 1_000_000
 
 def read_toml(path: Path, expected: str) -> dict[str, Any]:
     """The table of a TOML file; InputError, with what was expected, for a file that is missing or unreadable."""
-    text = read_text(path, expected, _MOST)
+    return toml_table(read_text(path, expected, _MOST), path)
+
+
+def toml_table(text: str, path: Path) -> dict[str, Any]:
+    """The table of a text in TOML; InputError, with the path that it is of, where it cannot be read."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:

@@ -129,7 +129,7 @@ class LayerTable:
 
 
 def layer_lines(table: LayerTable) -> list[str]:
-    """The lines of [layers], which `layer_table` reads back."""
+    """The lines of [layers], which `read_header` reads back."""
     given = {key: value for key in (*THICKNESS, "mesh") if (value := getattr(table, key)) is not None}
     lines = ["", "[layers]", *table_lines("", given)[2:]]
     for name, constants in table.constants.items():

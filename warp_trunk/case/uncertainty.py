@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
 
-from warp_trunk.errors import InputError, check_ranges
+from warp_trunk.errors import check_ranges
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.file_access import read_text
+
+from .keys import toml_table
 
 MOST = 1000.0
 """No uncertainty is larger, in mm, degrees or as a factor."""
@@ -90,10 +91,7 @@ def state_bone_landmarks(path: Path) -> str:
         InputError: the file cannot be read as TOML.
     """
     text = read_text(path, "the header of a case") if path.is_file() else ""
-    try:
-        table = tomllib.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+    table = toml_table(text, path)
     stated = table.get("uncertainty", {})
     if {"landmark_error", "landmark_error_sd"} & stated.keys() or "invented" in table:
         return f"the error of landmarks in {path} is kept"

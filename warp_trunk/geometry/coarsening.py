@@ -35,7 +35,7 @@ _ROUNDS_BETWEEN_CHECKS = 4
 
 
 class _Corners(NamedTuple):
-    """The directed edges of a closed surface by their first vertex, for the kernels; see kernels/coarsening.py."""
+    """The directed edges of a closed surface by their first vertex, for the kernels; see kernels/surface.py."""
 
     start: wp.array
     """Where the edges of each vertex start, shape (vertices + 1,)."""

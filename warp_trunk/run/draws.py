@@ -1,7 +1,7 @@
 """Draws of all errors at once: what they do to the skin, and whether numbers change in proportion to them.
 
-All errors are put together from a few fields (`error_fields`) and the other sources; the tissue follows each of
-these by one linear solve. The measures of a drawn skin are compared with the prediction of their derivatives.
+All errors are put together from a few fields (`Draws`) and the other sources; the tissue follows each of these by
+one linear solve. The measures of a drawn skin are compared with the prediction of their derivatives.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case import write_case
 from warp_trunk.case.case_writer import HEADER, refuse_case
-from warp_trunk.case.keys import refuse_unknown
+from warp_trunk.case.keys import refuse_unknown, toml, toml_table
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import number, read_text
@@ -46,10 +45,7 @@ def read_plan(path: str | Path) -> Plan:
 
 def plan_of_text(text: str, path: Path) -> Plan:
     """The plan of a text in TOML; errors name the path, see `read_plan`."""
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: cannot be read as TOML ({error}); correct it there") from error
+    table = toml_table(text, path)
     curves = table.pop("curve", [])
     if not (isinstance(curves, list) and all(isinstance(curve, dict) for curve in curves)):
         raise InputError(f"{path}: 'curve' must be tables, [[curve]] before each; correct it")
@@ -100,13 +96,9 @@ def plan_text(plan: Plan) -> str:
     tables = [("", {name: getattr(plan, name) for name in _keys(Plan)})]
     tables += [("\n[[curve]]\n", dataclasses.asdict(curve)) for curve in plan.curves]
     return "".join(
-        head + "".join(f"{key} = {_value(value)}\n" for key, value in table.items() if value is not None)
+        head + "".join(f"{key} = {toml(value)}\n" for key, value in table.items() if value is not None)
         for head, table in tables
     )
-
-
-def _value(value: str | float) -> str:
-    return f'"{value}"' if isinstance(value, str) else repr(float(value))
 
 
 def write_plan(path: str | Path, plan: Plan) -> None:

@@ -1,6 +1,6 @@
 """The bones of the phantom: vertebrae, ribs, sternum and pelvis as tubes of analytic sections.
 
-All lengths are at the reference size of `phantom_skin`, from which the bones take their place: spinous
+All lengths are at the reference size of `trunk_skin`, from which the bones take their place: spinous
 processes a stated depth under the furrow of the back, ribs under the sides.
 """
 
