@@ -65,14 +65,12 @@ def _notches(loop: np.ndarray) -> list[int]:
         corners = np.sort(ConvexHull(loop).vertices)
     except QhullError:  # all points on a line
         return []
-    found = []
-    for start, end in zip(corners, np.append(corners[1:], corners[0] + len(loop)), strict=True):
-        between = np.arange(start + 1, end) % len(loop)
-        if not len(between):
-            continue
-        edge = loop[end % len(loop)] - loop[start]
-        x, y = (loop[between] - loop[start]).T
-        depth = np.abs(edge[0] * y - edge[1] * x) / np.linalg.norm(edge)
-        if depth.max() >= _NOTCH:
-            found.append(int(between[depth.argmax()]))
-    return sorted(found)
+    turned = np.roll(loop, -corners[0], axis=0)
+    size = np.diff(corners - corners[0], append=len(loop))
+    under = np.repeat(np.arange(len(corners)), size)  # the edge that each point lies under
+    start = loop[corners]
+    edge = np.roll(start, -1, axis=0) - start
+    x, y = (turned - start[under]).T
+    depth = np.abs(edge[under, 0] * y - edge[under, 1] * x) / np.linalg.norm(edge, axis=1)[under]
+    deepest = np.lexsort((-depth, under))[np.cumsum(size) - size]
+    return sorted(((deepest[depth[deepest] >= _NOTCH] + corners[0]) % len(loop)).tolist())
