@@ -13,7 +13,7 @@ from support.known_spine import LEVELS
 from support.marked_spine import before_and_after, exchanged, shifted, with_errors
 from support.small_case import palpated, small_case
 from warp_trunk.case import Case, check_case
-from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_order, check_shapes
+from warp_trunk.case.landmark_checks import align_pelvis, check_frame, check_motion, check_order, check_shapes
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
@@ -117,6 +117,13 @@ def test_an_iliac_spine_that_moves_is_warned_of(moved, said):
 def test_another_frame_is_refused_and_the_cure_named(move):
     with pytest.raises(InputError, match=r"'asis_\w+' moves by .* --align-pelvis"):
         check_frame(BEFORE, Landmarks(AFTER.names, move(AFTER.points)), "after")
+
+
+def test_bending_moves_a_landmark_farther_than_surgery():
+    far = shifted(BEFORE, BEFORE.names[0], (300.0, 0.0, 0.0))
+    check_motion(BEFORE, far, "here", "bending")
+    with pytest.raises(InputError, match="moves 300[.]0 mm, 150 mm is allowed"):
+        check_motion(BEFORE, far, "here")
 
 
 @pytest.mark.parametrize("axis", [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])

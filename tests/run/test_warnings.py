@@ -29,6 +29,7 @@ def test_a_plan_that_enlarges_the_largest_curve_is_warned_of():
     (text,) = curve_warnings(before, bent)
     assert text.startswith("The largest curve of the spine grows, from 40 to ")
     assert curve_warnings(bent, before) == []
+    assert curve_warnings(before, bent, "bending") == []
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
     check_on_bones(case, source.name)
     if after is not None:
         where = source.name("landmarks_after")
-        check_motion(before, after, where)
+        check_motion(before, after, where, case.study.pose)
         warnings += (
             check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
         )

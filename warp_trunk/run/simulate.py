@@ -198,7 +198,7 @@ def _check(
     choose_threads(options.threads)
     if options.live and not options.record:
         raise InputError("--live: shows what is recorded; leave --no-record out")
-    found = [*(check_case(case) if checked is None else checked), *curve_warnings(before, after)]
+    found = [*(check_case(case) if checked is None else checked), *curve_warnings(before, after, case.study.pose)]
     if options.bones == "follow" and case.landmarks_after is not None:
         found += [*unknown_bones(case.bones), *smoothing_warnings(before, after)]
     layers = () if case.layers is None else case.layers.tissues(case.tissue)

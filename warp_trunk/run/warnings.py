@@ -10,6 +10,7 @@ from warp_trunk.measures import cobb_angles
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.case.study import Pose
     from warp_trunk.engine.relaxation import Relaxation
     from warp_trunk.engine.tissue import Tissue
 
@@ -22,8 +23,12 @@ GROWN = 5.0
 """A curve larger by more than this is worse, and not measured otherwise [degrees]."""
 
 
-def curve_warnings(before: Landmarks, after: Landmarks) -> list[str]:
-    """A sentence where the largest curve of the spine after surgery is larger than the largest before."""
+def curve_warnings(before: Landmarks, after: Landmarks, pose: Pose = "surgery") -> list[str]:
+    """A sentence where the largest curve of the spine after surgery is larger than the largest before.
+
+    The curve of a patient who bends may well be larger."""
+    if pose == "bending":
+        return []
     was, will = (max((curve.angle for curve in cobb_angles(marks)), default=0.0) for marks in (before, after))
     if will <= was + GROWN:
         return []
