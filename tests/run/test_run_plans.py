@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from support.no_meshing import forbid_meshing
@@ -15,9 +19,14 @@ from warp_trunk.case import write_case
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.results import read_result
+from warp_trunk.run.options import RunOptions, with_changes
+from warp_trunk.run.patient import patient_of
 from warp_trunk.run.simulate import simulate
 
 COARSE = ("--tets", "60000", "--bone-edge-length", "12", "--increments", "1", "--no-record", "--tolerance", "0.5")
+SMALL: dict[str, Any] = {
+    "tets": 60000, "bone_edge_length": 12.0, "increments": 1, "record": False, "tolerance": 0.5,
+}  # fmt: skip
 TEXT = 'uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = {correction}\n'
 
 
@@ -92,10 +101,37 @@ def test_every_result_stays_where_the_working_folder_was(folder: Path, monkeypat
         plans,
         folder="out",
         on_result=lambda *_: monkeypatch.chdir(folder / "elsewhere"),
-        **{"tets": 60000, "bone_edge_length": 12.0, "increments": 1, "record": False, "tolerance": 0.5},
+        **SMALL,
     )
-    assert [result.folder for result in results] == [folder / "out" / name for name in plans]
-    assert all(read_result(result.folder).converged for result in results)
+    assert {name: result.folder for name, result in results.items()} == {n: folder / "out" / n for n in plans}
+    assert all(read_result(result.folder).converged for result in results.values())
+
+
+def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = replace(whole_phantom(), landmarks_after=None, notes=("The skin was mended.",))
+    patient = patient_of(case, with_changes(RunOptions(), SMALL))
+    forbid_meshing(monkeypatch)
+    plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
+    results = simulate(case, {"a": plan}, patient=patient, warnings=["A finger is on the scan."])
+    (one,) = simulate(case, [plan], patient=patient)
+    assert results.keys() == {"a"}
+    np.testing.assert_array_equal(one.skin.vertices, results["a"].skin.vertices)
+    assert {"A finger is on the scan.", "The skin was mended."} <= set(results["a"].summary.warnings)
+    assert "The skin was mended." in one.summary.warnings
+    assert str(one.summary.ending) == "CONVERGED"
+    with pytest.raises(InputError, match="other options"):
+        simulate(case, {"a": plan}, patient=patient, tets=70000)
+
+
+def test_python_says_nothing_but_the_stages_of_the_run() -> None:
+    """Neither on Warp's start nor for its kernels."""
+    script = (
+        "import warp_trunk as wt; case = wt.phantom_case(); wt.measure(case.skin, case.landmarks_before);"
+        "from warp_trunk.geometry.distance_field import SurfaceDistance;"
+        "SurfaceDistance(case.skin).nearest(case.landmarks_before.points)"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert (ended.stdout, ended.stderr) == ("", "")
 
 
 def test_plans_that_cannot_be_simulated_are_refused(tmp_path: Path) -> None:

@@ -109,18 +109,18 @@ def read_checked_case(
         case = replace(case, layers=layers)
     if align:
         case = align_pelvis(case)
-    warnings = [*files.notes, *check_case(case, source)]
     if case.skin is not scanned:
         if unseen is not None:
             case = replace(case, unseen=unseen[nearest_vertices(scanned.vertices, case.skin.vertices)])
         thin = slivers(scanned)
         place = f"the first number {thin[0]} near {place_of(scanned, thin)}"
-        warnings.insert(
+        files.notes.insert(
             0,
             f"{source.name('skin')}: {len(thin)} triangles have an angle of less than {LEAST_ANGLE:g} degree, "
             f"{place}; they were merged with their neighbours.",
         )
-    return case, tuple(warnings)
+    case = replace(case, notes=(*files.notes, *case.notes))
+    return case, check_case(case, source)
 
 
 def nearest_vertices(of: np.ndarray, points: np.ndarray) -> np.ndarray:

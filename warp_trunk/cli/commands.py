@@ -94,16 +94,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _loaded(arguments: list[str]) -> Any:
-    """The command that is asked for, with Warp started: after the help, for which neither is needed."""
+    """The command that is asked for."""
     gc.disable()  # what is loaded is no garbage; to look for some again and again takes a sixth of the time
     try:
         kind = load(arguments)
-        from warp_trunk.run.starting import start_warp
-
         from .arguments import parse
 
-        command = parse(kind, arguments)
-        start_warp()
-        return command
+        return parse(kind, arguments)
     finally:
         gc.enable()

@@ -24,7 +24,6 @@ from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
-from warp_trunk.run.starting import start_warp
 
 from .rows import FAILED, JUDGED, CaseRow, Judged, read_judged, write_judged
 
@@ -73,7 +72,6 @@ def do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
         out: the case's result folder.
         options: how.
     """
-    start_warp()
     try:
         return _do_case(folder, out, options)
     except InputError as error:

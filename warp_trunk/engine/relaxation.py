@@ -59,6 +59,9 @@ class RelaxStatus(Enum):
     STEP_LIMIT = "the most steps allowed were taken before the tolerance was reached"
     NOT_FINITE = "the energy at the start is not a finite number; check the input and the size of the increment"
 
+    def __str__(self) -> str:
+        return self.name
+
 
 @dataclass(frozen=True)
 class RelaxStep:

@@ -46,7 +46,9 @@ if TYPE_CHECKING:
 @overload
 def simulate(case: Case, plan: Plan | None = None, **how: Any) -> Result: ...
 @overload
-def simulate(case: Case, plan: Sequence[Plan] | Mapping[str, Plan], **how: Any) -> list[Result]: ...
+def simulate(case: Case, plan: Mapping[str, Plan], **how: Any) -> dict[str, Result]: ...
+@overload
+def simulate(case: Case, plan: Sequence[Plan], **how: Any) -> list[Result]: ...
 def simulate(
     case: Case,
     plan: Plan | Sequence[Plan] | Mapping[str, Plan] | None = None,
@@ -58,7 +60,7 @@ def simulate(
     warnings: Sequence[str] | None = None,
     on_result: Callable[[str, Result], None] | None = None,
     **changes: Any,
-) -> Result | list[Result]:
+) -> Result | list[Result] | dict[str, Result]:
     """Predict the trunk after surgery.
 
     Several plans for one patient share her mesh and model: each costs its bone path and the relaxation, and its
@@ -80,12 +82,13 @@ def simulate(
         progress: where to show the stages and warnings; a log on standard error when left out.
         patient: the mesh and model of this patient, made with these options (`patient_of`); made here when left
             out.
-        warnings: what the check of the case found (`read_checked_case`); it is checked here when left out.
+        warnings: what the check of the case found (`read_checked_case`); what the check of a planned case finds
+            besides is added. The case is checked here when left out.
         on_result: called with the name of each of several plans and its result as soon as it is there.
         changes: single options by name, in place of those of `options`: `tets=200_000`, `bands=True`.
 
     Returns:
-        The result; of several plans a list in their order.
+        The result; of several plans a dictionary by their names, or a list in their order.
 
     Raises:
         InputError: an unknown option, a plan that cannot be met, a folder that lies in a case, cannot be written
@@ -101,9 +104,10 @@ def simulate(
     if isinstance(plan, Plan):
         name = f"{plan.uiv}-{plan.liv}" if folder is None else folder.resolve().name
         planned = _planned(case, _surgery(Planner(case), "", plan), name, progress)
-        return _simulated(planned, options, progress, patient, folder)
+        return _simulated(planned, options, progress, patient, folder, _found_in(planned, warnings))
     plans = plan if isinstance(plan, Mapping) else {str(n): one for n, one in enumerate(plan, start=1)}
-    return _several(case, plans, folder, options, progress, on_result)
+    results = _several(case, plans, folder, options, progress, patient, warnings, on_result)
+    return results if isinstance(plan, Mapping) else list(results.values())
 
 
 def _several(
@@ -112,29 +116,39 @@ def _several(
     folder: Path | None,
     options: RunOptions,
     progress: Progress,
+    patient: PreparedPatient | None,
+    warnings: Sequence[str] | None,
     on_result: Callable[[str, Result], None] | None,
-) -> list[Result]:
-    """The result of each plan for one patient."""
+) -> dict[str, Result]:
+    """The result of each plan for one patient, by its name."""
     if not plans:
         raise InputError("simulate: there is no plan; give at least one")
     if options.live and len(plans) > 1:
         raise InputError("--live: shows one simulation as it grows; give a single --plan, or leave it out")
     planner = Planner(case)
     surgeries = {name: _surgery(planner, f"plan {name}: ", plan) for name, plan in plans.items()}
-    checked = {name: check_case(planned_case(case, surgery, name)) for name, surgery in surgeries.items()}
+    checked = {name: _found_in(planned_case(case, surgery, name), warnings) for name, surgery in surgeries.items()}
     places = {name: None if folder is None else folder / name for name in plans}
     for place in filter(None, places.values()):
         with removed_if_empty(place):
             prepare_folder(place)
-    patient = patient_of(case, options, progress=progress)
-    results = []
+    if patient is None:
+        patient = patient_of(case, options, progress=progress)
+    else:
+        patient.check(case)
+    results: dict[str, Result] = {}
     for name, surgery in surgeries.items():
         with progress.of(f"plan {name}"):
             planned = _planned(patient.case, surgery, name, progress)
-            results.append(_simulated(planned, options, progress, patient, places[name], checked[name]))
+            results[name] = _simulated(planned, options, progress, patient, places[name], checked[name])
         if on_result is not None:
-            on_result(name, results[-1])
+            on_result(name, results[name])
     return results
+
+
+def _found_in(planned: Case, warnings: Sequence[str] | None) -> list[str]:
+    """The warnings that are known of a case, and what the check of the planned one finds, each once."""
+    return list(dict.fromkeys([*(warnings or ()), *check_case(planned)]))
 
 
 def _surgery(planner: Planner, where: str, plan: Plan) -> PlannedSurgery:

@@ -21,7 +21,6 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.normals import unit
 from warp_trunk.run.options import RunOptions
-from warp_trunk.run.starting import start_warp
 
 WORTH_COMPILING_AHEAD = 50_000
 """Tetrahedra whose meshing takes longer than starting a process."""
@@ -38,7 +37,6 @@ class CompilationAhead:
 
     def __init__(self, options: RunOptions, *, layered: bool = False) -> None:
         """Starts the process where it is needed; what it fails to compile is compiled when it is used."""
-        start_warp()
         settings = {**_settings(options), "layered": layered}
         marker = _marker(settings)
         if marker not in _STARTED and not marker.exists():
@@ -75,7 +73,6 @@ def _marker(settings: dict[str, Any]) -> Path:
 
 def warm(options: RunOptions) -> None:
     """Relaxes a small ball with these options, so that Warp's cache holds the kernels for the cases."""
-    start_warp()
     _relax_ball(_settings(options), layered=False)
 
 
@@ -108,7 +105,6 @@ def ball() -> TrunkMesh:
 
 def main(settings: str, marker: str) -> None:
     """Compiles, in the process of `CompilationAhead`, and marks the end."""
-    start_warp()
     given = json.loads(settings)
     _relax_ball(given, layered=given.pop("layered"))
     Path(marker).touch()

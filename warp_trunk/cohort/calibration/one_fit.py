@@ -28,7 +28,6 @@ from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import find_path
 from warp_trunk.run.prediction import Prediction, prepare
-from warp_trunk.run.starting import start_warp
 
 from .free_constants import FreeConstant, layers_with, values_of
 
@@ -112,7 +111,6 @@ def fit_case(job: FitJob, counted: np.ndarray) -> CaseFit:
     Raises:
         InputError: a case that cannot be simulated, has no actual skin, or whose skin finds no equilibrium.
     """
-    start_warp()
     kept, options = _kept(job.key, job.folder, job.align_pelvis, job.options.mesh), job.options
     case = with_constants(job.changes.of(kept.case, options), values_of(job.free, counted))
     prediction = prepare(case, options, kept.trunk).relax()
