@@ -108,7 +108,7 @@ def test_every_result_stays_where_the_working_folder_was(folder: Path, monkeypat
 
 
 def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    case = replace(whole_phantom(), landmarks_after=None, notes=("The skin was mended.",))
+    case = replace(whole_phantom(), landmarks_after=None, notes=("The skin was repaired.",))
     patient = patient_of(case, with_changes(RunOptions(), SMALL))
     forbid_meshing(monkeypatch)
     plan = Plan(uiv="T4", liv="L1", curves=(CurvePlan(apex="T8", correction=0.3),))
@@ -116,8 +116,8 @@ def test_several_plans_use_the_patient_and_the_warnings_that_are_given(monkeypat
     (one,) = simulate(case, [plan], patient=patient)
     assert results.keys() == {"a"}
     np.testing.assert_array_equal(one.skin.vertices, results["a"].skin.vertices)
-    assert {"A finger is on the scan.", "The skin was mended."} <= set(results["a"].summary.warnings)
-    assert "The skin was mended." in one.summary.warnings
+    assert {"A finger is on the scan.", "The skin was repaired."} <= set(results["a"].summary.warnings)
+    assert "The skin was repaired." in one.summary.warnings
     assert str(one.summary.ending) == "CONVERGED"
     with pytest.raises(InputError, match="other options"):
         simulate(case, {"a": plan}, patient=patient, tets=70000)
