@@ -14,7 +14,7 @@ def start_warp() -> None:
     """
     import warp as wp
 
-    if wp.config.log_level == wp.LOG_INFO:  # as it is where nobody asked for more
+    if wp.config.log_level == wp.LOG_INFO:  # as it is where no one asked for more
         wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel
     sys.stderr.flush()
     kept = os.dup(2)
