@@ -67,3 +67,12 @@ def test_a_study_comes_back(tmp_path, study):
     path.write_text(header_text(CaseHeader(name="x", study=study)), encoding="utf-8")
     assert read_header(path).study == study
     assert ("[study]" in path.read_text()) == (study != Study())
+
+
+def test_a_former_key_is_read_but_not_beside_its_present_one(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text("[study]\nvirtual = true\n")
+    assert read_header(path).study.synthetic
+    path.write_text("[study]\nvirtual = true\nsynthetic = true\n")
+    with pytest.raises(InputError, match=r"unknown key 'study\.virtual'"):
+        read_header(path)

@@ -9,6 +9,7 @@ import pytest
 from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.case.uncertainty import Uncertainty
 from warp_trunk.cli.commands import COMMANDS
+from warp_trunk.measures.quantities import QUANTITIES
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -48,6 +49,10 @@ def test_no_page_names_a_folder_of_a_machine(page: Path) -> None:
 def test_readme_names_every_command() -> None:
     table = (ROOT / "README.md").read_text().split("| command |")[1]
     assert [name for name in COMMANDS if f"`{name}`" not in table] == []
+
+
+def test_every_quantity_is_on_the_page_of_results() -> None:
+    assert QUANTITIES.keys() <= rows("result.md").keys()
 
 
 def test_shares_of_the_page_are_those_of_the_program() -> None:
