@@ -1,0 +1,95 @@
+"""The decisions of a relaxation, from outcomes of solves alone: no device, milliseconds."""
+
+import math
+
+import numpy as np
+import pytest
+
+from warp_trunk.engine.linear import LinearSolution, Outcome
+from warp_trunk.engine.policy import Action, Phase, Run, decide, decide_end, plan, searched
+
+
+def solved(
+    length: float, norm: float = 1.0, outcome: Outcome = Outcome.SOLVED, error: float = 0.0
+) -> LinearSolution:
+    return LinearSolution(outcome, iterations=10, length=length, error=error, norm=norm)
+
+
+def near_the_end() -> Run:
+    """After whole true steps of 0.09 mm and a hundredth of it, to a tolerance of 0.1 mm."""
+    run = Run(0.1, confirm=True, try_true=True)
+    for length, norm in ((0.09, 1.0), (0.0009, 1e-4)):
+        assert decide(run, plan(run), solved(length, norm)) is not Action.STALLED
+        searched(run, 1.0)
+    return run
+
+
+def test_the_projected_hessian_leads_to_where_the_true_one_takes_over() -> None:
+    run = Run(0.1, confirm=True)
+    assert not plan(run).true
+    assert decide(run, plan(run), solved(5.0)) is Action.SEARCH
+    assert run.distance == pytest.approx(10.0)  # the first step is assumed to leave two thirds
+    searched(run, 1.0)
+    assert decide(run, plan(run), solved(0.2)) is Action.SEARCH
+    searched(run, 1.0)
+    assert (plan(run).true, plan(run).fresh, plan(run).noise) == (True, True, 0.0)
+
+
+def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
+    for outcome, known in (
+        (Outcome.SOLVED, True),
+        (Outcome.EXHAUSTED, False),
+        (Outcome.NEGATIVE_CURVATURE, False),
+    ):
+        run = Run(2.0)
+        assert decide(run, plan(run), solved(0.01, outcome=outcome)) is Action.SEARCH
+        assert run.known == known
+    assert decide(run, plan(run), solved(math.inf, outcome=Outcome.UNSOUND)) is Action.STALLED
+
+
+def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> None:
+    run = Run(0.1, confirm=True, try_true=True, distance=8.0)
+    down = solved(3.0, outcome=Outcome.NEGATIVE_CURVATURE)
+    assert decide(run, plan(run), down) is Action.SOLVE
+    assert not plan(run).true
+    run.distance = 0.3
+    assert decide(run, plan(run), down) is Action.SOLVE
+    assert run.at_saddle
+    run.try_true = True
+    assert decide(run, plan(run), down) is Action.DESCEND
+    assert (run.phase, run.distance) == (Phase.SADDLE, math.inf)
+    assert searched(run, 0.5)
+    assert not run.cut
+    run.phase = Phase.SADDLE
+    assert not searched(run, None)
+
+
+def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
+    run = near_the_end()
+    planned = plan(run, norm=1e-6)
+    assert planned.noise > 0.0
+    assert decide(run, planned, solved(0.001, 1e-6)) is Action.CERTIFY
+    assert decide_end(run, planned, solved(0.001), 0.5) is Action.CERTIFY
+    assert decide_end(run, planned, solved(0.001), 1e-4) is Action.CONVERGED
+    assert decide_end(run, planned, solved(0.001), math.inf) is Action.STALLED
+    assert decide_end(run, planned, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0) is Action.STALLED
+    assert decide_end(run, planned, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0) is Action.DESCEND
+
+
+def test_noise_that_moves_soft_tissue_too_far_is_made_smaller_once() -> None:
+    run = near_the_end()
+    quiet = plan(run)  # without a norm: no noise yet
+    assert quiet.noise == 0.0
+    assert decide(run, quiet, solved(0.001, 1e-6)) is Action.SOLVE
+    first = plan(run)
+    assert decide(run, first, solved(2.0)) is Action.SOLVE
+    second = plan(run)
+    assert 0.0 < second.noise < first.noise
+    assert decide(run, second, solved(2.0)) is Action.SEARCH
+
+
+def test_a_run_begins_with_nothing_of_another() -> None:
+    one = near_the_end()
+    one.down = np.ones((2, 3))
+    fresh = Run(0.1)
+    assert (fresh.steps, fresh.down, fresh.distance) == ([], None, math.inf)
