@@ -116,7 +116,8 @@ class LiveRelaxation:
         )
 
     def _path(self) -> PrescribedMotion:
-        return find_path(self._case, self._patient.trunk, self._patient.options)
+        patient = self._patient
+        return find_path(self._case, patient.trunk, patient.options, patient.skeleton)
 
     @property
     def _state(self) -> State:

@@ -22,6 +22,7 @@ from .patient import motions_of_sets
 from .sources import ErrorSource
 
 if TYPE_CHECKING:
+    from warp_trunk.bone_motion.skeleton import Skeleton
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -86,7 +87,7 @@ def draw_errors(
         most = max(LEAST_PATTERNS, MOST_SOLVES - numbers - len(others))
         draws = spline_draws(case, prediction.trunk, moves, errors, *seen, most=most)
     else:
-        draws = rigid_draws(case, prediction.trunk, errors)
+        draws = rigid_draws(case, prediction.trunk, errors, prediction.patient.skeleton)
     bones, forces = np.zeros((2, len(others), *draws.bones.shape[1:]))
     for row, source in enumerate(others):
         if source.bones is not None:
@@ -229,12 +230,12 @@ def spline_draws(
     )
 
 
-def rigid_draws(case: Case, trunk: TrunkMesh, errors: np.ndarray) -> Draws:
+def rigid_draws(case: Case, trunk: TrunkMesh, errors: np.ndarray, skeleton: Skeleton) -> Draws:
     """For bones that move each on its own: every draw is a field."""
     before, after = case.landmarks_before.points, case.planned_landmarks.points
     nothing = np.zeros((1, *before.shape))
     moved = np.concatenate([np.stack([nothing, nothing]), errors], axis=1)
-    motions = motions_of_sets(case, before + moved[0], after + moved[1])
+    motions = motions_of_sets(case, before + moved[0], after + moved[1], skeleton)
     count = errors.shape[1]
     places = [rigid_displacement(trunk, {name: motions[name][i] for name in motions}) for i in range(count + 1)]
     bones = np.array(places[1:]) - places[0]

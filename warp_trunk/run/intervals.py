@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +26,14 @@ from warp_trunk.measures.quantities import EXACT, PREDICTED, QUANTITIES, Measure
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .draws import Draws, draw_errors, linearity, skin_deviation
-from .sensitivities import Sensitivity, force_derivatives_of, from_adjoints, numbers_of, on_nodes
+from .sensitivities import (
+    Sensitivity,
+    force_derivatives_of,
+    from_adjoints,
+    landmark_derivative,
+    numbers_of,
+    on_nodes,
+)
 from .sources import ErrorSource, sources_of
 
 if TYPE_CHECKING:
@@ -175,12 +182,15 @@ def _solve(prediction: Prediction, sources: Sequence[ErrorSource], normals: np.n
     adjoints, followed = linear.adjoints_and_follow(on_nodes(trunk, numbers), drawn.bones, drawn.force_derivatives)
     solved = numbers, adjoints, linear.position_derivatives(adjoints)
     found = apart = from_adjoints(prediction, response, solved=solved, force_derivatives=force_derivatives)
-    if (
-        prediction.options.bones == "follow" and given.landmark_sd
-    ):  # their motion is smoothed against errors of landmarks
-        error = math.sqrt(2.0) * given.landmark_sd
-        apart = from_adjoints(
-            prediction, response, solved=solved, force_derivatives=force_derivatives, expected_error=error
+    if prediction.options.bones == "follow" and given.landmark_sd:
+        # the motions of vertebrae are smoothed against errors of landmarks
+        held, error = solved[2][:, trunk.prescribed], math.sqrt(2.0) * given.landmark_sd
+        there, here = (np.array(landmark_derivative(prediction, one)(held)) for one in (error, None))
+        apart = tuple(
+            replace(
+                one, landmarks_before=one.landmarks_before + before, landmarks_after=one.landmarks_after + after
+            )
+            for one, before, after in zip(found, *(there - here), strict=True)
         )
     own = slice(len(followed) - sum(source.landmarks_after is None for source in sources), None)
     by_field = _changes(solved[2], followed[own]) - _changes(adjoints.fields, drawn.force_derivatives[own])

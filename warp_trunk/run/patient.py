@@ -173,11 +173,13 @@ def layers_from(case: Case, options: RunOptions) -> LayersFrom:
     return "none" if case.layers is None else "depth" if case.layers.mesh is None else "mesh"
 
 
-def find_path(case: Case, trunk: TrunkMesh, options: RunOptions) -> PrescribedMotion:
+def find_path(
+    case: Case, trunk: TrunkMesh, options: RunOptions, skeleton: Skeleton | None = None
+) -> PrescribedMotion:
     """The path of the bones of a mesh whose joints are free where each bone moves on its own."""
     device = choose_device(options.device)
     if options.bones == "follow":
-        return rigid_path(trunk, motions_of(case), device)
+        return rigid_path(trunk, motions_of(case, skeleton), device)
     return spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks, device)
 
 

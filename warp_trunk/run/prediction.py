@@ -141,4 +141,4 @@ def prepare_plan(patient: PreparedPatient, case: Case, progress: Progress | None
     """
     patient.check(case)
     with stage_of(progress, "path", "finding where the bones go"):
-        return Prediction(patient, case, find_path(case, patient.trunk, patient.options))
+        return Prediction(patient, case, find_path(case, patient.trunk, patient.options, patient.skeleton))

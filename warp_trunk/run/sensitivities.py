@@ -15,7 +15,6 @@ from warp_trunk.bone_motion.landmark_derivative import (
     sets_around,
     spline_derivative,
 )
-from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.layers import NAMES, Layers
 from warp_trunk.engine.constants import Constant, constants_of, parts_derivative, weight_derivative
 from warp_trunk.engine.linearization import Adjoints, Linearization
@@ -124,7 +123,6 @@ def from_adjoints(
     *,
     solved: tuple[Mapping[tuple[str, str], Derivative], Adjoints, np.ndarray],
     force_derivatives: Mapping[str, np.ndarray],
-    expected_error: float | None = None,
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of numbers.
 
@@ -136,11 +134,10 @@ def from_adjoints(
         response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
         solved: the numbers, their adjoints, and their `Linearization.position_derivatives`.
         force_derivatives: what constants add to forces (`force_derivatives_of`).
-        expected_error: see `bone_motions`.
     """
     numbers, adjoints, places = solved
     held = prediction.trunk.prescribed
-    before, after = landmark_derivative(prediction, expected_error)(places[:, held])
+    before, after = landmark_derivative(prediction)(places[:, held])
     carried = np.tensordot(places[:, ~held], response[~held], axes=(1, 0)).transpose(0, 2, 1)
     by_bones = np.where(held[:, None], places, 0.0)
     return tuple(
@@ -160,12 +157,17 @@ def from_adjoints(
 
 
 def landmark_derivative(prediction: Prediction, expected_error: float | None = None) -> PathDerivative:
-    """How the nodes on bone follow the landmarks on the path that these options choose."""
+    """How the nodes on bone follow the landmarks on the path that these options choose.
+
+    Args:
+        prediction: of a case.
+        expected_error: of landmarks that have none yet, see `vertebra_smoothing` [mm].
+    """
     case, trunk = prediction.case, prediction.trunk
     before, after = case.landmarks_before.points, case.planned_landmarks.points
     if prediction.options.bones == "spline":
         return spline_derivative(trunk.nodes[trunk.prescribed], before, after)
-    skeleton = Skeleton(case.bones, case.landmarks_before)
+    skeleton = prediction.patient.skeleton
     features = spine_features(skeleton, before, after, expected_error)
     return rigid_derivative(trunk, motions_of_sets(case, *sets_around(before, after), skeleton, features))
 

@@ -23,6 +23,7 @@ from .patient import layers_from, motions_of
 from .sensitivities import Sensitivity, constant_names
 
 if TYPE_CHECKING:
+    from warp_trunk.bone_motion.skeleton import Skeleton
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
     from warp_trunk.engine.trunk_mesh import TrunkMesh
@@ -119,19 +120,20 @@ def _ribs(prediction: Prediction) -> Iterator[ErrorSource]:
     if follows:
         other = spline_path(trunk.nodes, case.landmarks_before, case.planned_landmarks).displacement
     else:
-        other, ways = rigid_displacement(trunk, motions_of(case)), ways[::-1]
+        other, ways = rigid_displacement(trunk, motions_of(case, prediction.patient.skeleton)), ways[::-1]
     way = np.where(trunk.prescribed[:, None], other - prediction.path.at(1.0), 0.0)
     spread = f"{part:g} of the way from {ways[0]} to {ways[1]}"
     yield ErrorSource("how ribs follow", spread, REFERENCES["ribs"], bones=part * way)
     if follows:
-        yield from rib_share_sources(case, trunk)
+        yield from rib_share_sources(case, trunk, prediction.patient.skeleton)
 
 
-def rib_share_sources(case: Case, trunk: TrunkMesh) -> Iterator[ErrorSource]:
+def rib_share_sources(case: Case, trunk: TrunkMesh, skeleton: Skeleton | None = None) -> Iterator[ErrorSource]:
     """For each share that moves a bone of this case, half of what it does over its range."""
     for name, ends in RANGES.items():
         shares = [replace(case.rib_coupling, **{name: end}) for end in ends]
-        low, high = (rigid_displacement(trunk, motions_of(replace(case, rib_coupling=one))) for one in shares)
+        cases = [replace(case, rib_coupling=one) for one in shares]
+        low, high = (rigid_displacement(trunk, motions_of(one, skeleton)) for one in cases)
         if (high != low).any():
             spread = f"half of {ends[0]:g} to {ends[1]:g}"
             yield ErrorSource(
