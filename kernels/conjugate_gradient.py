@@ -19,9 +19,6 @@ vector [mm], 1 where a search direction of negative curvature was met, the squar
 iterations."""
 SLOWEST = wp.constant(0.95)
 """Changes are assumed to shrink at least this fast from window to window."""
-RUN = 16
-"""Numbers in an item of the vector steps: a vector register. On the CPU an item costs more than its arithmetic,
-because the loop over items has no vector instructions (an item for each vec3 took four times as long)."""
 
 
 @wp.func
@@ -66,7 +63,6 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
     steps."""
     add, keep_largest = sum_reducer(cuda), max_reducer(cuda)
     vec3 = wp.types.vector(3, scalar)
-    run = wp.types.vector(RUN, scalar)
     module = f"conjugate_gradient_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
 
     @wp.kernel(module=module, enable_backward=False)
@@ -110,6 +106,41 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
             search[i] = vec3()
             earlier[i] = vec3()
 
+    real = "float" if scalar is wp.float32 else "double"
+
+    @wp.func_native(f"""
+    {real}* __restrict__ p = search.data;
+    const {real}* __restrict__ z = preconditioned.data;
+    for (wp::int32 k = 3 * first; k < 3 * end; ++k) p[k] = z[k] + beta * p[k];
+    """)
+    def add_to_search(
+        first: wp.int32,
+        end: wp.int32,
+        beta: scalar,
+        preconditioned: wp.array(dtype=scalar),
+        search: wp.array(dtype=scalar),
+    ): ...
+
+    @wp.func_native(f"""
+    {real}* __restrict__ x = solution.data;
+    {real}* __restrict__ r = residual.data;
+    const {real}* __restrict__ p = search.data;
+    const {real}* __restrict__ q = product.data;
+    for (wp::int32 k = 3 * first; k < 3 * end; ++k) {{
+        x[k] += alpha * p[k];
+        r[k] -= alpha * q[k];
+    }}
+    """)
+    def step_along_search(
+        first: wp.int32,
+        end: wp.int32,
+        alpha: scalar,
+        search: wp.array(dtype=scalar),
+        product: wp.array(dtype=scalar),
+        solution: wp.array(dtype=scalar),
+        residual: wp.array(dtype=scalar),
+    ): ...
+
     @wp.kernel(module=module, enable_backward=False)
     def update_search_kernel(
         first: int,
@@ -119,15 +150,16 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         iteration: wp.array(dtype=wp.int32),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        preconditioned: wp.array(dtype=run),
-        search: wp.array(dtype=run),
+        preconditioned: wp.array(dtype=scalar),
+        search: wp.array(dtype=scalar),
     ):
-        """p = z + beta p; a direction of negative curvature is kept, for the host to go along it."""
-        i = first + wp.tid()
-        if i < end:
-            beta, negative_curvature = find_beta(r_dot_z, p_dot_q, iteration[0], ranges)
-            if not negative_curvature:
-                search[i] = preconditioned[i] + scalar(beta) * search[i]
+        """p = z + beta p, a loop over the nodes of the range.
+
+        A direction of negative curvature is kept, for the host to go along it.
+        """
+        beta, negative_curvature = find_beta(r_dot_z, p_dot_q, iteration[0], ranges)
+        if not negative_curvature:
+            add_to_search(first, end, scalar(beta), preconditioned, search)
 
     @wp.kernel(module=module, enable_backward=False)
     def update_solution_kernel(
@@ -138,18 +170,14 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         iteration: wp.array(dtype=wp.int32),
         r_dot_z: wp.array(dtype=wp.float64, ndim=2),
         p_dot_q: wp.array(dtype=wp.float64, ndim=2),
-        search: wp.array(dtype=run),
-        product: wp.array(dtype=run),
-        solution: wp.array(dtype=run),
-        residual: wp.array(dtype=run),
+        search: wp.array(dtype=scalar),
+        product: wp.array(dtype=scalar),
+        solution: wp.array(dtype=scalar),
+        residual: wp.array(dtype=scalar),
     ):
-        """x += alpha p, r -= alpha q."""
-        i = first + wp.tid()
-        j = iteration[0]
-        if i < end:
-            alpha = scalar(find_alpha(r_dot_z, p_dot_q, j, ranges))
-            solution[i] += alpha * search[i]
-            residual[i] -= alpha * product[i]
+        """x += alpha p, r -= alpha q, a loop over the nodes of the range."""
+        alpha = find_alpha(r_dot_z, p_dot_q, iteration[0], ranges)
+        step_along_search(first, end, scalar(alpha), search, product, solution, residual)
 
     @wp.kernel(module=module, enable_backward=False)
     def count_kernel(iteration: wp.array(dtype=wp.int32)):

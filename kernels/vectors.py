@@ -107,20 +107,29 @@ def max_reducer(cuda: bool) -> Any:
 
 
 @cache
-def slab_kernels(dtype: type) -> SimpleNamespace:
-    """The kernel `gather` of arrays of one element type, shape (slabs, items)."""
+def slab_gatherer(scalar: type) -> wp.Kernel:
+    """The kernel that adds up the slabs of an accumulator on the CPU; it loops over its range.
 
-    @wp.kernel(module=f"slabs_{wp.types.type_repr(dtype)}", enable_backward=False)
-    def gather_kernel(first: int, end: int, slab: int, slabs: int, values: wp.array(dtype=dtype, ndim=2)):
-        """Adds all slabs into the first one."""
-        i = first + wp.tid()
-        if i < end:
-            total = values[0, i]
-            for other in range(1, slabs):
-                total += values[other, i]
-            values[0, i] = total
+    Slab after slab, which are vector instructions: number after number took three times as long with 16 of them.
+    """
 
-    return SimpleNamespace(gather=gather_kernel)
+    @wp.func_native("""
+    auto* __restrict__ total = values.data;
+    for (int slab = 1; slab < slabs; ++slab) {
+        const auto* __restrict__ part = values.data + (long)slab * size;
+        for (int k = first; k < end; ++k) total[k] += part[k];
+    }
+    """)
+    def add_slabs(
+        first: wp.int32, end: wp.int32, slabs: wp.int32, size: wp.int32, values: wp.array(dtype=scalar)
+    ): ...
+
+    @wp.kernel(module=f"slabs_{scalar.__name__}", enable_backward=False)
+    def gather_kernel(first: int, end: int, slab: int, slabs: int, size: int, values: wp.array(dtype=scalar)):
+        """Adds all slabs, `size` numbers each, into the first one."""
+        add_slabs(first, end, slabs, size, values)
+
+    return gather_kernel
 
 
 SLOPE, GRADIENT_SQUARED, DIRECTION_SQUARED, GRADIENT_CHANGE, PREVIOUS_SLOPE, PREVIOUS_SQUARED = range(6)

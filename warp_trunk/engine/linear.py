@@ -16,7 +16,6 @@ from warp_trunk.kernels.conjugate_gradient import (
     ITERATIONS,
     NEGATIVE_CURVATURE,
     NORM,
-    RUN,
     SOLUTION_LENGTH,
     conjugate_gradient_kernels,
 )
@@ -98,6 +97,8 @@ class BlockMatrix:
     """Column of each block, shape (blocks,), int32."""
     blocks: wp.array
     """The blocks, and others behind them, shape (more than blocks,), mat33."""
+    bounds: np.ndarray
+    """The ranges of rows of the threads on the CPU, with equally many blocks, shape (ranges + 1,)."""
     inverse_diagonal: wp.array
     """The inverse of each row's diagonal block, made positive, shape (free nodes,), mat33."""
 
@@ -107,8 +108,8 @@ class BlockMatrix:
         pattern, image, parallel = model.pattern, np.zeros(0), model.parallel
         if not parallel.is_cuda:
             ranges = parallel.ranges if model.free_nodes >= parallel.least_split else 1
-            self._bounds = pattern.row_bounds(ranges)
-            pattern, image = pattern.upper_half(self._bounds)
+            self.bounds = pattern.row_bounds(ranges)
+            pattern, image = pattern.upper_half(self.bounds)
         self.row_start = model.array(pattern.row_start, wp.int32)
         self.columns = model.array(pattern.columns, wp.int32)
         diagonal = model.array(np.flatnonzero(pattern.columns == pattern.rows), wp.int32)
@@ -139,14 +140,15 @@ class BlockMatrix:
                 Iterates(unused, unused, p, unused, q, Dots.zero(model), p_dot_q)
             )
         carried = model.zeros(wp.types.vector(4, model.scalar), len(p))
-        return model.parallel.record(
-            cpu_product_kernel(model.scalar),
-            self._bounds,
-            [self.row_start, self.columns, self.blocks, p_dot_q.iteration, p],
-            [q, p_dot_q.products, carried],
-            least=0,  # the bounds are those that the blocks were copied for
-            loops=True,
-        )
+        given = [self.row_start, self.columns, self.blocks, p_dot_q.iteration, p]
+        return self.over_rows(cpu_product_kernel(model.scalar), given, [q, p_dot_q.products, carried])
+
+    def over_rows(self, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+        """Records a launch of a loop over the rows of each range, on the CPU.
+
+        A thread has the same rows in every launch: they stay in its cache.
+        """
+        return self.model.parallel.record(kernel, self.bounds, inputs, outputs, least=0, loops=True)
 
     def update_search_and_multiply(self, at: Iterates) -> Launch:
         """Records p = z + beta p and q = H p with p . q in one launch, on CUDA."""
@@ -214,7 +216,7 @@ class ConjugateGradient:
         self._outcome, self._r_dot_z, self._p_dot_q = (
             Readback(parallel, array) for array in (outcome, r_dot_z.products, p_dot_q.products)
         )
-        x, r, z, p, q = (_in_whole_runs(model) for _ in range(5))
+        x, r, z, p, q = (model.free_vectors() for _ in range(5))
         self.solution, self.residual, self.search = x, r, p
         iterates = Iterates(x, r, z, p, q, r_dot_z, p_dot_q)
         record_iterations = _iterations_on_cuda if parallel.is_cuda else _iterations_on_cpu
@@ -231,10 +233,7 @@ class ConjugateGradient:
         )
         size = math.prod(r_dot_z.products.shape)
         flat = [view(dots.products, wp.float64, size) for dots in (r_dot_z, p_dot_q)]
-        # little for one thread
-        self._reset = parallel.record(
-            kernels.reset, size, [], [*flat, iteration, outcome, running], least=size + 1
-        )
+        self._reset = parallel.record(kernels.reset, size, [], [*flat, iteration, outcome, running])
         self._begin = in_sequence(self._reset, self._start, self._precondition)  # d = 0, r = -g, z = M^-1 r
         # WINDOW iterations and a test of how far they moved the solution; the device decides when the loop ends
         windows = parallel.repeat(
@@ -321,35 +320,15 @@ def _iterations_on_cpu(matrix: BlockMatrix, preconditioner: Preconditioner, at: 
     iteration = at.r_dot_z.iteration
     scalars = [ranges, iteration, at.r_dot_z.products, at.p_dot_q.products]
     x, r, z, p, q = (
-        _runs(model, vectors) for vectors in (at.solution, at.residual, at.preconditioned, at.search, at.product)
+        view(vectors, model.scalar, 3 * len(vectors))
+        for vectors in (at.solution, at.residual, at.preconditioned, at.search, at.product)
     )
     precondition = preconditioner.apply(at.residual, at.preconditioned, at.r_dot_z)
     iterate = [
-        _over_runs(model, kernels.update_search, [*scalars, z], [p]),
+        matrix.over_rows(kernels.update_search, [*scalars, z], [p]),
         matrix.multiply(at.search, at.product, at.p_dot_q),
-        _over_runs(model, kernels.update_solution, [*scalars, p, q], [x, r]),
+        matrix.over_rows(kernels.update_solution, [*scalars, p, q], [x, r]),
         model.parallel.record_undivided(kernels.count, 1, [], [iteration]),
         precondition,
     ]
     return precondition, in_sequence(*iterate * WINDOW)
-
-
-def _in_whole_runs(model: Model) -> wp.array:
-    """Zero vectors of the free nodes, shape (free nodes,), vec3, with room behind them for a whole last run."""
-    return model.zeros(model.vec3, -(-_count_runs(model) * RUN // 3))[: model.free_nodes]
-
-
-def _runs(model: Model, vectors: wp.array) -> wp.array:
-    """The memory of `_in_whole_runs` in runs, as vector registers hold them."""
-    return view(vectors, wp.types.vector(RUN, model.scalar), _count_runs(model))
-
-
-def _count_runs(model: Model) -> int:
-    """How many runs hold the vectors of the free nodes."""
-    return -(-3 * model.free_nodes // RUN)
-
-
-def _over_runs(model: Model, kernel: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
-    """Records a launch over the runs of the free nodes."""
-    least = model.parallel.least_split * 3 // RUN
-    return model.parallel.record(kernel, _count_runs(model), inputs, outputs, least=least)

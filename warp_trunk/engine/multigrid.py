@@ -13,7 +13,6 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -35,12 +34,12 @@ from warp_trunk.kernels.multigrid import (
     vec8i,
 )
 from warp_trunk.kernels.sparse import diagonal_inverter
-from warp_trunk.kernels.vectors import slab_kernels
 
 from .grids import CoarseGrid, Interpolation, find_spacings
 from .linear import BlockMatrix, Dots, Iterates
 from .model import Model
 from .parallel import Launch, in_sequence, view
+from .topology import equal_parts
 
 MOST_DENSE = 4
 """Threads that add up the matrix on the coarsest grid at most: each needs one of its own, 30 MB on the anatomy."""
@@ -89,7 +88,7 @@ class Multigrid:
             levels = zip(
                 [model.free_nodes, *sizes], sizes, [on_device, *between], [*diagonals, None], strict=False
             )
-            self._levels = CpuLevels(model, [_Level(*level) for level in levels], inverse)
+            self._levels = CpuLevels(model, [_Level(*level) for level in levels], inverse, matrix.bounds)
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
@@ -140,9 +139,15 @@ class CpuLevels:
     columns: int
     """Of that matrix, filled up to an even number."""
 
-    def __init__(self, model: Model, levels: Sequence[_Level], inverse: np.ndarray) -> None:
-        """Uploads the inverse on the coarsest grid, shape (3 vertices, 3 vertices)."""
+    def __init__(
+        self, model: Model, levels: Sequence[_Level], inverse: np.ndarray, node_bounds: np.ndarray
+    ) -> None:
+        """Uploads the inverse on the coarsest grid, shape (3 vertices, 3 vertices).
+
+        `node_bounds` are the ranges of nodes, shape (ranges + 1,).
+        """
         self._model, self._grids = model, levels
+        self._node_bounds, self._ranges = node_bounds, len(node_bounds) - 1
         size = len(inverse)
         rows, self.columns = -(-size // STRIP) * STRIP, size + size % 2
         root = np.sqrt(np.maximum(np.diagonal(inverse), np.finfo(np.float32).tiny))
@@ -157,7 +162,7 @@ class CpuLevels:
     def apply(self, inverse_diagonal: wp.array, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for the inverse diagonal of the nodes."""
         model = self._model
-        kernels, record = cpu_grid_kernels(model.scalar), partial(model.parallel.record, loops=True)
+        kernels, record = cpu_grid_kernels(model.scalar), self._record
         diagonal: wp.array | None = inverse_diagonal
         dots = r_dot_z
         down: list[Launch] = []
@@ -166,10 +171,13 @@ class CpuLevels:
             residual, correction = (  # with room for a whole last strip of the dense product
                 model.zeros(model.vec3, level.vertices + STRIP) for _ in range(2)
             )
-            gather = [*level.interpolation.by_vertex(), r]  # a vertex gathers from tens of points
-            down.append(record(kernels.restrict, level.vertices, gather, [residual], least=1024))
+            by_vertex = level.interpolation.by_vertex()
+            bounds = equal_parts(by_vertex[0].numpy(), self._ranges)
+            down.append(record(kernels.restrict, bounds, [*by_vertex, r], [residual]))
+            finest = level is self._grids[0]
+            bounds = self._node_bounds if finest else np.linspace(0, level.points, self._ranges + 1)
             interpolate = [diagonal, *level.interpolation.by_point, correction, r]
-            up.append(record(kernels.prolong, level.points, interpolate, [z, dots.iteration, dots.products]))
+            up.append(record(kernels.prolong, bounds, interpolate, [z, dots.iteration, dots.products]))
             diagonal, dots = level.inverse_diagonal, Dots.zero(model)
             r, z = residual, correction
         return in_sequence(*down, self.solve(r, z), *up[::-1])
@@ -179,8 +187,13 @@ class CpuLevels:
         model = self._model
         x, y = (view(vectors, model.scalar, 3 * len(vectors)) for vectors in (residual, solution))
         given, strips = [self.columns, self.strips, self._scale, x], len(self._scale) // STRIP
-        kernel = cpu_grid_kernels(model.scalar).dense
-        return model.parallel.record(kernel, strips, given, [y], least=16, loops=True)
+        return self._record(
+            cpu_grid_kernels(model.scalar).dense, np.linspace(0, strips, self._ranges + 1), given, [y]
+        )
+
+    def _record(self, kernel: Any, bounds: np.ndarray, inputs: Sequence[Any], outputs: Sequence[Any]) -> Launch:
+        """Records a loop over ranges, also few items: the threads meet after each launch of a program anyway."""
+        return self._model.parallel.record(kernel, bounds.astype(np.int64), inputs, outputs, least=0, loops=True)
 
 
 class CudaLevels:
@@ -298,7 +311,7 @@ def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, size: int, weight:
         [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point],
         [diagonal],
     )()
-    model.parallel.record(slab_kernels(mat33).gather, size, [model.parallel.ranges], [diagonal])()
+    model.parallel.gather(diagonal, model.scalar)()
     inverse = model.zeros(mat33, size)
     own = model.array(np.arange(size, dtype=np.int32), wp.int32)
     given = [own, diagonal[0], model.scalar(weight)]

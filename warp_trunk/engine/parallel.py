@@ -33,6 +33,7 @@ from warp_trunk.kernels.synchronization import (
     copy_to_host_kernel,
     serve_kernel,
 )
+from warp_trunk.kernels.vectors import slab_gatherer
 
 from .cores import usable_cores
 
@@ -149,7 +150,7 @@ class Parallel:
     def _launch(self, commands: Sequence[Any]) -> Launch:
         """Commands of the ranges as one launch."""
         if self.is_cuda:
-            return commands[0].launch if commands and commands[0] is not None else lambda: None
+            return commands[0].launch if commands and commands[0] is not None else nothing
         return _Recorded(self._team, [_Step(tuple(commands))] if any(commands) else [])
 
     def clear(self, array: wp.array) -> Launch:
@@ -164,6 +165,14 @@ class Parallel:
             return partial(wp.copy, to, source)
         given = [_bytes(source)]
         return self.record(copy_kernel, source.size * _size_of(source), given, [_bytes(to)], loops=True)
+
+    def gather(self, slabs: wp.array, scalar: Any) -> Launch:
+        """A launch that adds up the slabs of an accumulator, shape (ranges, ...), into the first one."""
+        if self.ranges == 1:
+            return nothing
+        size = slabs.size * _size_of(slabs) // wp.types.type_size_in_bytes(scalar) // self.ranges
+        given = [self.ranges, size, view(slabs, scalar, self.ranges * size)]
+        return self.record(slab_gatherer(scalar), size, given, [], loops=True)
 
     def repeat(self, running: wp.array, work: Launch) -> Launch:
         """A launch of recorded work, once and again as long as the first number of `running` is not 0 after it.
@@ -200,17 +209,23 @@ def _replay(graph: wp.Graph, held: Launch) -> None:
     wp.capture_launch(graph)
 
 
+def nothing() -> None:
+    """A launch of nothing."""
+
+
 def in_sequence(*launches: Launch) -> Launch:
     """Several launches as one, in their order; those recorded for the CPU are one program."""
     joined: list[Launch] = []
     for each in launches:
+        if each is nothing:
+            continue
         last = joined[-1] if joined else None
         if isinstance(each, _Recorded) and isinstance(last, _Recorded) and each.team is last.team:
             joined[-1] = _Recorded(each.team, [*last.steps, *each.steps])
         else:
             joined.append(each)
-    if len(joined) == 1:
-        return joined[0]
+    if len(joined) < 2:
+        return joined[0] if joined else nothing
 
     def launch() -> None:
         for each in joined:
@@ -387,7 +402,7 @@ class Readback:
     def __init__(self, parallel: Parallel, array: wp.array) -> None:
         """For an array, shape (...), whose numbers of float64 are few."""
         self._parallel = parallel
-        self.send: Launch = lambda: None
+        self.send: Launch = nothing
         """Begins to copy the array as it is after all earlier launches; can be part of a graph."""
         host = array
         if parallel.is_cuda:

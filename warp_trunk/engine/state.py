@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.assembly import BENDING, COLUMNS, INVERTED, NEWLY_INVERTED
-from warp_trunk.kernels.vectors import slab_kernels, vector_kernels
+from warp_trunk.kernels.vectors import vector_kernels
 
 from .model import Model
 from .parallel import Launch, Readback, in_sequence
@@ -43,7 +43,6 @@ class State:
         self.sums = model.zeros(wp.float64, ranges, COLUMNS)
         self._host_sums = Readback(model.parallel, self.sums)
         parallel = model.parallel
-        gather = [model.over_nodes(slab_kernels(model.vec3).gather, [ranges], [self._slabs])] if ranges > 1 else []
         self.evaluate: Launch = in_sequence(
             parallel.clear(self._slabs),
             parallel.clear(self.sums),
@@ -53,7 +52,7 @@ class State:
                 [self._slabs, self.inverted, self.sums],
             ),
             *model.over_hinges("gradient", [self.displacement], [self._slabs, self.sums]),
-            *gather,
+            parallel.gather(self._slabs, model.scalar),
             self._host_sums.send,
         )
         """Computes gradient, energies and inverted tetrahedra of the displacement, on the device."""

@@ -47,10 +47,15 @@ class Pattern:
 
     def row_bounds(self, ranges: int) -> np.ndarray:
         """Ranges of rows with equally many blocks, for the threads, shape (ranges + 1,)."""
-        size = len(self.row_start) - 1
-        bounds = np.searchsorted(self.row_start, np.linspace(0, len(self.columns), ranges + 1)).clip(0, size)
-        bounds[0], bounds[-1] = 0, size
-        return bounds
+        return equal_parts(self.row_start, ranges)
+
+
+def equal_parts(row_start: np.ndarray, ranges: int) -> np.ndarray:
+    """Ranges of rows with equally many entries, by the first of each row and the end, shape (ranges + 1,)."""
+    size = len(row_start) - 1
+    bounds = np.searchsorted(row_start, np.linspace(0, row_start[-1], ranges + 1)).clip(0, size)
+    bounds[0], bounds[-1] = 0, size
+    return bounds
 
 
 def square_pattern(stencils: np.ndarray, size: int) -> Pattern:

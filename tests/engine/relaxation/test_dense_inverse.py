@@ -66,7 +66,7 @@ def test_its_product_in_16_bits(nodes: int, threads: int, precision: str) -> Non
     matrix = size[:, None] * definite(3 * nodes) * size
     x = np.random.default_rng(2).normal(size=(nodes + 16, 3))
     solution = model.zeros(model.vec3, nodes + 16)
-    levels = CpuLevels(model, [], matrix)
+    levels = CpuLevels(model, [], matrix, model.parallel.split(model.free_nodes))
     for _ in range(2):  # nothing is left of the product before
         levels.solve(model.array(x, model.vec3), solution)()
     found, wanted = solution.numpy().ravel()[: 3 * nodes], matrix @ x[:nodes].ravel()
@@ -91,7 +91,7 @@ def test_it_stays_positive_in_16_bits() -> None:
     half, _ = in_half_precision(inverse)
     assert np.linalg.eigvalsh(half[:, :grid].astype(float))[0] > 0.0
     model = model_of(block((2, 2, 2)), threads=1, precision="float32")
-    levels = CpuLevels(model, [], inverse)
+    levels = CpuLevels(model, [], inverse, model.parallel.split(model.free_nodes))
     strips = levels.strips.numpy().reshape(-1, levels.columns, STRIP)
     numbers = strips.transpose(0, 2, 1).reshape(-1, levels.columns)
     assert np.linalg.eigvalsh(numbers[:grid, :grid].astype(float))[0] > 0.0
