@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.live.image import InitialGuess
-from warp_trunk.live.page_scene import STEP, relief_lines
+from warp_trunk.live.page_scene import OUTLINE, STEP, outer_first, outlines, relief_lines
 
 
 def test_lines_of_a_sphere_are_its_circles() -> None:
@@ -31,6 +32,27 @@ def test_a_corner_on_a_plane_leaves_no_hole_and_no_nan() -> None:
     ends = relief_lines(flat, np.array([[0, 2, 1]]))
     assert np.isfinite(ends).all()
     assert set(ends[:, 0, 1] - 0.6) == {STEP, 2.0 * STEP}
+
+
+def test_outlines_of_a_sphere_are_its_parallels() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=98.0)
+    ends = outlines(np.asarray(ball.vertices), np.asarray(ball.faces))
+    height = ends[:, 0, 2]
+    np.testing.assert_allclose(ends[:, 1, 2], height, atol=1e-9)
+    for number in range(-6, 7):  # whole circles, front and back
+        at = np.isclose(height, OUTLINE * number)
+        around = np.linalg.norm(ends[at, 0] - ends[at, 1], axis=1).sum()
+        assert abs(around / (2.0 * np.pi * np.sqrt(98.0**2 - (OUTLINE * number) ** 2)) - 1.0) < 0.01
+
+
+def test_outer_triangles_come_before_inner_ones() -> None:
+    inner, outer = (trimesh.creation.icosphere(subdivisions=1, radius=radius) for radius in (10.0, 50.0))
+    faces = np.vstack([np.asarray(inner.faces), np.asarray(outer.faces) + len(inner.vertices)])
+    skin = Surface(np.vstack([inner.vertices, outer.vertices]), faces)
+    ordered = outer_first(skin)
+    assert sorted(map(tuple, ordered)) == sorted(map(tuple, faces))
+    radius = np.linalg.norm(skin.vertices[ordered].mean(axis=1)[:, :2], axis=1)
+    assert (np.diff(radius) <= 1e-9).all()
 
 
 ZERO = np.random.default_rng(1).normal(size=(40, 3))

@@ -13,6 +13,7 @@ from support.part_phantom import part_case
 from support.small_patient import APEX, small_patient
 from warp_trunk.bone_motion.plan import PlannedSurgery
 from warp_trunk.case.motions import Motion
+from warp_trunk.live.relaxation import Interrupted, LiveRelaxation, Relaxed
 from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import MotionSliders, Sliders, SliderState, SpineSliders, first_state, with_handles
 from warp_trunk.measures import TrunkMeasures, measure
@@ -121,6 +122,32 @@ def test_a_drag_shows_images_and_skips_what_is_no_longer_wished(patient: Prepare
     relaxed = [view for view in views if view.relaxed and not view.settled]
     assert relaxed
     assert all(view.error is not None and view.error <= 1.0 for view in relaxed)
+
+
+def test_a_newer_wish_ends_a_relaxation_that_takes_long(
+    patient: PreparedPatient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A far wish whose relaxation never ends by itself, then undo."""
+    relax = LiveRelaxation.relax
+
+    def endless(tissue: LiveRelaxation, tolerance: float, *, confirm: bool, newer: Callable[[], bool]) -> Relaxed:
+        while np.abs(tissue._carried).max() > 12.0:
+            time.sleep(0.01)
+            if newer():
+                raise Interrupted
+        return relax(tissue, tolerance, confirm=confirm, newer=newer)
+
+    monkeypatch.setattr(LiveRelaxation, "relax", endless)
+    with Heard(patient) as session:
+        near, far = session.corrected(10), session.corrected(95)
+        session.settled(near)
+        session.ask(far)
+        assert session.planning or getattr(session.view, "wish", None) == far
+        session.until(lambda: getattr(session.view, "wish", None) == far)
+        assert session.view is not None
+        assert not session.view.relaxed
+        session.settled(near)
+        assert not session.planning
 
 
 def test_an_impossible_wish_is_reported_and_the_next_one_clears_it(patient: PreparedPatient) -> None:

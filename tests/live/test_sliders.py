@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ from warp_trunk.bone_motion.plan.surgery import surgery_record
 from warp_trunk.case.motions import Motion, Turn, rigid_motions
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.live.sliders import MotionSliders, SpineSliders, first_state, with_handles
+from warp_trunk.live.sliders import Controls, MotionSliders, SpineSliders, first_state, with_handles
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import asis_axis, spine_of
@@ -41,6 +44,64 @@ def test_a_slider_is_the_share_of_its_curve() -> None:
     assert curve.cobb_after == pytest.approx(MAJOR.angle / 2.0, abs=0.1)
     assert surgery_record(surgery)["spine"]["Kyphosis T5 to T12"][1] == pytest.approx(30.0, abs=0.1)
     assert surgery.plan.curves[0].derotation is None  # 0 % asks for nothing
+
+
+def test_the_kyphosis_has_plausible_ends_that_hold_the_patients_own() -> None:
+    least, most, _ = REST.controls["kyphosis"].span
+    assert least <= REST.controls["kyphosis"].first <= most
+    assert (least, most) == (min(10, REST.controls["kyphosis"].first), 50)
+    asked = SpineSliders(CASE, Plan(uiv="T3", liv="L2", kyphosis_T5_T12=58.0)).controls["kyphosis"]
+    assert asked.span[:2] == (least, 58)
+
+
+def test_undo_returns_to_before_a_drag_however_it_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, asked = [0.0], list[Any]()
+    monkeypatch.setattr("warp_trunk.live.sliders.time.monotonic", lambda: now[0])
+    gui, name = Gui(), f"correction {MAJOR.apex}"
+    controls = Controls(cast(Any, gui), REST, asked.append)
+    slider = controls._handles[name]
+    for seconds, value in ((10.0, 10), (10.1, 20), (11.2, 30), (11.3, 40)):  # the hand stops for a second
+        now[0] = seconds
+        slider.set(value)
+    assert asked[-1][name] == 40
+    controls._handles["kyphosis"].set(31)  # another slider: a step of its own
+    controls.undo()
+    assert asked[-1] == {**first_state(REST), name: 40}
+    controls.undo()
+    assert asked[-1] == first_state(REST)
+
+
+class Gui:
+    """The part of a page that controls are added to."""
+
+    def add_folder(self, _: str) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def add_dropdown(self, _: str, __: object, initial_value: object) -> Handle:
+        return Handle(initial_value)
+
+    def add_slider(self, _: str, *span: Any, hint: object) -> Handle:
+        return Handle(span[-1])
+
+    def add_button(self, _: str, disabled: bool) -> Handle:
+        return Handle(None)
+
+
+class Handle:
+    """A control of that page."""
+
+    def __init__(self, value: object) -> None:
+        self.value, self._heard = value, list[Callable[[object], None]]()
+
+    def on_update(self, heard: Callable[[object], None]) -> None:
+        self._heard.append(heard)
+
+    on_click = on_update
+
+    def set(self, value: object) -> None:
+        self.value = value
+        for heard in self._heard:
+            heard(None)
 
 
 def test_a_curve_outside_the_fusion_is_not_planned_and_has_no_effect() -> None:

@@ -18,6 +18,7 @@ from .session import PlanView
 from .sliders import MotionPlan
 
 NOTE = "A research simulation, not for clinical use."
+UNSURE = "How sure the prediction is, <code>simulate --bands</code> computes."
 _BARS, _ROW = 210, 17
 """Of the drawing of back surface rotation [px]."""
 _STATUS = 78
@@ -34,13 +35,15 @@ _BROKEN = "overflow-wrap:anywhere"
 """Of what may hold a path or the name of a plan: a panel is narrow, and what is wider is not seen."""
 
 
-def status_html(view: PlanView | None, refusal: str) -> str:
+def status_html(view: PlanView | None, refusal: str, *, planning: bool = False) -> str:
     """The status of the view and its distance from the equilibrium, in words, or the reason why nothing is new.
 
     Its height does not change with what it says: the sliders below stay under the hand.
     """
     if view is None:
         said = _box("#777777", "Making the patient ready ...")
+    elif planning:
+        said = _box("#777777", "<b>Planning ...</b> Shown is the plan before.")
     elif refusal:
         reason = escape(refusal[:1].upper() + refusal[1:])
         said = _box("#b00020", f"<b>Not possible.</b> {reason}. Shown is the last plan that is.")
@@ -60,8 +63,8 @@ def _kind(view: PlanView) -> tuple[str, str]:
         off = "" if view.error is None else "about "
         return "#c28a00", f"<b>Spline's image</b>, not relaxed yet: off by {off}{_size(view.error)}"
     if view.settled:
-        return "#00794f", f"<b>Relaxed skin</b>, within {_size(view.error)} of its equilibrium"
-    return "#4c9a2a", f"<b>Relaxed skin</b>, about {_size(view.error)} from its equilibrium; refined at rest"
+        return "#00794f", f"<b>Relaxed skin</b>, solved to {_size(view.error)}. {UNSURE}"
+    return "#4c9a2a", f"<b>Relaxed skin</b>, solved to about {_size(view.error)}; refined at rest. {UNSURE}"
 
 
 def _size(error: float | None) -> str:

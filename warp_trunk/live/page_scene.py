@@ -1,11 +1,15 @@
 """The scene: skin, bones, lines of depth, and from where they are seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import viser
 from scipy.spatial.transform import Rotation
 
 from warp_trunk.case import Case
 from warp_trunk.case.anatomy import rank
+from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.surface import Surface
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .session import PlanView
@@ -28,16 +32,21 @@ class PageScene:
 
     def __init__(self, server: viser.ViserServer, case: Case) -> None:
         self._server, self._case = server, case
-        self._surgery, self._planned = None, set[str]()
-        scene, skin = server.scene, case.skin
+        self._surgery, self._view, self._planned = None, None, set[str]()
+        scene, skin = server.scene, replace(case.skin, faces=outer_first(case.skin))
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
         self.skin = scene.add_mesh_simple("/skin", skin.vertices, skin.faces, color=SKIN, opacity=SEEN_THROUGH)
         self.before = scene.add_mesh_simple(
             "/before", skin.vertices, skin.faces, color=_rgb(BEFORE.colour), opacity=SEEN_THROUGH, visible=False
         )
-        self.kept = scene.add_mesh_simple(
-            "/kept", skin.vertices, skin.faces, color=_rgb(PLANS[1].colour), opacity=SEEN_THROUGH, visible=False
+        self.kept = scene.add_line_segments(
+            "/kept",
+            np.zeros((1, 2, 3)),
+            _rgb(PLANS[1].colour),
+            thickness=2.0,
+            thickness_units="screen",
+            visible=False,
         )
         self.relief = scene.add_line_segments(
             "/relief", relief_lines(skin.vertices, skin.faces), INK, thickness=1.2, thickness_units="screen"
@@ -59,14 +68,19 @@ class PageScene:
             self.skin.vertices = view.skin.astype(np.float32)
             self._lines()
             if view.surgery is not self._surgery:
-                self._surgery = view.surgery
-                self._move_bones(view)
+                self._surgery, self._view = view.surgery, view
+                self._move_bones()
 
-    def _move_bones(self, view: PlanView) -> None:
-        turns = Rotation.from_matrix([view.motions[name].rotation for name in self._bones])
+    def _move_bones(self) -> None:
+        """Places the bones of what is shown: of the plan, or before surgery, where none is planned."""
+        view, still = self._view, RigidMotion.identity()
+        if view is None:
+            return
+        motions = dict.fromkeys(self._bones, still) if self.before.visible else view.motions
+        turns = Rotation.from_matrix([motions[name].rotation for name in self._bones])
         for (name, bone), turn in zip(self._bones.items(), turns.as_quat(scalar_first=True), strict=True):
-            bone.wxyz, bone.position = turn, view.motions[name].translation
-        planned = _planned_bones(view)
+            bone.wxyz, bone.position = turn, motions[name].translation
+        planned = set[str]() if self.before.visible else _planned_bones(view)
         for bone in self._bones.keys() & (planned ^ self._planned):
             self._bones[bone].color = FUSED if bone in planned else BONE
         self._planned = planned
@@ -75,6 +89,7 @@ class PageScene:
         """Shows the trunk before surgery in place of the plan."""
         self.before.visible, self.skin.visible = shown, not shown
         self._lines()
+        self._move_bones()
 
     def show_relief(self, shown: bool) -> None:
         """Draws lines of equal depth on the back, or none."""
@@ -87,10 +102,10 @@ class PageScene:
             skin.opacity = SEEN_THROUGH if shown else None
 
     def compare(self, vertices: np.ndarray | None) -> None:
-        """Draws another skin (vertices, 3) [mm] in its own colour around that of the plan; none for None."""
+        """Draws the outlines of another skin (vertices, 3) [mm] at every `OUTLINE` of height; none for None."""
         self.kept.visible = vertices is not None
         if vertices is not None:
-            self.kept.vertices = vertices.astype(np.float32)
+            self.kept.points = outlines(vertices.astype(np.float32), self._case.skin.faces)
 
     def eye(self, side: str) -> np.ndarray:
         """Where the eye is to see the patient from one of `SIDES` [mm]."""
@@ -132,6 +147,33 @@ _LIFT = 0.6
 """Distance of lines in front of the skin, so that they are visible [mm]."""
 
 
+OUTLINE = 15.0
+"""From one outline of a compared skin to the next [mm]."""
+
+
+def outlines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Horizontal sections of a skin, `OUTLINE` apart, as ends of segments [mm], shape (segments, 2, 3).
+
+    Args:
+        vertices: of the skin [mm], shape (vertices, 3).
+        faces: its triangles, shape (faces, 3).
+    """
+    height = vertices[:, 2] / vertices.dtype.type(OUTLINE)
+    corners = np.ascontiguousarray(faces.T)
+    cut, level = _cut(height, corners)
+    return _segments(vertices, height, corners[:, cut], level.astype(height.dtype))
+
+
+def outer_first(skin: Surface) -> np.ndarray:
+    """The triangles from the outermost, about the vertical axis of the skin, to the innermost, shape (faces, 3).
+
+    A browser does not sort triangles that are seen through: of two that face the eye, the nearer one, which is
+    mostly farther out, must be drawn first to hide the other.
+    """
+    centres = skin.vertices[skin.faces].mean(axis=1)[:, :2] - skin.vertices.mean(axis=0)[:2]
+    return skin.faces[np.argsort(-np.linalg.norm(centres, axis=1), kind="stable")]
+
+
 def relief_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Where planes of equal depth (y), `STEP` apart, cut the part of a skin that faces back.
 
@@ -144,15 +186,22 @@ def relief_lines(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """
     depth = vertices[:, 1] / vertices.dtype.type(STEP)
     corners = np.ascontiguousarray(faces.T)  # by corner: each step below goes along rows
-    below = np.floor(depth).astype(np.int32)
-    a, b, c = (below.take(corner) for corner in corners)
+    cut, level = _cut(depth, corners)
+    back = _face_back(vertices, corners[:, cut])
+    ends = _segments(vertices, depth, corners[:, cut[back]], level[back].astype(depth.dtype))
+    ends[:, :, 1] += _LIFT
+    return ends
+
+
+def _cut(along: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each triangle (3, triangles) that a plane of a whole value cuts, and the value, shape (segments,) each."""
+    a, b, c = (np.floor(along).astype(np.int32).take(corner) for corner in corners)
     low = np.minimum(np.minimum(a, b), c)
     count = np.maximum(np.maximum(a, b), c) - low
     cut = np.flatnonzero(count)
-    cut = cut[_face_back(vertices, corners[:, cut])]
     low, count = low[cut], count[cut]
     level = np.repeat(1 + low - np.cumsum(count) + count, count) + np.arange(count.sum())
-    return _segments(vertices, depth, corners[:, np.repeat(cut, count)], level.astype(depth.dtype))
+    return np.repeat(cut, count), level
 
 
 def _face_back(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -173,5 +222,4 @@ def _segments(vertices: np.ndarray, depth: np.ndarray, corners: np.ndarray, leve
     for side, end in enumerate((left, right)):
         share = (level - here) / (depth.take(end) - here)
         ends[:, side] = origin + share[:, None] * (vertices.take(end, axis=0) - origin)
-    ends[:, :, 1] += _LIFT
     return ends

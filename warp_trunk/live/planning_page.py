@@ -123,7 +123,7 @@ class Page:
 
     def _write(self) -> None:
         view, name = self.session.view, self._other.value
-        self._status.content = status_html(view, self.session.refusal)
+        self._status.content = status_html(view, self.session.refusal, planning=self.session.planning)
         if view is not None:
             kept = self.kept.views.get(name)
             named, measures = None if kept is None else (name, kept), self.session.measures or self._before

@@ -70,6 +70,7 @@ class LiveRelaxation:
     def go(self, case: Case) -> None:
         """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
         self._case, landmarks = case, case.planned_landmarks
+        self._lost = False  # it starts from where plans before were found, wherever the last one ended
         self._carried = self._patient.carried(landmarks)
         start = self._carried + self._added.at(landmarks.points)
         self._bones = self._carried
@@ -94,7 +95,6 @@ class LiveRelaxation:
             relaxation = patient.relaxer.relax(tolerance, watch, confirm=confirm, near=confirm, reuse=not confirm)
             self._lost = _is_lost(relaxation)
         if relaxation is None or self._lost:
-            self._lost = True  # until all increments from before surgery are taken
             options = patient.options.simulation
             *_, last = simulate(patient.model, self._path(), options, watch, relaxer=patient.relaxer)
             relaxation = last.relaxation

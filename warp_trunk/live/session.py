@@ -26,6 +26,8 @@ from .sliders import MotionPlan, Sliders, SliderState
 
 FIRST = {"cpu": 1.0, "cuda": 0.1}
 """Tolerance of a relaxation while sliders may still move, by the kind of device [mm]."""
+DRAG = 0.3
+"""A relaxation goes on for so long [s] beside a newer wish, so that skins follow a slider; then that ends it."""
 REST = 0.3
 """Sliders that have not moved for so long [s] are taken to rest: only then is the skin relaxed to the end."""
 PAUSE = 0.1
@@ -138,6 +140,8 @@ class Session:
         """The latest plan that is possible, as it is known."""
         self.refusal = ""
         """Why a newer wish cannot be met, and what is the nearest, in a sentence; else empty."""
+        self.planning = False
+        """Whether there is a newer wish whose plan is not found yet."""
         self.measures: TrunkMeasures | None = None
         """Measures of the skin relaxed last, which may be that of an older wish."""
         self._patient, self._sliders, self._on_change = patient, sliders, changed
@@ -169,6 +173,10 @@ class Session:
     def ask(self, wish: SliderState) -> None:
         """Asks for a plan, in place of what was asked for before."""
         self._wishes.put(wish)
+        with self._lock:
+            if self._wishes.waits and not self.planning:
+                self.planning = True
+                self._on_change()
 
     def relax_beside(self, surgery: PlannedSurgery, found: Callable[[PlanView], None]) -> None:
         """Passes the relaxed and measured view of another surgery to `found`, when the sliders rest."""
@@ -197,12 +205,14 @@ class Session:
                 surgery = self._sliders.surgery(wish)
             except InputError as error:
                 with self._lock:
+                    self.planning = self._wishes.waits
                     self.refusal = str(error).removeprefix("plan: ").removeprefix("motions: ")
                     self._on_change()
                 continue
             with self._lock:
                 number = 1 if self._planned is None else self._planned.number + 1
                 self._planned = job = self._image(number, wish, surgery)
+                self.planning = self._wishes.waits
                 if self._on_gpu:  # which relaxes it while its image is drawn; CPU cores would do both later
                     self._jobs.put(job)
                 self._show(job)
@@ -220,8 +230,7 @@ class Session:
         while (job := self._jobs.take()) is not None:
             tissue.go(job.surgery.planned_case(case))
             try:
-                # not given up for a newer wish: while a slider is dragged there always is one
-                self._learn(job, tissue.relax(first, confirm=False, newer=lambda: self._jobs.closed))
+                self._learn(job, tissue.relax(first, confirm=False, newer=self._newer_for(DRAG)))
                 if not self._jobs.comes(REST):
                     self._learn(job, relaxed_to_the_end(), settled=True)
                 while self._asides and not self._jobs.waits:
@@ -231,6 +240,11 @@ class Session:
                     self._asides.popleft()
             except Interrupted:
                 continue
+
+    def _newer_for(self, seconds: float) -> Callable[[], bool]:
+        """Whether the page ends, or a newer wish has waited until so long from now [s]."""
+        end = time.monotonic() + seconds
+        return lambda: self._jobs.closed or (self._jobs.waits and time.monotonic() > end)
 
     def _learn(self, job: PlanView, relaxed: Relaxed, *, settled: bool = False) -> None:
         """Shows a relaxed skin, or where sliders have moved on what it makes of their image; it is measured."""

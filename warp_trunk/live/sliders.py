@@ -26,14 +26,15 @@ from warp_trunk.run.patient import motions_of
 
 SliderState = Mapping[str, Any]
 """Where the controls of a patient stand: the value of each by its name."""
-KYPHOSIS = (0, 90, 1)
-"""Range of the kyphosis T5-T12 after surgery [degrees]."""
+KYPHOSIS = (10, 50, 1)
+"""Range of the kyphosis T5-T12 after surgery [degrees]: 20 to 40 is normal. The patient's own, and that of the
+first plan, are always in it."""
 REACH = 20
 """A slider of a motion reaches at least this far to either side [mm or degrees]."""
 COMPONENTS = ("Left mm", "Back mm", "Up mm", "Pitch °", "Roll °", "Yaw °")
 """Labels of the components of a motion: translation along and rotation vector about x, y and z in LPS."""
-PAUSE = 0.7
-"""Sliders that rest for so long [s] have been released: undo returns to where they were then."""
+PAUSE = 2.0
+"""A slider that rests for so long [s] has been released, as has one when another moves: undo returns to there."""
 MOST_UNDO = 100
 """Number of wishes that can be undone."""
 _STILL = Motion(transform=((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)))
@@ -146,10 +147,12 @@ class SpineSliders:
                 self.controls[key] = Control(folder, label, shares.get(key, 0), hint=hint)
         now, asked = kyphosis(spine)["T5-T12"], None if base is None else base.kyphosis_T5_T12
         if now is not None:
-            self._still = min(max(round(now), KYPHOSIS[0]), KYPHOSIS[1])
+            self._still = round(now)
             hint = f"Before surgery {now:.0f}°, which is kept where the slider stands there"
             first = self._still if asked is None else round(asked)
-            self.controls["kyphosis"] = Control("Kyphosis", "T5-T12 °", first, KYPHOSIS, hint=hint)
+            least, most, step = KYPHOSIS
+            span = (min(least, self._still, first), max(most, self._still, first), step)
+            self.controls["kyphosis"] = Control("Kyphosis", "T5-T12 °", first, span, hint=hint)
 
     def plan(self, wish: SliderState) -> Plan:
         """The plan of the controls; what they do not say is that of the first plan.
@@ -281,6 +284,7 @@ class Controls:
         self._sliders, self._changed = sliders, changed
         self._lock, self._setting = threading.RLock(), False
         self._wish, self._past, self._last = first_state(sliders), list[SliderState](), 0.0
+        self._dragged = set[str]()
         self._handles: dict[str, Any] = {}
         for folder, group in groupby(sliders.controls.items(), key=lambda item: item[1].folder):
             with gui.add_folder(folder):
@@ -314,9 +318,10 @@ class Controls:
             if self._setting or wish == self._wish:
                 return
             now = time.monotonic()
-            if now - self._last > PAUSE:
+            changed = {name for name in wish if wish[name] != self._wish[name]}
+            if changed != self._dragged or now - self._last > PAUSE:
                 self._past = [*self._past[1 - MOST_UNDO :], self._wish]
-            self._wish, self._last = wish, now
+            self._wish, self._last, self._dragged = wish, now, changed
             self._enable()
             self._changed(wish)
 
