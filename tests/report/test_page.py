@@ -23,7 +23,7 @@ def test_nothing_complains_and_nothing_is_asked_for(opened):
 
 def test_every_picture_is_drawn(opened):
     _, seen = opened
-    assert len(seen.pictures) == 11
+    assert len(seen.pictures) == 10
     for picture in seen.pictures:
         assert picture["complete"]
         assert min(picture["width"], picture["height"], picture["shown"]) > 100

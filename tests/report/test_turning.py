@@ -113,9 +113,9 @@ def test_outline_is_that_of_rays(page: Page, result: Path, button: str, view: Vi
     rows = np.flatnonzero(expected.any(axis=1))
     share = expected[rows[0] : rows[0] + 200].mean(axis=1) * expected.shape[1]
     drawn = top.sum(axis=1) / pixels
-    assert np.interp(np.arange(5.0, 195.0), np.arange(len(drawn)) / pixels, drawn) == pytest.approx(
-        share[5:195], abs=5.0
-    )
+    apart = np.abs(np.interp(np.arange(5.0, 195.0), np.arange(len(drawn)) / pixels, drawn) - share[5:195])
+    assert apart.mean() < 1.5
+    assert apart.max() < 10.0  # where shoulders slope, a row lower is some mm wider
 
 
 @needs_chromium

@@ -23,6 +23,8 @@ LENGTH = 5.0
 """Lengths that differ by less are alike [mm]."""
 WIDTH = 1.959964
 """Standard deviations to either side that hold 95 % of a normal distribution."""
+LIKELY = 1.281552
+"""The same of 80 %."""
 BEFORE, PREDICTED, ACTUAL, EXACT = "before", "predicted", "actual", "exact"
 """States of a result: before surgery, predicted (of the spine: as planned), as scanned after surgery, and as
 predicted with the intervals of a plan that is carried out exactly."""

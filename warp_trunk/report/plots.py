@@ -89,7 +89,8 @@ def convergence_plot(summary: Summary) -> Figure:
     return figure
 
 
-COLUMNS = 4
+COLUMNS, POINTS = 4, 120
+"""Columns of sections, and how many points of an outline are drawn."""
 SCALE = 100.0
 """Length of the bar in the first section [mm]."""
 
@@ -108,7 +109,8 @@ def section_plots(poses: Sequence[TrunkState]) -> Figure:
             if tangent is None:
                 continue
             look = pose.look
-            outline = _seen(np.vstack([tangent.outline, tangent.outline[:1]]), pose.landmarks)
+            every = max(1, len(tangent.outline) // POINTS)
+            outline = _seen(np.vstack([tangent.outline[::every], tangent.outline[:1]]), pose.landmarks)
             axes.plot(*outline.T, color=look.colour, linestyle=look.line, linewidth=0.8, label=look.title)
             contact = _seen(np.array([tangent.left, tangent.right]), pose.landmarks)
             axes.plot(

@@ -57,8 +57,8 @@
     const height = numbers(skin.count), part = numbers(skin.count);
     state.hump = new Float32Array(2 * skin.count);
     for (let i = 0; i < skin.count; i++) {
-      state.hump[2 * i] = (height[i] << 16 >> 16) / 10;
-      state.hump[2 * i + 1] = part[i] / 255;
+      state.hump[2 * i] = (height[i] << 16 >> 16) / 4;
+      state.hump[2 * i + 1] = part[i] / 31;
     }
   }
   cloth.inside = Float32Array.from(numbers(cloth.count), n => (n << 16 >> 16) / 10);

@@ -21,6 +21,7 @@ from warp_trunk.io.folders import make_writable
 from warp_trunk.io.result_files import PAGE, PICTURES
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
+from warp_trunk.measures.quantities import LIKELY
 from warp_trunk.measures.skin_quality import skin_change
 
 from . import skin_pictures as skins
@@ -75,9 +76,13 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     doubtful = None
     if quality is not None and quality.faults:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
-    planned, more, sd = read_text_of_plan(result.plan), [], result.table.column("predicted", "max_hump_mm").get("")
-    if result.effects is not None and sd is not None and summary.ending is RelaxStatus.CONVERGED:
-        more = _likely(poses[1], result.effects.likely_worse)
+    planned, more, hump = (
+        read_text_of_plan(result.plan),
+        [],
+        result.table.column("predicted", "max_hump_mm").get(""),
+    )
+    if result.effects is not None and hump is not None and summary.ending is RelaxStatus.CONVERGED:
+        more = _likely(poses[1], result.effects.likely_worse, hump.sd or 0.0)
     figures, trunk = _backs(poses, doubtful, more, bare=bare)
     fused = [(), () if planned is None else fused_levels(planned)]
     figures |= {
@@ -99,13 +104,19 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     return page(poses, comparison, summary, _drawn(figures, folder), result.plan, trunk, result.fingerprint)
 
 
-def _likely(predicted: TrunkState, worse: np.ndarray) -> list[TrunkState]:
-    """A likely better and a likely worse back than the predicted one, by the displacement to the latter."""
+def _likely(predicted: TrunkState, worse: np.ndarray, sd: float) -> list[TrunkState]:
+    """A likely better and a likely worse back than the predicted one, by the displacement to the latter.
+
+    None where the hump does not change with it as it should: errors act unevenly there, and no picture is right.
+    """
     found = []
     for look, sign in ((BETTER, -1.0), (WORSE, 1.0)):
         skin = Surface(predicted.skin.vertices + sign * worse, predicted.skin.faces)
         found.append(TrunkState(look, skin, predicted.landmarks, measure(skin, predicted.landmarks)))
-    return found
+    better, own, worst = (abs(one.measures.max_hump or 0.0) for one in (found[0], predicted, found[1]))
+    expected = LIKELY * sd
+    change = own - max(better, 0.0) if own > expected else expected, worst - own
+    return found if all(abs(one - expected) <= 0.5 * expected for one in change) else []
 
 
 def _part(result: Result, folder: Path) -> str:

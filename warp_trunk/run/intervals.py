@@ -22,7 +22,7 @@ from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles
 from warp_trunk.measures.measures import measure_spine
-from warp_trunk.measures.quantities import EXACT, PREDICTED, QUANTITIES, Measured, quantities_of
+from warp_trunk.measures.quantities import EXACT, LIKELY, PREDICTED, QUANTITIES, Measured, quantities_of
 from warp_trunk.results.bands import Bands, BandSource, Effects, FoundBands
 
 from .draws import Draws, draw_errors, linearity, skin_deviation
@@ -116,10 +116,6 @@ def _largest(solved: _Solved) -> list[tuple[tuple[str, str], int]]:
         ]
         found += [((key, ""), max(known)[1])] if known else []
     return found
-
-
-LIKELY = 1.281552
-"""Standard deviations to either side that hold 80 % of a normal distribution."""
 
 
 def _likely_worse(solved: _Solved, on_skin: np.ndarray, sd: float) -> np.ndarray:
