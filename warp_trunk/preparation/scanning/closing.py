@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
 from warp_trunk.geometry.distance_field import Grid, one_solid, zero_surface
-from warp_trunk.geometry.normals import vertex_areas
+from warp_trunk.geometry.normals import corner_areas, vertex_areas
 from warp_trunk.geometry.surface import Surface, directed_edges
 from warp_trunk.geometry.surface_checks import boundary_edges, check_solid, linked_parts
 
@@ -74,7 +74,8 @@ def close_skin(
         cuts: where to cut flat besides.
         options: how; CloseOptions() if not given.
 
-    Raises InputError when the parts are no trunk (see check_parts), or when no clean surface comes of them.
+    Raises InputError when the parts are no trunk (see check_parts), show too little of one (see check_seen), or
+    when no clean surface comes of them.
     """
     options = options or CloseOptions()
     check_parts(parts)
@@ -87,6 +88,7 @@ def close_skin(
     reaches = {name: reach_of(part, _NOISE) for name, part in parts.items()}
     lid, samples = _level_set(parts, reaches, spacing)
     openings = find_openings(lid, samples, rim_of(parts, reaches), _OPEN * spacing)
+    check_seen(lid, openings, ", ".join(parts))
     skin = fit_to_points(coarsen(lid, options.edge_length, 1.0), points, areas, options.smoothing, 3.0 * spacing)
     for number, end in enumerate(openings):
         if end.is_end and not any(_near(end, cut) for cut in cuts):
@@ -99,6 +101,35 @@ def close_skin(
         cure = "give a shorter edge_length, or scans without the arms"
         raise InputError(f"closed skin: has {handles} handles, where parts of the skin touch; {cure}")
     return ClosedSkin(skin, tuple(openings))
+
+
+MOST_UNSEEN = 0.25
+"""Share of the closed skin that holes may make up."""
+_LIMB = 15_000.0
+"""An end that is larger than the stump of an arm [mm^2] is that of the neck or the thighs, or no end at all."""
+
+
+def check_seen(lid: Surface, openings: Sequence[Opening], where: str) -> None:
+    """InputError where more than `MOST_UNSEEN` of a closed surface was seen by no scan.
+
+    Ends of the trunk do not count: stumps of arms, and what faces up or down as neck and thighs do.
+
+    Args:
+        lid: the closed surface.
+        openings: those of `find_openings`.
+        where: names of the scans.
+    """
+    holes = [o for o in openings if not (o.is_end and (o.area < _LIMB or abs(o.normal[2]) > _UPRIGHT))]
+    share = sum(hole.area for hole in holes) / float(corner_areas(lid).sum())
+    if share > MOST_UNSEEN:
+        axis = int(np.abs(holes[0].normal).argmax())
+        sides = (("right", "left"), ("front", "back"), ("bottom", "top"))[axis]
+        side = sides[int(holes[0].normal[axis] > 0.0)]
+        place = "({:.0f}, {:.0f}, {:.0f}) mm".format(*holes[0].centre)
+        most = f"{100.0 * MOST_UNSEEN:g} %"
+        rule = f"{100.0 * share:.0f} % of the closed skin, mostly its {side} at {place}, {most} is"
+        cure = "scan the rest, or make a case of a scan of the back with warp-trunk fit-back"
+        raise InputError(f"{where}: no scan shows {rule} the most; {cure}")
 
 
 def _level_set(

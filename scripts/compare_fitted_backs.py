@@ -1,0 +1,134 @@
+"""Errors of a case that is fitted to a scan of the back, where the whole body is known.
+
+Curves are imposed on whole bodies, their backs are cut as a scanner sees them, and a case is fitted to each with
+the body that the program makes. Both cases get the same plan and are simulated: the table has the predicted
+rotation of the back from the fitted case less that from the whole body, and the errors of what is invented.
+
+    uv run python scripts/compare_fitted_backs.py shared/bodies girl13 girl15_slim woman --out results/fitted
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import warp_trunk as wt
+from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.io.surface_files import read_surface, surface_files
+from warp_trunk.measures import cobb_angles
+from warp_trunk.preparation.back_scan import fit_back
+from warp_trunk.preparation.back_scan.cut import cut_back
+from warp_trunk.preparation.deformity import SpineCurve, make_case
+
+CURVES = {
+    "thoracic": (SpineCurve(cobb=50.0), ("T4", "L1")),
+    "thoracolumbar": (SpineCurve(kind="thoracolumbar", cobb=45.0), ("T10", "L4")),
+}
+"""Curves and the vertebrae between which they are corrected."""
+LEVELS = VERTEBRAE[3:16]
+CORRECTION = 0.65
+OPTIONS: Mapping[str, Any] = {"tets": 120_000, "increments": 2, "record": False}
+
+
+def main() -> None:
+    """Prints the table, after each body what is known of it, and writes it as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bodies", type=Path)
+    parser.add_argument("names", nargs="+")
+    parser.add_argument("--out", type=Path, default=Path("results/fitted_backs"))
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for name in arguments.names:
+        folder = arguments.bodies / name
+        bones = {bone: read_surface(path) for bone, path in surface_files(folder / "bones").items()}
+        skin = read_surface(folder / "skin.ply")
+        for kind in CURVES:
+            file = arguments.out / f"{name}_{kind}.json"
+            if not file.exists():
+                file.write_text(json.dumps(compared(make_case(skin, bones, CURVES[kind][0], 0.0), kind)))
+            print(name, kind, file.read_text(), flush=True)
+    print(table([json.loads(file.read_text()) for file in sorted(arguments.out.glob("*.json"))]))
+
+
+def compared(whole: wt.Case, kind: str) -> dict[str, Any]:
+    """Rotation of the back before and as predicted from both cases, and the errors of what is invented."""
+    whole = replace(whole, landmarks_after=None)
+    fit = fit_back(*cut_back(whole))
+    found: dict[str, Any] = {"distance": float(fit.distance.mean()), "share": fit.invented}
+    found |= errors_of_invented(whole, fit.case)
+    uiv, liv = CURVES[kind][1]
+    for case, which in ((whole, "whole"), (fit.case, "fitted")):
+        main_curve = max(cobb_angles(case.landmarks_before), key=lambda curve: curve.angle)
+        plan = wt.Plan(uiv=uiv, liv=liv, curves=(wt.CurvePlan(main_curve.apex, correction=CORRECTION),))
+        result = wt.simulate(case, plan, **OPTIONS)
+        found[which] = {
+            "status": result.status.name,
+            "inverted": result.summary.inverted_tets,
+            "before": rotations(result.measures_before),
+            "after": rotations(result.measures),
+            "hump": [result.measures_before.max_hump, result.measures.max_hump],
+        }
+    return found
+
+
+def rotations(measures: Any) -> list[float]:
+    """The rotation of the back at `LEVELS` [degrees]; NaN where there is none."""
+    return [np.nan if (angle := measures.bsr.get(level)) is None else float(angle) for level in LEVELS]
+
+
+def errors_of_invented(whole: wt.Case, fitted: wt.Case) -> dict[str, float]:
+    """Root mean square errors of ribs, turn of vertebrae and pelvis, and unseen skin."""
+    ribs = [name for name in whole.bones if name.startswith("rib_")]
+    off = [
+        SurfaceDistance(whole.bones[name]).at(fitted.bones[name].vertices) for name in ribs if name in fitted.bones
+    ]
+    turn = [
+        turn_of(fitted.landmarks_before, level) - turn_of(whole.landmarks_before, level) for level in VERTEBRAE
+    ]
+    assert fitted.unseen is not None
+    low = fitted.skin.vertices[fitted.unseen]
+    low = low[low[:, 2] < whole.landmarks_before.point("T1_superior_endplate")[2]]
+    front = SurfaceDistance(whole.skin).at(low)
+    return {
+        "ribs": float(np.sqrt(np.mean(np.square(np.concatenate(off))))),
+        "turn": float(np.sqrt(np.mean(np.square(turn)))),
+        "front": float(np.sqrt(np.mean(np.square(front)))),
+    }
+
+
+def turn_of(landmarks: wt.Landmarks, level: str) -> float:
+    """The turn of a vertebra about z [degrees], from its pedicles."""
+    across = landmarks.point(f"{level}_left_pedicle_superior") - landmarks.point(f"{level}_right_pedicle_superior")
+    return float(np.degrees(np.arctan2(across[1], across[0])))
+
+
+def table(results: list[dict[str, Any]]) -> str:
+    """By level: mean and root mean square of fitted less whole, before, as predicted, and of the change."""
+
+    def of(which: str, when: str) -> np.ndarray:
+        return np.array([result[which][when] for result in results])
+
+    before, after = (of("fitted", when) - of("whole", when) for when in ("before", "after"))
+    lines = ["| level | before | predicted | change | predicted, mean |", "|---|---|---|---|---|"]
+    for row, level in enumerate(LEVELS):
+        parts = (before[:, row], after[:, row], (after - before)[:, row])
+        sizes = " | ".join(f"{np.sqrt(np.nanmean(np.square(part))):.1f}" for part in parts)
+        lines.append(f"| {level} | {sizes} | {np.nanmean(after[:, row]):+.1f} |")
+    rms = [np.sqrt(np.nanmean(np.square(part))) for part in (before, after, after - before)]
+    lines.append("| all | " + " | ".join(f"{value:.2f}" for value in rms) + f" | {np.nanmean(after):+.2f} |")
+    names = ("ribs", "turn", "front", "distance", "share")
+    means = {name: np.mean([result[name] for result in results]) for name in names}
+    hump = of("fitted", "hump")[:, 1] - of("whole", "hump")[:, 1]
+    lines.append(f"{means}; predicted hump off by {np.sqrt(np.mean(np.square(hump))):.1f} mm (root mean square)")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
