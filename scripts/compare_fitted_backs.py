@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-import warp_trunk as wt
+from warp_trunk import Case, CurvePlan, Landmarks, Plan, simulate
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, surface_files
@@ -57,7 +57,7 @@ def main() -> None:
     print(table([json.loads(file.read_text()) for file in sorted(arguments.out.glob("*.json"))]))
 
 
-def compared(whole: wt.Case, kind: str) -> dict[str, Any]:
+def compared(whole: Case, kind: str) -> dict[str, Any]:
     """Rotation of the back before and as predicted from both cases, and the errors of what is invented."""
     whole = replace(whole, landmarks_after=None)
     fit = fit_back(*cut_back(whole))
@@ -66,8 +66,8 @@ def compared(whole: wt.Case, kind: str) -> dict[str, Any]:
     uiv, liv = CURVES[kind][1]
     for case, which in ((whole, "whole"), (fit.case, "fitted")):
         main_curve = max(cobb_angles(case.landmarks_before), key=lambda curve: curve.angle)
-        plan = wt.Plan(uiv=uiv, liv=liv, curves=(wt.CurvePlan(main_curve.apex, correction=CORRECTION),))
-        result = wt.simulate(case, plan, **OPTIONS)
+        plan = Plan(uiv=uiv, liv=liv, curves=(CurvePlan(main_curve.apex, correction=CORRECTION),))
+        result = simulate(case, plan, **OPTIONS)
         found[which] = {
             "status": result.status.name,
             "inverted": result.summary.inverted_tets,
@@ -83,7 +83,7 @@ def rotations(measures: Any) -> list[float]:
     return [np.nan if (angle := measures.bsr.get(level)) is None else float(angle) for level in LEVELS]
 
 
-def errors_of_invented(whole: wt.Case, fitted: wt.Case) -> dict[str, float]:
+def errors_of_invented(whole: Case, fitted: Case) -> dict[str, float]:
     """Root mean square errors of ribs, turn of vertebrae and pelvis, and unseen skin."""
     ribs = [name for name in whole.bones if name.startswith("rib_")]
     off = [
@@ -103,14 +103,14 @@ def errors_of_invented(whole: wt.Case, fitted: wt.Case) -> dict[str, float]:
     }
 
 
-def turn_of(landmarks: wt.Landmarks, level: str) -> float:
+def turn_of(landmarks: Landmarks, level: str) -> float:
     """The turn of a vertebra about z [degrees], from its pedicles."""
     across = landmarks.point(f"{level}_left_pedicle_superior") - landmarks.point(f"{level}_right_pedicle_superior")
     return float(np.degrees(np.arctan2(across[1], across[0])))
 
 
 def table(results: list[dict[str, Any]]) -> str:
-    """By level: mean and root mean square of fitted less whole, before, as predicted, and of the change."""
+    """By level, the fitted case minus the whole body: root mean square and mean."""
 
     def of(which: str, when: str) -> np.ndarray:
         return np.array([result[which][when] for result in results])

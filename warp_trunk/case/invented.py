@@ -31,17 +31,17 @@ class Invented:
     """The body that was fitted."""
     share: float = 0.0
     """Share of the area of the skin that was not measured."""
-    front: float = 15.0
+    front: float = 20.0
     """Of the skin that was not measured, along its normal [mm]."""
-    ribs: float = 6.0
-    """Of the middle of a rib [mm]."""
+    ribs: float = 25.0
+    """Of a rib [mm]."""
     pelvis: float = 1.3
     """Of the turn of the pelvis, by markers that are off by 2 mm [degrees]."""
     vertebral_turn: float = 6.0
     """Of the turn of a vertebra against the pelvis [degrees]."""
     rotation: float = 1.0
     """Of a predicted rotation of the back, by ribs, pelvis and front together [degrees]."""
-    length: float = 1.5
+    length: float = 3.0
     """Of a predicted hump or shoulder, likewise [mm]."""
 
     def __post_init__(self) -> None:

@@ -16,9 +16,10 @@ from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.point_files import read_points
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import cobb_angles
+from warp_trunk.measures.back import TURN
 from warp_trunk.preparation.back_scan.body import atlas_body, made_body
 from warp_trunk.preparation.back_scan.fit import FittedBack, fit_back
-from warp_trunk.preparation.back_scan.spine import TURN, TURN_SD, read_patient_spine
+from warp_trunk.preparation.back_scan.spine import TURN_SD, read_patient_spine
 from warp_trunk.run.progress import Progress
 
 from .output import OK, next_command, read_bones
@@ -108,7 +109,7 @@ def fit_text(fit: FittedBack, kind: str) -> str:
     if fit.forward[forward] >= 1.0:
         level = VERTEBRAE[forward]
         lines.append(f"Vertebrae went forward to lie under the skin, {level} by {fit.forward[forward]:.0f} mm")
-    if abs(fit.moved[0]) >= 5.0:
-        side = "left" if fit.moved[0] > 0.0 else "right"
-        lines.append(f"The pelvis went {abs(fit.moved[0]):.0f} mm to the {side} of the markers, to lie under L5")
+    if np.linalg.norm(fit.moved) >= 5.0:
+        left, back, up = (f"{way:+z.0f}" for way in fit.moved)
+        lines.append(f"The pelvis went {left} mm to the left, {back} back and {up} up, to lie under L5")
     return "\n".join(lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from ..phantom.phantom import straight_trunk
 
 EDGE = 7.0
 """Edge length of the skin of the body that the program makes [mm]."""
+SIZES = (0.8, 1.15)
+"""A vertebra is smaller or larger than the size of the patient asks for by no more than this factor."""
 _AROUND = 12
 """Vertices through which a plane gives the skin behind a point."""
 _UPPER = 0.45
@@ -51,10 +53,10 @@ class StraightBody:
         return self.endplates.mean(axis=1)
 
     @property
-    def arcs(self) -> np.ndarray:
-        """Distance along the spine from the upper end of T1 to the middle of each vertebra [mm], shape (17,)."""
-        way = np.vstack([self.endplates[0, 0], self.centres])
-        return np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))
+    def rise(self) -> np.ndarray:
+        """How far the centroid of the landmarks of T1 to L5 is above the middle of its body [mm], shape (17,)."""
+        centroids = [self.landmarks.of_bone(level).points.mean(axis=0) for level in VERTEBRAE]
+        return (np.array(centroids) - self.centres)[:, 2]
 
     def pair(self, which: str) -> np.ndarray:
         """The left and the right iliac spine, `psis` on the skin or `asis` on the bone [mm], shape (2, 3)."""
@@ -71,6 +73,28 @@ class StraightBody:
         bones = {name: larger(bone) for name, bone in self.bones.items()}
         marks = Landmarks(self.landmarks.names, scale * self.landmarks.points)
         return StraightBody(self.name, larger(self.skin), bones, marks, scale * self.psis)
+
+    def fitted_to(self, centres: np.ndarray) -> StraightBody:
+        """The body with each vertebra as large as its distance from its neighbours asks for, within `SIZES`.
+
+        Args:
+            centres: where the middles of T1 to L5 are to lie [mm], shape (17, 3).
+        """
+        gaps = [np.linalg.norm(np.diff(points, axis=0), axis=1) for points in (centres, self.centres)]
+        around = [np.convolve(np.pad(gap, 2, mode="edge"), np.ones(4) / 4.0, mode="valid") for gap in gaps]
+        sizes = dict(zip(VERTEBRAE, np.clip(around[0] / around[1], *SIZES), strict=True))
+        middles, bones, points = (
+            dict(zip(VERTEBRAE, self.centres, strict=True)),
+            dict(self.bones),
+            self.landmarks.points,
+        )
+        points = points.copy()
+        for level, size in sizes.items():
+            middle, bone = middles[level], bones[level]
+            bones[level] = Surface(middle + size * (bone.vertices - middle), bone.faces)
+            rows = [row for row, name in enumerate(self.landmarks.names) if name.startswith(f"{level}_")]
+            points[rows] = middle + size * (points[rows] - middle)
+        return replace(self, bones=bones, landmarks=Landmarks(self.landmarks.names, points))
 
 
 def made_body() -> StraightBody:

@@ -18,7 +18,7 @@ from ..deformity.spine_curve import VertebraPose
 
 UNDER_SKIN = 3.0
 """No bone is nearer to the skin than this [mm]."""
-MOST_FORWARD = 30.0
+MOST_FORWARD = 60.0
 """A vertebra that must go farther forward than this to lie under the skin is outside the body [mm]."""
 _HEAD = 30.0
 """A rib is bent over about this length to bring its head back onto its vertebra [mm]."""

@@ -24,7 +24,7 @@ from .frame import PelvisFrame, find_frame
 from .joining import draw_to_scan, on_trunk, seen_by
 from .markers import back_markers, check_on_scan
 from .scan import BackScan, clean_scan
-from .spine import TURN_SD, PatientSpine, PlacedSpine, place_levels, place_on_line, poses_of, smoothed
+from .spine import TURN_SD, PatientSpine, PlacedSpine, place_spine, poses_of, turns_of
 from .warping import ScanField, warp_onto
 
 _GROWS = 18.0
@@ -54,8 +54,8 @@ class FittedBack:
     """Its size over what it was."""
     forward: np.ndarray
     """How far T1 to L5 were moved forward to lie under the skin [mm], shape (17,)."""
-    moved: tuple[float, float]
-    """How far the pelvis went to the left and back from where the markers put it, to lie under L5 [mm]."""
+    moved: np.ndarray
+    """How far the pelvis went to the left, back and up from where the markers put it, to lie under L5 [mm]."""
 
     @property
     def invented(self) -> float:
@@ -100,21 +100,18 @@ def fit_back(
     check_on_scan(markers, scan.points, marks)
     check_inside(scan, spine.line, back, line)
     body = body or made_body()
-    frame = find_frame(body, held, spine.line)
-    turned = spine.moved(frame.rotation.T, -frame.shift @ frame.rotation)
+    placed = place_spine(spine, markers, body.centres, body.rise)
+    frame = find_frame(body, held, placed)
+    placed = placed.turned(frame.rotation.T, frame.shift)
     scan = replace(
         scan,
         points=frame.to_body(scan.points),
         normals=scan.normals @ frame.rotation,
         stray=frame.to_body(scan.stray),
     )
-    straight = body.scaled(frame.scale)
-    if spine.levels:
-        placed = place_levels(turned, straight.centres, 1.0)
-    else:
-        top = float(frame.to_body(held.c7[None])[0, 2])
-        placed = place_on_line(smoothed(turned.line), top, straight.arcs, 1.0)
-    skin, bones, landmarks, used, forward = _fitted(straight, placed, scan, back, line)
+    straight = body.scaled(frame.scale).fitted_to(placed.centres)
+    turns = turns_of(placed, spine.kind == "pedicles")
+    skin, bones, landmarks, used, forward = _fitted(straight, placed, turns, scan, back, line)
     everything = np.vstack([frame.to_patient(p) for p in (scan.points[~used], scan.stray)])
     kept = scan.chosen(used)
     distance = np.abs(SurfaceDistance(skin).at(kept.points))
@@ -168,7 +165,7 @@ def check_inside(scan: BackScan, line: np.ndarray, back: str, spine: str) -> Non
 
 
 def _fitted(
-    straight: StraightBody, placed: PlacedSpine, scan: BackScan, back: str, where: str
+    straight: StraightBody, placed: PlacedSpine, turns: np.ndarray, scan: BackScan, back: str, where: str
 ) -> tuple[Surface, dict[str, Surface], Landmarks, np.ndarray, np.ndarray]:
     """Skin, bones, landmarks, which points of the scan were used, and how far the vertebrae went forward."""
     axes = straight.endplates[:, 0] - straight.endplates[:, 1]
@@ -176,7 +173,7 @@ def _fitted(
 
     def fitted(forward: np.ndarray) -> tuple[Surface, dict[str, Surface], Landmarks, dict[str, VertebraPose]]:
         now = replace(placed, centres=placed.centres - forward[:, None] * [0.0, 1.0, 0.0])
-        poses = poses_of(now, straight.centres, axes)
+        poses = poses_of(now, turns, straight.centres, axes)
         landmarks, growth = grown(straight.skin, straight.bones, straight.landmarks, poses, 0.0)
         skin = Surface(growth(straight.skin.vertices), straight.skin.faces)
         ends = landmarks.points[["endplate" in name for name in landmarks.names]]
@@ -194,7 +191,7 @@ def _fitted(
         warped, bones, landmarks, poses = fitted(forward)
     drawn, used = _drawn(warped, scan, back)
     bones = ribs_on_vertebrae(bones, straight.bones, poses)
-    bones = all_under_skin(bones, drawn, (*VERTEBRAE, *PELVIC_RING))
+    bones = all_under_skin(bones, drawn, VERTEBRAE)
     return drawn, bones, landmarks, used, forward
 
 

@@ -11,7 +11,7 @@ from warp_trunk.errors import InputError
 
 OFF_SCAN = 20.0
 """A marker of the back is not farther from the scan than this [mm]."""
-_PAIRS = ("psis", "asis")
+_PAIRS = ("asis", "psis")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class BackMarkers:
 def back_markers(marks: Landmarks, what: str = "markers") -> BackMarkers:
     """The markers by their names, in any case of letters: C7, and PSIS_left and PSIS_right or ASIS_left and so on.
 
-    Where both pairs are given the posterior one holds the pelvis, because it lies on the scan.
+    Where both pairs are given the anterior one holds the pelvis, as rotations are measured against it.
 
     Raises:
         InputError: a marker is missing, left and right are exchanged, or C7 is not above the pelvis.

@@ -11,12 +11,10 @@ from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks, rea
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.point_files import read_points
+from warp_trunk.measures.back import TURN, vertebrae_on_line
 
 from ..deformity.spine_curve import VertebraPose
 
-TURN = 0.5
-"""Turn of a vertebra for its sideways way from the line between T1 and L5 [degrees/mm]: 0.44 to 0.50 from the
-spinous line against the body line of 30 patients at T8 to L2 (r 0.82 to 0.84), 0.5 to 0.6 of spines from CT."""
 TURN_SD = {"line": 6.0, "pedicles": 4.0, "landmarks": 3.0}
 """Standard deviation of the turn of a vertebra by what is known of the spine [degrees]."""
 _SMOOTH = 3000.0
@@ -40,11 +38,6 @@ class PatientSpine:
     """Axis of each of these vertebrae, shape (levels, 3), where both endplates are known."""
     across: np.ndarray | None = None
     """From the right to the left pedicle of each [mm], shape (levels, 3), where they are known."""
-
-    def moved(self, rotation: np.ndarray, shift: np.ndarray) -> PatientSpine:
-        """The spine after x -> rotation x + shift."""
-        turned = [None if v is None else v @ rotation.T for v in (self.up, self.across)]
-        return PatientSpine(self.kind, self.line @ rotation.T + shift, self.levels, *turned)
 
 
 def read_patient_spine(path: str | Path, size: float = 1.0) -> PatientSpine:
@@ -128,8 +121,13 @@ class PlacedSpine:
     """Middles of the bodies [mm], shape (17, 3)."""
     up: np.ndarray
     """Axes of the vertebrae, of length 1, shape (17, 3)."""
-    turn: np.ndarray
-    """Turn about the axis against the pelvis, positive from +x to +y [rad], shape (17,)."""
+    across: np.ndarray | None
+    """From the right to the left pedicle, shape (17, 3); NaN or None where they are not known."""
+
+    def turned(self, rotation: np.ndarray, shift: np.ndarray) -> PlacedSpine:
+        """The vertebrae after x -> rotation (x - shift)."""
+        across = None if self.across is None else self.across @ rotation.T
+        return PlacedSpine((self.centres - shift) @ rotation.T, self.up @ rotation.T, across)
 
 
 def smoothed(line: np.ndarray) -> np.ndarray:
@@ -149,39 +147,31 @@ def smoothed(line: np.ndarray) -> np.ndarray:
     return np.vstack([fine[0] + steps[::-1] * first, fine, fine[-1] + steps * last])
 
 
-def place_on_line(line: np.ndarray, top: float, arcs: np.ndarray, scale: float) -> PlacedSpine:
-    """The vertebrae along a line that is known without levels.
+def place_spine(spine: PatientSpine, markers: Landmarks, body: np.ndarray, rise: np.ndarray) -> PlacedSpine:
+    """The vertebrae T1 to L5 of a patient, in the frame of the scan.
+
+    On a mere line their centroids lie at the usual heights between the markers that `measure_back` has. Where
+    levels are known they lie there; those above go on as in the body.
 
     Args:
-        line: of `smoothed` [mm].
-        top: height of the upper end of T1 [mm].
-        arcs: distance along the spine of the body from the upper end of T1 to the middle of each vertebra [mm].
-        scale: of the patient over the body.
+        spine: of the patient.
+        markers: C7 and iliac spines.
+        body: middles of T1 to L5 of a straight body, shape (17, 3) [mm].
+        rise: how far the centroid of the landmarks of each is above that middle [mm], shape (17,).
     """
-    down = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    start = float(np.interp(-top, -line[:, 2], down))
-    places = start + scale * arcs
-    centres = np.column_stack([np.interp(places, down, track) for track in line.T])
-    slope = np.gradient(line, axis=0)
-    up = -np.column_stack([np.interp(places, down, track) for track in slope.T])
-    up /= np.linalg.norm(up, axis=1)[:, None]
-    chord = np.interp(centres[:, 2], centres[[-1, 0], 2], centres[[-1, 0], 0])
-    return PlacedSpine(centres, up, np.radians(TURN * (centres[:, 0] - chord)))
-
-
-def place_levels(spine: PatientSpine, body: np.ndarray, scale: float) -> PlacedSpine:
-    """The vertebrae where the middles of all or of the lower ones are known; those above go on as in the body.
-
-    Args:
-        spine: with levels, in the frame of the pelvis.
-        body: middles of T1 to L5 of the straight body, shape (17, 3) [mm].
-        scale: of the patient over the body.
-    """
+    if not spine.levels:
+        fine = smoothed(spine.line)
+        usual, slope, heights = vertebrae_on_line(fine, markers)[:, 2], np.gradient(fine, axis=0), -fine[:, 2]
+        usual -= rise * (usual[0] - usual[-1]) / (body[0, 2] - body[-1, 2])
+        centres = np.column_stack([np.interp(-usual, heights, track) for track in fine.T])
+        up = -np.column_stack([np.interp(-centres[:, 2], heights, track) for track in slope.T])
+        return PlacedSpine(centres, up / np.linalg.norm(up, axis=1)[:, None], None)
     from scipy.interpolate import make_smoothing_spline  # heavy
 
-    above = len(VERTEBRAE) - len(spine.levels)
-    offset = scale * (body[:above] - body[above])
-    known = spine.line
+    above, known = len(VERTEBRAE) - len(spine.levels), spine.line
+    size = np.linalg.norm(np.diff(known, axis=0), axis=1).sum()
+    size /= np.linalg.norm(np.diff(body[above:], axis=0), axis=1).sum()
+    offset = size * (body[:above] - body[above])
     lean = (known[0] - known[2]) / np.linalg.norm(known[0] - known[2])
     own = (body[above] - body[above + 2]) / np.linalg.norm(body[above] - body[above + 2])
     centres = np.vstack([known[0] + offset + np.linalg.norm(offset, axis=1)[:, None] * (lean - own), known])
@@ -189,17 +179,43 @@ def place_levels(spine: PatientSpine, body: np.ndarray, scale: float) -> PlacedS
     up = -np.column_stack([make_smoothing_spline(down, t, lam=_SMOOTH).derivative()(down) for t in centres.T])
     if spine.up is not None:
         up[above:] = spine.up
-    up /= np.linalg.norm(up, axis=1)[:, None]
-    assert spine.across is not None
-    turn = np.arctan2(spine.across[:, 1], spine.across[:, 0])
-    if spine.kind == "pedicles":
-        turn = make_smoothing_spline(down[above:], turn, lam=_SMOOTH)(down[above:])
-    fade = np.arange(1, above + 1) / (above + 1)
-    return PlacedSpine(centres, up, np.concatenate([turn[0] * fade, turn]))
+    across = None
+    if spine.across is not None:
+        across = np.vstack([np.full((above, 3), np.nan), spine.across])
+    return PlacedSpine(centres, up / np.linalg.norm(up, axis=1)[:, None], across)
 
 
-def poses_of(placed: PlacedSpine, centres: np.ndarray, axes: np.ndarray) -> dict[str, VertebraPose]:
-    """The motion of each vertebra of a straight body, whose middles and axes are (17, 3), to its place."""
+def turns_of(placed: PlacedSpine, smooth: bool) -> np.ndarray:
+    """Turn of each vertebra against the pelvis, in whose frame they are given, shape (17,) [rad].
+
+    From the pedicles, which fade out over the levels above those that are known; or from the sideways way by
+    `TURN`, where there are none.
+
+    Args:
+        placed: in the frame of the pelvis.
+        smooth: whether errors of single pedicles are smoothed.
+    """
+    from scipy.interpolate import make_smoothing_spline  # heavy
+
+    centres = placed.centres
+    if placed.across is None:
+        chord = np.interp(centres[:, 2], centres[[-1, 0], 2], centres[[-1, 0], 0])
+        return np.radians(TURN * (centres[:, 0] - chord))
+    turn = np.arctan2(placed.across[:, 1], placed.across[:, 0])
+    above = int(np.isnan(turn).sum())
+    if smooth:
+        down = np.cumsum(
+            np.linalg.norm(np.diff(centres[above:], axis=0, prepend=centres[above : above + 1]), axis=1)
+        )
+        turn[above:] = make_smoothing_spline(down, turn[above:], lam=_SMOOTH)(down)
+    turn[:above] = turn[above] * np.arange(1, above + 1) / (above + 1) if above < len(turn) else 0.0
+    return turn
+
+
+def poses_of(
+    placed: PlacedSpine, turns: np.ndarray, centres: np.ndarray, axes: np.ndarray
+) -> dict[str, VertebraPose]:
+    """The motion of each vertebra of a straight body, with middles and axes (17, 3), to its place and turn."""
     found = {}
     for row, level in enumerate(VERTEBRAE):
         (x, y, z), own = placed.up[row], axes[row] * [0.0, 1.0, 1.0]
@@ -207,5 +223,5 @@ def poses_of(placed: PlacedSpine, centres: np.ndarray, axes: np.ndarray) -> dict
         pitch = float(np.arctan2(-y, np.hypot(x, z)) - np.arctan2(-own[1], own[2]))
         before, after = centres[row], placed.centres[row]
         axis = own / np.linalg.norm(own)
-        found[level] = VertebraPose(tilt, pitch, float(placed.turn[row]), axis, before, after)
+        found[level] = VertebraPose(tilt, pitch, float(turns[row]), axis, before, after)
     return found
