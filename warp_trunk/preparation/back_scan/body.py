@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
@@ -92,6 +93,12 @@ class StraightBody:
         for level, size in sizes.items():
             middle, bone = middles[level], bones[level]
             bones[level] = Surface(middle + size * (bone.vertices - middle), bone.faces)
+            for side in ("left", "right") if level[0] == "T" else ():
+                name = f"rib_{side}_{int(level[1:]):02d}"
+                if name in bones:  # its head stays on the vertebra
+                    rib = bones[name]
+                    shift = (size - 1.0) * (ends(rib, bone)[0] - middle)
+                    bones[name] = Surface(rib.vertices + shift, rib.faces)
             rows = [row for row, name in enumerate(self.landmarks.names) if name.startswith(f"{level}_")]
             points[rows] = middle + size * (points[rows] - middle)
         return replace(self, bones=bones, landmarks=Landmarks(self.landmarks.names, points))
