@@ -11,13 +11,12 @@ from matplotlib.colors import BoundaryNorm
 
 from .panels import panels, shaded
 from .relief import BEHIND, FRONT, LEFT, relief, seen_from, window
+from .skin_pictures import GREY
 from .style import FAINT, INK, RC, file_of
 
 if TYPE_CHECKING:
     from warp_trunk.preparation.back_scan import FittedBack
 
-GREY = np.array([0.62, 0.62, 0.62])
-"""Colour of skin that was not measured."""
 _OUT = "#aa3377"
 _STEPS = (0.0, 0.25, 0.5, 1.0, 1.5, 3.0)
 _PIXEL, _SHOWN = 1.0, 6000

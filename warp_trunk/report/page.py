@@ -115,6 +115,7 @@ def _of_run(poses: Sequence[TrunkState], summary: Summary, plan: str | None) -> 
         "ratio_rows": ratio_table(summary.points),
         "chest_rows": [[name, f"{was:.1f}", f"{will:.1f}"] for name, (was, will) in summary.chest.items()],
         "synthetic": summary.synthetic,
+        "invented": summary.invented,
         "converged": status is RelaxStatus.CONVERGED,
         "status": status.name,
         "reason": status.value[:1].upper() + status.value[1:],

@@ -27,6 +27,8 @@ FINE, COARSE = 0.75, 1.0
 """Size of a pixel, and where nothing is measured in the picture [mm]."""
 BUST = 190.0
 """The picture of the shoulders ends this far below T1 [mm]."""
+GREY = np.array([0.62, 0.62, 0.62])
+"""Colour of skin that was not measured."""
 STRETCH_STEP = 0.05
 """Difference of stretch between two colours."""
 
@@ -92,7 +94,11 @@ def plain_picture(
     """Every pose from one side, above a height [mm], as it is dressed, and the panels."""
     seen, reliefs = looks(poses, view, lowest=lowest, wear=wear)
     headings = [pose.look.heading for pose in poses]
-    return panels(headings, seen.extent, view, [shaded(one) for one in reliefs])
+    images = [
+        shaded(one) if pose.unseen is None else shaded(one, GREY, np.nan_to_num(one.values(pose.unseen)))
+        for pose, one in zip(poses, reliefs, strict=True)
+    ]
+    return panels(headings, seen.extent, view, images)
 
 
 def shoulders_picture(poses: Sequence[TrunkState]) -> Figure | None:

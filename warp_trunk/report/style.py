@@ -82,6 +82,8 @@ class TrunkState:
     """The landmarks that go with it [mm]."""
     measures: TrunkMeasures
     """Its measures."""
+    unseen: np.ndarray | None = None
+    """1 for vertices of the skin that were not measured, else 0, shape (vertices,); None where all were."""
     worn: Worn | None = None
     """How it is shown dressed; None for a part of the body, which has no clothes."""
 

@@ -94,7 +94,9 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
         "rotation": rotation_plot(poses, result.table.column("predicted", "bsr_deg")),
         "sure": skins.sure_picture(poses[1], result.skin_sd),
         "stretch_behind": skins.stretch_picture(poses[1], change, BEHIND),
-        "stretch_front": skins.stretch_picture(poses[1], change, FRONT) if bare else None,
+        "stretch_front": skins.stretch_picture(poses[1], change, FRONT)
+        if bare and result.unseen is None
+        else None,
         "sections": section_plots(poses),
         "convergence": convergence_plot(summary),
     }
@@ -192,8 +194,8 @@ def poses_of(result: Result) -> list[TrunkState]:
     before, predicted, actual = result.skin_before, result.skin, result.actual_skin
     planned, reached = result.landmarks_before, result.landmarks_after
     poses = [
-        TrunkState(BEFORE, before, planned, measure(before, planned)),
-        TrunkState(PREDICTED, predicted, reached, measure(predicted, reached, before)),
+        TrunkState(BEFORE, before, planned, measure(before, planned), result.unseen),
+        TrunkState(PREDICTED, predicted, reached, measure(predicted, reached, before), result.unseen),
     ]
     if actual is not None:
         poses.append(TrunkState(ACTUAL, actual, reached, measure(actual, reached)))

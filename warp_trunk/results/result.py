@@ -39,6 +39,7 @@ from warp_trunk.io.result_files import (
     SKIN_SD,
     SUMMARY,
     TRUNK,
+    UNSEEN_SKIN,
 )
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
@@ -85,6 +86,8 @@ class Result:
     """The same points after surgery [mm], same names in the same order."""
     summary: Summary
     """How the simulation ended, its options and its numbers: the contents of summary.json."""
+    unseen: np.ndarray | None = None
+    """1 for each vertex of the skin that was not measured, else 0, shape (vertices,); None where all were."""
     skin_sd: np.ndarray | None = None
     """Standard deviation of the place of each vertex of the predicted skin along its normal [mm], shape
     (vertices,); None without bands."""
@@ -245,6 +248,7 @@ def write_result(folder: Path, result: Result) -> None:
         LANDMARKS_AFTER: (write_landmarks, after if after.names else None),
         PLAN: (_write_text, result.plan),
         SKIN_SD: (write_skin_sd, result.skin_sd),
+        UNSEEN_SKIN: (write_skin_sd, result.unseen),
         EFFECTS: (write_effects, result.effects),
         SUMMARY: (write_summary, result.summary),
     }
@@ -256,7 +260,17 @@ def write_result(folder: Path, result: Result) -> None:
     if recording is not None and recording != kept:
         shutil.copyfile(recording, kept)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
-    optional = (RECORDING, ACTUAL_SKIN, SKIN_SD, EFFECTS, PLAN, MOTIONS, LANDMARKS_BEFORE, LANDMARKS_AFTER)
+    optional = (
+        RECORDING,
+        ACTUAL_SKIN,
+        SKIN_SD,
+        UNSEEN_SKIN,
+        EFFECTS,
+        PLAN,
+        MOTIONS,
+        LANDMARKS_BEFORE,
+        LANDMARKS_AFTER,
+    )
     for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
         (folder / name).unlink(missing_ok=True)
     for picture in (folder / PICTURES).glob("*.png"):
@@ -309,6 +323,7 @@ def read_result(folder: str | Path) -> Result:
         landmarks_before=planned,
         landmarks_after=reached,
         summary=summary,
+        unseen=None if summary.invented is None else read_skin_sd(folder / UNSEEN_SKIN, len(after.vertices)),
         skin_sd=None if summary.bands is None else read_skin_sd(folder / SKIN_SD, len(after.vertices)),
         effects=None if summary.bands is None else read_effects(folder / EFFECTS, len(after.vertices)),
         plan=read_text(plans[0], "the plan of a result", MOST_PLAN) if plans else None,

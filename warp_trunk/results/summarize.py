@@ -117,7 +117,8 @@ def result_of(
         springs=_springs(model, last.energy),
         synthetic=case.study.synthetic,
         points=follow_points(case, skin.vertices, motion_of),
-        chest=_chest(case, trunk, skin, motion_of),
+        invented=case.invented,
+        chest={} if case.invented else _chest(case, trunk, skin, motion_of),
     )
     result = Result(
         skin_before=case.skin,
@@ -127,6 +128,7 @@ def result_of(
         landmarks_after=planned,
         summary=as_read(summary),
         skin_sd=None if found is None else found.skin_sd,
+        unseen=None if case.unseen is None else case.unseen.astype(np.float64),
         effects=None if found is None else found.effects,
         plan=case.plan,
         recording=recording,

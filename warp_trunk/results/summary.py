@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
+from warp_trunk.case.invented import Invented
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
@@ -148,6 +149,8 @@ class Summary:
     """Eq. 4.6, where the energy is itmsm."""
     points: tuple[FollowedPoint, ...] = ()
     """How far the points of the case move."""
+    invented: Invented | None = None
+    """The parts of the case that were not measured."""
     chest: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Indices of the chest before and as predicted (`measures.chest`), where they are measured."""
 

@@ -38,6 +38,7 @@ from .sources import ErrorSource, sources_of
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case
+    from warp_trunk.case.invented import Invented
     from warp_trunk.measures.derivatives import Derivative
 
     from .prediction import Prediction
@@ -50,7 +51,8 @@ ACCURACY = 0.1
 what the guess of how tissue follows lacks, too."""
 SEED = 1
 """Of the draws."""
-_LANDMARKS, _MESH = "landmarks", "mesh"
+_LANDMARKS, _MESH, _INVENTED = "landmarks", "mesh", "invented parts of the body"
+_FITTED = "cases fitted to the backs of whole bodies (docs/from_a_back_scan.md)"
 
 
 def find_bands(prediction: Prediction, *, draws: int = DRAWS) -> FoundBands:
@@ -212,6 +214,8 @@ def _effects(
     sd = case.uncertainty.landmark_sd
     separate = [float(np.linalg.norm([one.landmarks_before, one.landmarks_after])) for one in solved.apart]
     same = [float(np.linalg.norm(one.landmarks_before + one.landmarks_after)) for one in solved.found]
+    if case.invented is not None:
+        effects[_INVENTED] = exact[_INVENTED] = _invented(case.invented, solved)
     return {**effects, _LANDMARKS: sd * np.array(separate)}, {**exact, _LANDMARKS: sd * np.array(same)}
 
 
@@ -219,6 +223,11 @@ def _mesh(case: Case, solved: _Solved) -> np.ndarray:
     """The deviation of each number by the mesh."""
     given = case.uncertainty
     return np.where(_of_rotation(solved), given.mesh_rotation, given.mesh_length)
+
+
+def _invented(given: Invented, solved: _Solved) -> np.ndarray:
+    """The deviation of each number by the parts of the body that were not measured."""
+    return np.where(_of_rotation(solved), math.hypot(given.rotation, given.pelvis), given.length)
 
 
 def _of_rotation(solved: _Solved) -> np.ndarray:
@@ -233,6 +242,9 @@ def _ranked(
     size = f"{given.landmark_error:g} ± {given.landmark_error_sd:g} mm, before and after each"
     mesh = f"{given.mesh_rotation:g} degrees, {given.mesh_length:g} mm"
     texts = {source.name: (source.spread, source.reference) for source in sources}
+    if case.invented is not None:
+        one = case.invented
+        texts[_INVENTED] = f"{one.rotation:g} and {one.pelvis:g} degrees, {one.length:g} mm", _FITTED
     texts |= {_LANDMARKS: (size, given.landmark_source), _MESH: (mesh, REFERENCES["mesh"])}
     found = []
     for name, effect in {**effects, _MESH: _mesh(case, solved)}.items():

@@ -17,7 +17,9 @@ from warp_trunk.bone_motion.prescribed_motion import rigid_displacement, spline_
 from warp_trunk.case.rib_coupling import RANGES
 from warp_trunk.case.uncertainty import FACTORS, REFERENCES
 from warp_trunk.engine.constants import value_of
+from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.cobb import CobbAngle, cobb_angles, curves_after
+from warp_trunk.measures.spine import asis_axis, spine_of
 
 from .patient import layers_from, motions_of
 from .sensitivities import Sensitivity, constant_names
@@ -85,11 +87,24 @@ def _surgery(case: Case) -> Iterator[ErrorSource]:
             "amount of correction", spread, REFERENCES["cobb"], of_surgery=True, landmarks_after=moved
         )
     for curve in corrected:
+        if case.invented is not None and corrected[curve] >= LEAST_CORRECTION:
+            yield _turn_before(case, curve, case.invented.vertebral_turn)
         if given.rotation and corrected[curve] >= LEAST_CORRECTION:
             spread = f"{given.rotation:g} degrees, less towards the ends of its curve"
             moved = _turned(after, curve, math.radians(given.rotation))
             name, reference = f"rotation of {curve.apex}", REFERENCES["rotation"]
             yield ErrorSource(name, spread, reference, of_surgery=True, landmarks_after=moved)
+
+
+def _turn_before(case: Case, curve: CobbAngle, sd: float) -> ErrorSource:
+    """The turn of a curve before surgery, where it was not measured, as far as the plan takes it away."""
+    turns = [axial_rotation(spine_of(m), asis_axis(m)) for m in (case.landmarks_before, case.planned_landmarks)]
+    was, will = (turn.get(curve.apex) or 0.0 for turn in turns)
+    share = min(1.0, abs(was - will) / max(abs(was), sd, 1e-9))
+    moved = _turned(case.planned_landmarks, curve, math.radians(share * sd))
+    spread = f"{sd:g} degrees, of which the plan takes {100.0 * share:.0f} % away"
+    reference = "turn from the line of the spine (docs/from_a_back_scan.md)"
+    return ErrorSource(f"turn of {curve.apex} before", spread, reference, landmarks_after=moved)
 
 
 def _turned(landmarks: Landmarks, curve: CobbAngle, angle: float) -> np.ndarray:
