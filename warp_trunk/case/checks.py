@@ -185,9 +185,11 @@ def _check_height(skin: Surface, key: str, source: CaseSource, allowed: tuple[fl
     fits = [unit for unit, size in MILLIMETRES.items() if low <= in_file * size <= high]
     what = "trunk" if allowed is TRUNK_HEIGHT else "skin"
     unit = f'units = "{fits[0]}"' if fits else "units"
+    cure = f"set {unit} or axes in {source.name('case')}"
+    if allowed is TRUNK_HEIGHT and high < height <= PART_HEIGHT[1]:  # a person with head or legs
+        cure = "cut off head, arms and legs: warp-trunk close SKIN --cut-above Z --cut-below Z; or " + cure
     raise InputError(
-        f"{source.name(key)}: the {what} is {height:.4g} mm tall, and must be {low:g} to {high:g} mm; "
-        f"set {unit} or axes in {source.name('case')}"
+        f"{source.name(key)}: the {what} is {height:.4g} mm tall, and must be {low:g} to {high:g} mm; {cure}"
     )
 
 

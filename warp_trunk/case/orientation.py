@@ -10,10 +10,13 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
 from .anatomy import HIPS, rib_of
+from .axes import MILLIMETRES
 from .landmarks import VERTEBRAE
 
 _BEHIND = 5.0
 """Distance behind the spine up to which a bone counts as beside it [mm]."""
+_LEAST_VERTEBRA, _MOST_VERTEBRA = 20.0, 150.0
+"""Largest side of the box around a vertebra, of a small child and of an adult [mm]."""
 _OTHER = dict(zip("LRPASI", "RLAPIS", strict=True))
 
 
@@ -89,3 +92,26 @@ def check_axes(bones: Mapping[str, Surface], where: str, code: str = "LPS") -> N
     if wrong := misplaced(bones):
         what = " and ".join(wrong.values())
         raise InputError(f'{where}: axes = "{code}", and {what}; correct the axes{fitting(code, wrong)}')
+
+
+def check_bones(bones: Mapping[str, Surface], where: str, code: str = "LPS") -> None:
+    """InputError for bones in another unit or other axes than a folder states.
+
+    Args:
+        bones: surfaces by name, in LPS [mm] if the folder states them rightly.
+        where: the folder, for messages.
+        code: the axes that it states.
+    """
+    size = float(
+        np.median([np.ptp(bones[name].vertices, axis=0).max() for name in VERTEBRAE if name in bones] or [60.0])
+    )
+    if not _LEAST_VERTEBRA <= size <= _MOST_VERTEBRA:
+        fits = next(
+            (unit for unit, by in MILLIMETRES.items() if _LEAST_VERTEBRA <= size * by <= _MOST_VERTEBRA), None
+        )
+        cure = f'write units = "{fits}" in case.toml' if fits else "write units in case.toml, or give them in mm"
+        raise InputError(
+            f"{where}: vertebrae are {size:.3g} mm wide (median), {low:g} to {high:g} mm is "
+            f"usual; {cure}, and give the case folder"
+        )
+    check_axes(bones, where, code)

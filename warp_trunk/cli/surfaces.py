@@ -106,9 +106,10 @@ class FindLandmarks:
 
     bones: Positional[Path]
     """Folder with one surface for each bone, named after it (T7.ply, hip_left.ply), in mm and LPS axes; or a
-    folder, such as a case, that contains a folder bones."""
+    folder that contains a folder bones, in the units and axes of case.toml where it is a case."""
     out: Path
-    """CSV file to write (name,x,y,z): six landmarks of each vertebra T1 to L5, and the iliac spines."""
+    """CSV file to write (name,x,y,z): six landmarks of each vertebra T1 to L5, and the iliac spines; in
+    mm and LPS, or in the case's units and axes if it lies in the case folder."""
     picture: Path | None = None
     """PNG file to write: the bones from behind and from the left with the landmarks, for a visual check."""
 

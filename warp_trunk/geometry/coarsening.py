@@ -117,7 +117,8 @@ def without_slivers(surface: Surface) -> Surface:
 
     A surface without slivers, or one that is no 2-manifold, comes back as it is. In another one all triangles with
     an angle of less than 5 degrees are collapsed, as far as the surface stays a 2-manifold and no other triangle
-    turns over or becomes thin; those whose edges may not be collapsed stay.
+    turns over or becomes thin; of those whose edges may not be collapsed the
+    longest edge is flipped, where it may be.
     """
     area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
     if area.min(initial=np.inf) <= 1e-12 * area.max(initial=0.0):
@@ -144,7 +145,7 @@ def without_slivers(surface: Surface) -> Surface:
         length = np.take_along_axis(length, order, axis=1).ravel()[first]
         apart = np.flatnonzero(good)[_independent(edges[good], length[good], corners, count)]
         _collapse(edges[apart], target[apart], work)
-    return compact(work.vertices + middle, work.faces)
+    return _flipped(compact(work.vertices + middle, work.faces))
 
 
 def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:
@@ -153,6 +154,29 @@ def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:
     frozen[crossed] = True
     frozen[faces[frozen[faces].any(axis=1)]] = True
     return int(frozen.sum()) > before
+
+
+def _flipped(surface: Surface) -> Surface:
+    """The surface with the longest edges of its last slivers flipped, where that widens the smallest angle of both
+    triangles, turns none over and makes no crossing."""
+    faces = surface.faces.copy()
+    for face in slivers(surface):
+        corners = faces[face]
+        length = np.linalg.norm(surface.vertices[np.roll(corners, -1)] - surface.vertices[corners], axis=1)
+        a, b, c = np.roll(corners, -int(length.argmax()))
+        other = np.flatnonzero((faces == a).any(axis=1) & (faces == b).any(axis=1))
+        other = other[other != face]
+        if len(other) != 1:
+            continue
+        d = int(faces[other[0]][~np.isin(faces[other[0]], (a, b))][0])
+        known = ((faces == c).any(axis=1) & (faces == d).any(axis=1)).any()
+        old, new = faces[[face, other[0]]], np.array([[c, a, d], [c, d, b]], dtype=faces.dtype)
+        normals = area_vectors(surface.vertices, np.vstack([old[1:], new]))
+        if known or (normals[1:] @ normals[0] <= 0.0).any() or len(slivers(Surface(surface.vertices, new))):
+            continue
+        faces[[face, other[0]]] = new
+    flipped = Surface(surface.vertices, faces)
+    return surface if (faces == surface.faces).all() or len(crossings(flipped)) else flipped
 
 
 def _with_planes(vertices: np.ndarray, faces: np.ndarray) -> _Working:

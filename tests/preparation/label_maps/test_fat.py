@@ -6,6 +6,7 @@ import pytest
 from support.label_maps import OBLIQUE, Voxels
 from support.synthetic import sphere
 from warp_trunk.case.layers import SKIN_THICKNESS
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.label_maps.fat import fat_thickness
 from warp_trunk.preparation.scanning.cutting import CutPlane
@@ -68,3 +69,14 @@ def test_on_a_flat_end_nothing_is_measured():
     np.testing.assert_array_equal(measured, ~low | edge)
     assert np.abs(thickness - truth())[~low].mean() < 0.35
     assert np.ptp(thickness[~measured]) == 0.0
+
+
+def test_masks_of_half_a_body_do_not_make_the_rest_lean():
+    made, outer, inner = voxels("fine")
+    upper = made.points[:, 2] > 0.0
+    fat = made.mask((outer < OUTER - SKIN_THICKNESS) & (inner > INNER) & upper)
+    thickness, measured = fat_thickness(SKIN, fat, made.mask((inner <= INNER) & upper), ())
+    assert 0.45 < measured.mean() < 0.65
+    assert (thickness[~measured] > 5.0).all()
+    with pytest.raises(InputError, match="reach no part of the body"):
+        fat_thickness(Surface(SKIN.vertices + 500.0, SKIN.faces), fat, None, ())

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from voxelise_case import write_labels
 
-from support.label_maps import LEVELS, NUMBERS, bones, labels, write_map, write_masks, write_seg_nrrd
+from support.label_maps import LEVELS, NAMES, NUMBERS, bones, labels, write_map, write_masks, write_seg_nrrd
 from warp_trunk import find_landmarks
 from warp_trunk.case.landmarks import VERTEBRA_POINTS
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface_checks import check_solid
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source
+from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_extents
 from warp_trunk.preparation.label_maps.sources import read_body
 
 QUICK = ImportOptions(edge_length=12.0)
@@ -117,3 +119,54 @@ def test_a_vertebra_that_the_image_ends_in_has_no_landmarks(files, tmp_path):
     assert made.found.unsure == {"T5": "the image ends in it, so that only a part is there"}
     assert "T5" in made.case.bones
     assert len(made.case.landmarks_before.names) == 3 * len(VERTEBRA_POINTS) + 2
+
+
+def changed_map(
+    tmp_path: Path, change: Callable[[np.ndarray], np.ndarray], affine: np.ndarray | None = None
+) -> Path:
+    values, own = labels()
+    write_labels(tmp_path / "a.nii.gz", change(values.copy()), own if affine is None else affine, NAMES)
+    return tmp_path / "a.nii.gz"
+
+
+@pytest.mark.parametrize("count", [1, 8])
+def test_a_stray_label_is_left_out_with_a_note(count, files, tmp_path):
+    def stray(values: np.ndarray) -> np.ndarray:
+        values[0, 0, :count] = NUMBERS["rib_right_12"]
+        return values
+
+    made = import_case(read_source(changed_map(tmp_path, stray)), read_body(files[1]), "a", QUICK)
+    assert set(made.case.bones) == set(bones())
+    assert f"rib_right_12: left out, as it has {count} voxels" in " ".join(made.case.notes)
+
+
+def test_labels_without_a_bone_of_the_trunk_are_refused(files, tmp_path):
+    path = changed_map(
+        tmp_path, lambda values: np.where(values > 0, NUMBERS["humerus_left"], 0).astype(values.dtype)
+    )
+    with pytest.raises(InputError, match=r"no bone of the trunk among the labels \(humerus_left\)"):
+        import_case(read_source(path), read_body(files[1]), "a", QUICK)
+
+
+@pytest.mark.parametrize(
+    ("grow", "said"), [(1.0, None), (1.02, "but its header puts them up to"), (0.5, "does not hold")]
+)
+def test_a_body_of_another_header_is_named(grow, said, tmp_path):
+    """The body on the grid of the labels, its header enlarged: the array is the same."""
+    values, affine = labels()
+    write_labels(tmp_path / "b.nii.gz", np.ones_like(values), affine @ np.diag([grow] * 3 + [1.0]))
+    made = doubts_of_extents({"the body": read_body(tmp_path / "b.nii.gz")}, read_source(
+        changed_map(tmp_path, lambda v: v)).masks)  # fmt: skip
+    assert bool(made) == (said is not None)
+    assert said is None or said in " ".join(made)
+
+
+def test_masks_on_grids_that_differ_by_rounding_are_joined(tmp_path):
+    values, affine = labels()
+    shifted = affine.copy()
+    shifted[:3, 3] += 0.005
+    (tmp_path / "m").mkdir()
+    for name, number, own in (("sacrum", "vertebrae_T5", affine), ("vertebrae_S1", "vertebrae_T6", shifted)):
+        write_labels(tmp_path / "m" / f"{name}.nii.gz", (values == NUMBERS[number]).astype(np.uint8), own)
+    own = np.isin(values, [NUMBERS["vertebrae_T5"], NUMBERS["vertebrae_T6"]])
+    assert len(read_source(tmp_path / "m").masks["sacrum"].points()) == own.sum()

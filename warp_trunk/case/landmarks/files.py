@@ -22,6 +22,8 @@ COLUMNS = ("name", "x", "y", "z")
 """The columns of a table of landmarks, unless others are named."""
 ENDINGS = (".csv", ".mrk.json", ".fcsv")
 """Endings of the files that are read."""
+_SLICER_UNITS = {**MILLIMETRES, "um": 1e-3, "µm": 1e-3}
+"""Units of markups, one or one for each axis [mm]."""
 _SLICER_AXES = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
 """The names of axes in files of 3D Slicer; the numbers are those of Slicer before 4.11."""
 _SLICER_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label"
@@ -129,7 +131,7 @@ class _Point(msgspec.Struct, rename="camel"):
 
 class _Markup(msgspec.Struct, rename="camel"):
     coordinate_system: str | int = "LPS"
-    coordinate_units: str = "mm"
+    coordinate_units: str | list[str] = "mm"
     control_points: list[_Point] = []
 
 
@@ -143,12 +145,18 @@ def _read_markups(path: Path) -> Landmarks:
         markups = msgspec.json.decode(read_text(path, _EXPECTED), type=_Markups).markups
     except (msgspec.DecodeError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as markups ({error}); {_CURE}") from error
-    frames = {(str(markup.coordinate_system), markup.coordinate_units) for markup in markups}
+    frames = {
+        (str(markup.coordinate_system), unit)
+        for markup in markups
+        for unit in (
+            [markup.coordinate_units] if isinstance(markup.coordinate_units, str) else markup.coordinate_units
+        )
+    }
     if len(frames) > 1:
         raise InputError(f"{path}: all markups must be in the same axes and units; save them one by one")
     axes, units = frames.pop() if frames else ("LPS", "mm")
-    if units not in MILLIMETRES:
-        raise InputError(f"{path}: 'coordinateUnits' must be {', '.join(MILLIMETRES)}, not {units!r}; {_CURE}")
+    if units not in _SLICER_UNITS:
+        raise InputError(f"{path}: 'coordinateUnits' must be {', '.join(_SLICER_UNITS)}, not {units!r}; {_CURE}")
     points = [point for markup in markups for point in markup.control_points if point.position_status == "defined"]
     rows = [(point.label, *point.position) for point in points if point.position is not None]
     return _of_slicer(path, rows, axes, units)
@@ -177,7 +185,7 @@ def _of_slicer(path: Path, rows: Sequence[Sequence[str | float]], axes: str, uni
     if axes not in _SLICER_AXES:
         raise InputError(f"{path}: the coordinate system must be LPS or RAS, not {axes[:40]!r}; {_CURE}")
     names, points = _named(path, "xyz", [(f"{path}, point {n}", *row) for n, row in enumerate(rows, start=1)])
-    return Landmarks(names, Axes(_SLICER_AXES[axes]).points_to_lps(points, units))
+    return Landmarks(names, Axes(_SLICER_AXES[axes]).points_to_lps(points * _SLICER_UNITS[units]))
 
 
 def write_landmarks(path: str | Path, landmarks: Landmarks) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from warp_trunk.case.layers import SKIN_THICKNESS
+from warp_trunk.errors import InputError
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
@@ -44,12 +45,19 @@ def fat_thickness(
 
     Returns:
         The thickness at each vertex, from the lower side of the skin to that of the fat [mm], and whether it was
-        measured there; elsewhere, on flat ends, it is the median. Shape (vertices,) each.
+        measured there, shape (vertices,) each; elsewhere, on flat ends and beyond the masks, it is the median.
+
+    Raises:
+        InputError: the masks reach no part of the skin.
     """
     flat = [(np.abs(plane.distance(skin.vertices)) < _FLAT)[skin.faces].all(axis=1) for plane in cuts]
     real = Surface(skin.vertices, skin.faces[~np.any(flat, axis=0)] if flat else skin.faces)
     normals = vertex_normals(real)
-    measured = np.linalg.norm(normals, axis=1) > 0.5
+    measured = (np.linalg.norm(normals, axis=1) > 0.5) & reached(
+        skin.vertices, [fat] if muscle is None else [fat, muscle]
+    )
+    if not measured.any():
+        raise InputError("import: the masks of fat and muscle reach no part of the body; give those of this image")
     depths = np.arange(0.0, _REACH + _STEP, _STEP)
     ends = np.zeros(len(skin.vertices))
     for some in np.array_split(np.flatnonzero(measured), max(1, len(ends) // 2000)):  # for the memory
@@ -60,8 +68,14 @@ def fat_thickness(
     face, weights = nearest(real, bottoms, _REACH)  # as deep as layers are meshed: in folds and at rims less
     above = np.einsum("nc,ncx->nx", weights, real.vertices[real.faces[face]])
     thickness = np.maximum(np.linalg.norm(bottoms - above, axis=1) - SKIN_THICKNESS, 0.0)
-    thickness[~measured] = np.median(thickness[measured]) if measured.any() else 0.0
+    thickness[~measured] = np.median(thickness[measured])
     return thickness, measured
+
+
+def reached(points: np.ndarray, masks: Sequence[Mask]) -> np.ndarray:
+    """Which points (n, 3) lie in the box around some masks of one image, or near it."""
+    corners = np.vstack([(mask.part(mask.inside) or mask).corners() for mask in masks])
+    return ((points > corners.min(axis=0) - _BEGINS) & (points < corners.max(axis=0) + _BEGINS)).all(axis=1)
 
 
 def _ends(fat: np.ndarray, muscle: np.ndarray) -> np.ndarray:

@@ -21,22 +21,27 @@ from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.cores import each_over_cores
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface_checks import slivers
 
 from ..landmark_finder import FoundLandmarks, find_landmarks
 from ..scanning.cutting import CutPlane
 from .cartilages import split_cartilages
-from .fat import fat_thickness
+from .fat import fat_thickness, reached
 from .mask import Mask
 from .names import CARTILAGES, FAT, MUSCLE, SKIN
-from .segmentation_checks import doubts_of_bones, doubts_of_image, wrong_way_round
+from .segmentation_checks import doubts_of_bones, doubts_of_extents, doubts_of_image, wrong_way_round
 from .skin import body_skin, check_cuts
 from .sources import Source
-from .surfaces import BoneShape, bone_shape
+from .surfaces import LEAST, BoneShape, bone_shape
 
 _TRUNK = r"[TL]\d+|rib_(left|right)_\d\d|sternum|sacrum|hip_(left|right)"
 """The bones that a case is made of."""
 _MORE = r"scapula_(left|right)|clavicle_(left|right)|costal_cartilage_(left|right)_\d\d"
 """Bones that it may have besides."""
+_COVERED = 0.95
+"""Masks of fat that reach less of the skin are named."""
+_EDGE_LENGTHS = (1.0, 0.96, 1.04)
+"""Where a skin keeps a triangle that is too thin, it is drawn again with edges of another length."""
 Stage = Callable[[str, str], AbstractContextManager[object]]
 """Shows that a stage has begun, by its name and a sentence."""
 
@@ -117,17 +122,26 @@ def import_case(
             notes += more
     of_case = re.compile(f"{_TRUNK}|{_MORE}" if options.more_bones else _TRUNK)
     wanted = re.compile(f"{of_case.pattern}|(humerus|scapula).*")  # the last say where the arms begin
-    labels = sorted(n for n in masks if wanted.fullmatch(n))
+    few = {n: count for n in masks if wanted.fullmatch(n) and (count := np.count_nonzero(masks[n].inside)) < LEAST}
+    notes += [
+        f"{n}: left out, as it has {count} voxels, and {LEAST} are needed; look at this label."
+        for n, count in few.items()
+    ]
+    labels = sorted(n for n in masks if wanted.fullmatch(n) and n not in few)
+    trunk = [n for n in (*labels, *source.surfaces) if re.fullmatch(_TRUNK, n)]
+    if not trunk:
+        has = ", ".join(sorted({*labels, *few, *source.surfaces} - {SKIN})[:5])
+        raise InputError(f"import: there is no bone of the trunk among the labels ({has}); a case needs vertebrae")
     with stage("bones", f"drawing the surfaces of {len(labels)} bones"):
         drawn = each_over_cores(lambda n: bone_shape(masks[n], n, options.smoothing), labels)
         shapes = dict(zip(labels, drawn, strict=True))
     surfaces = {n: s for n, s in source.surfaces.items() if wanted.fullmatch(n)}
     surfaces |= {n: shape.surface for n, shape in shapes.items()}
     with stage("skin", "drawing the skin"):
-        skin, made = (
-            (source.surfaces[SKIN], ()) if body is None else body_skin(body, surfaces, cuts, options.edge_length)
-        )
-        skin = without_slivers(skin)
+        if body is None:
+            skin, made = without_slivers(source.surfaces[SKIN]), ()
+        else:
+            skin, made = _drawn_skin(body, surfaces, cuts, options.edge_length)
     bones = {n: s for n, s in surfaces.items() if of_case.fullmatch(n)}
     own = {n: masks[n] for n in bones if n in masks}
     cut = {n for n, mask in own.items() if mask.faces_at_border()}
@@ -140,6 +154,12 @@ def import_case(
         with stage("fat", "measuring the fat under the skin"):
             thickness, measured = fat_thickness(skin, tissue[FAT], tissue.get(MUSCLE), made)
         layers, fat = Layers(fat_thickness=thickness), thickness[measured]
+        covered = reached(skin.vertices, [tissue[n] for n in (FAT, MUSCLE) if n in tissue]).mean()
+        if covered < _COVERED:
+            notes.append(
+                f"Fat: the masks of fat and muscle reach {100.0 * covered:.0f} % of the skin; the rest is "
+                "not measured there, and the median stands for it."
+            )
     case = Case(
         name=name,
         skin=skin,
@@ -150,10 +170,25 @@ def import_case(
         layers=layers,
     )
     spine = {n: bones[n] for n in VERTEBRAE if n in bones}
+    others = {"the body": body} | {f"the mask of {n}": tissue[n] for n in (FAT, MUSCLE) if n in tissue}
+    notes += doubts_of_extents({n: mask for n, mask in others.items() if mask}, own)
     doubts = turned or (*doubts_of_bones(bones, cut), *doubts_of_image(own, body, spine))
     notes += doubts
     case = replace(case, notes=tuple(notes))
     return Imported(case, found, shapes, made, fat, (*notes, *_dropped(shapes, bones)))
+
+
+def _drawn_skin(
+    body: Mask, bones: Mapping[str, Surface], cuts: tuple[CutPlane, ...], edge_length: float
+) -> tuple[Surface, tuple[CutPlane, ...]]:
+    """The skin without slivers, and where it was cut; of the lengths of edges that are tried the first without."""
+    drawn = []
+    for factor in _EDGE_LENGTHS:
+        skin, made = body_skin(body, bones, cuts, factor * edge_length)
+        drawn.append((without_slivers(skin), made))
+        if not len(slivers(drawn[-1][0])):
+            return drawn[-1]
+    return drawn[0]
 
 
 def _with_cartilages(masks: Mapping[str, Mask]) -> tuple[dict[str, Mask], list[str]]:

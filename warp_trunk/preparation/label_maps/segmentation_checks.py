@@ -26,6 +26,9 @@ _FROM_SACRUM = 12.0
 """The lowest vertebra is nearer to the sacrum than this [mm]: their joints touch."""
 _ALIKE = 3
 """If this many ribs of a side lie at another vertebra than their number states, the numbering is wrong."""
+_APART, _OUTSIDE, _SAMPLE = 1.0, 0.05, 500
+"""Headers of one image place a voxel alike within this [mm]; more than this share of a bone outside the body says
+that they do not fit; number of voxels of a bone that are tried."""
 _LEAST = 400.0
 """A smaller part of the skin at the border is a corner of the image [mm2]."""
 
@@ -183,6 +186,40 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
         for number, at in moved.items():
             doubts.append(
                 f"rib_{side}_{number:02d}: lies at T{at}, not at T{number}; look whether its number is wrong."
+            )
+    return doubts
+
+
+def doubts_of_extents(others: Mapping[str, Mask], bones: Mapping[str, Mask]) -> list[str]:
+    """A sentence for each mask that does not fit the labels: by its header, or as it leaves bones outside.
+
+    Args:
+        others: the body and masks of tissue, by what to call them.
+        bones: the labels by name.
+    """
+    if not bones:
+        return []
+    one, doubts = next(iter(bones.values())), []
+    for name, mask in others.items():
+        if mask.shape == one.shape:
+            apart = np.linalg.norm(mask.corners(whole=True) - one.corners(whole=True), axis=1).max()
+            if apart > max(_APART, one.spacing.max()):
+                what = f"has as many voxels as the labels, but its header puts them up to {apart:.0f} mm elsewhere"
+                doubts.append(f"{name[0].upper()}{name[1:]} {what}; write both with the header of one image.")
+        if name != "the body":
+            continue
+        points = {
+            bone: own.points()[:: 1 + np.count_nonzero(own.inside) // _SAMPLE] for bone, own in bones.items()
+        }
+        outside = [bone for bone, own in points.items() if (~mask.holds(own)).mean() > _OUTSIDE]
+        if outside:
+            (low, high), (least, most) = (
+                (own[:, 2].min(), own[:, 2].max()) for own in (mask.corners(), np.vstack(list(points.values())))
+            )
+            what = f"The body, z {low:.0f} to {high:.0f} mm, does not hold {', '.join(outside[:5])}"
+            more = f" and {len(outside) - 5} more" if len(outside) > 5 else ""
+            doubts.append(
+                f"{what}{more}; the labels have z {least:.0f} to {most:.0f} mm: is it of the same image?"
             )
     return doubts
 
