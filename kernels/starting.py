@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
+import struct
 import sys
 import tempfile
+from pathlib import Path
 
 
 def start_warp() -> None:
@@ -26,6 +29,26 @@ def start_warp() -> None:
             os.dup2(kept, 2)
             os.close(kept)
         aside.seek(0)
+        drop_damaged_kernels(Path(wp.config.kernel_cache_dir or ""))
         for line in aside.read().decode(errors="replace").splitlines():
             if "Could not find or load the NVIDIA CUDA driver" not in line:
                 print(line, file=sys.stderr)
+
+
+def drop_damaged_kernels(cache: Path) -> None:
+    """Remove compiled modules whose files are cut off, as by a full disk, so that they are compiled anew.
+
+    Object files of processors and of CUDA are both ELF, whose header says where its last table ends.
+    """
+    for path in (*cache.glob("wp_warp*/*.o"), *cache.glob("wp_warp*/*.cubin")):
+        try:
+            with path.open("rb") as file:
+                head = file.read(64)
+            whole = len(head) == 64 and head[:4] == b"\x7fELF"
+            if whole:
+                (table,), (size, count) = struct.unpack_from("<Q", head, 40), struct.unpack_from("<HH", head, 58)
+                whole = table + size * count <= path.stat().st_size
+            if not whole:
+                shutil.rmtree(path.parent)
+        except OSError:  # another process has just replaced it
+            continue

@@ -219,3 +219,9 @@ def test_a_second_skin_that_does_not_hold_the_bones_is_refused(change, said):
         return
     with pytest.raises(InputError, match=f"actual_skin: {said}"):
         check_case(case)
+
+
+def test_a_skin_with_head_and_legs_is_to_be_cut():
+    case = small_case()
+    tall = Surface(case.skin.vertices * [1, 1, 1.7], case.skin.faces)
+    refused(replace(case, skin=tall), "977.5 mm tall.*--cut-above Z --cut-below Z")

@@ -102,13 +102,11 @@ def check_bones(bones: Mapping[str, Surface], where: str, code: str = "LPS") -> 
         where: the folder, for messages.
         code: the axes that it states.
     """
-    size = float(
-        np.median([np.ptp(bones[name].vertices, axis=0).max() for name in VERTEBRAE if name in bones] or [60.0])
-    )
-    if not _LEAST_VERTEBRA <= size <= _MOST_VERTEBRA:
-        fits = next(
-            (unit for unit, by in MILLIMETRES.items() if _LEAST_VERTEBRA <= size * by <= _MOST_VERTEBRA), None
-        )
+    low, high = _LEAST_VERTEBRA, _MOST_VERTEBRA
+    sizes = [np.ptp(bones[name].vertices, axis=0).max() for name in VERTEBRAE if name in bones]
+    size = float(np.median(sizes)) if sizes else low
+    if not low <= size <= high:
+        fits = next((unit for unit, by in MILLIMETRES.items() if low <= size * by <= high), None)
         cure = f'write units = "{fits}" in case.toml' if fits else "write units in case.toml, or give them in mm"
         raise InputError(
             f"{where}: vertebrae are {size:.3g} mm wide (median), {low:g} to {high:g} mm is "

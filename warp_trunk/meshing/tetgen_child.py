@@ -4,6 +4,9 @@ Run as a script, `python tetgen_child.py IN.npz OUT.npz`; it imports nothing of 
 fast, and no main module again, so that scripts without a guard, notebooks and `python -c` can mesh.
 """
 
+import ctypes
+import os
+import signal
 import sys
 
 import numpy as np
@@ -12,6 +15,10 @@ import tetgen
 
 def main() -> None:
     """Reads surfaces, holes and bounds, and writes nodes and tetrahedra; a refusal goes to standard error."""
+    if sys.platform == "linux":  # it ends with its parent, however that ends: PR_SET_PDEATHSIG is 1
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+        if os.getppid() == 1:  # which has ended already
+            sys.exit("the program that started it has ended")
     given = np.load(sys.argv[1], allow_pickle=False)
     mesher = tetgen.TetGen(given["vertices"], given["faces"])
     for point in given["holes"]:

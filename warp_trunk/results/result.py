@@ -271,9 +271,10 @@ def write_result(folder: Path, result: Result) -> None:
         LANDMARKS_BEFORE,
         LANDMARKS_AFTER,
     )
+    reported = (folder / PAGE).is_file()  # pictures beside no report are the user's
     for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
         (folder / name).unlink(missing_ok=True)
-    for picture in (folder / PICTURES).glob("*.png"):
+    for picture in (folder / PICTURES).glob("*.png") if reported else ():
         picture.unlink()
     if recording is not None:
         os.replace(kept, folder / RECORDING)

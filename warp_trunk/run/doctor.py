@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import shutil
 import subprocess
 import tempfile
@@ -12,14 +11,20 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import warp as wp
 
 from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.meshing.cache import cache_folder
+from warp_trunk.meshing.tetrahedra import mean_ratio, run_tetgen
 from warp_trunk.recording.viewer import WITHOUT_DISPLAY, has_display, viewer_command, viewer_environment
 from warp_trunk.results.result import LEAST_SPACE
 from warp_trunk.results.versions import versions
 
+from .warming import ball
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
+"""Browsers that Python may not know of where no desktop is."""
 VIEWER_TIMEOUT = 60.0
 """Longest wait for the version of Rerun's viewer [s]."""
 
@@ -51,20 +56,47 @@ def examine(results: Path) -> Iterator[Finding]:
     kernels, again = Path(wp.config.kernel_cache_dir or ""), "install it again: uv sync --reinstall-package"
     probes = {
         "graphics processor": (_graphics, False, "if there is an NVIDIA GPU, install its driver (see nvidia-smi)"),
-        "TetGen": (partial(importlib.import_module, "tetgen"), True, f"{again} tetgen, or simulate --from-mesh"),
+        "TetGen": (_tetgen, True, f"{again} tetgen, or simulate --from-mesh"),
+        "kernels": (_kernel, True, f"delete {kernels} and try again; {again} warp-lang"),
         "meshes kept": (partial(_cache, cache_folder()), False, "set WARP_TRUNK_CACHE to another folder"),
         "kernels kept": (partial(_cache, kernels), True, "set WARP_CACHE_PATH to another folder"),
         "results": (partial(_results, results), True, "go to a folder with space, or give simulate --out one"),
         "Rerun's viewer": (_viewer, False, f"{again} rerun-sdk, or simulate --no-record"),
         "display": (_display, False, WITHOUT_DISPLAY),
-        "browser": (webbrowser.get, False, "install one, or open report.html elsewhere; it is one file"),
+        "browser": (_browser, False, "install one, or open report.html elsewhere; it is one file"),
     }
     for name, (probe, needed, cure) in probes.items():
         try:
             found = probe()
             yield Finding(name, found if isinstance(found, str) else "there is one")
-        except (OSError, ImportError, subprocess.TimeoutExpired, webbrowser.Error) as error:
+        except (OSError, ImportError, RuntimeError, subprocess.TimeoutExpired, webbrowser.Error) as error:
             yield Finding(name, str(error), cure, needed)
+
+
+def _tetgen() -> str:
+    cube = ball()
+    _, tets = run_tetgen(
+        vertices=cube.nodes[cube.skin_nodes],
+        faces=cube.skin_faces,
+        holes=np.empty((0, 3)),
+        bound=np.inf,
+        ratio=2.0,
+    )
+    return f"fills a ball with {len(tets)} tetrahedra"
+
+
+def _kernel() -> str:
+    """Compiles and runs one; RuntimeError where its result is wrong."""
+    regular = np.array([[[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]])
+    quality = float(mean_ratio(regular)[0])
+    if abs(abs(quality) - 1.0) > 1e-9:
+        raise RuntimeError(f"the quality of a regular tetrahedron is {quality:g}, not 1")
+    return "one was compiled or loaded, and its result is right"
+
+
+def _browser() -> str:
+    found = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    return str(getattr(webbrowser.get(f"{found} %s" if found else None), "name", "there is one"))
 
 
 def _display() -> None:
