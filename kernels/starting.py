@@ -36,7 +36,7 @@ def start_warp() -> None:
 
 
 def drop_damaged_kernels(cache: Path) -> None:
-    """Remove compiled modules whose files are cut off, as by a full disk, so that they are compiled anew.
+    """Remove compiled modules whose files are cut off, as by a full disk, so that they are compiled again.
 
     Object files of processors and of CUDA are both ELF, whose header says where its last table ends.
     """

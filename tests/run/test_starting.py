@@ -1,4 +1,4 @@
-"""A compiled kernel that is cut off is compiled anew, and others stay."""
+"""A compiled kernel that is cut off is compiled again, and others stay."""
 
 import struct
 

@@ -10,10 +10,11 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.case import write_case
-from warp_trunk.case.axes import MILLIMETRES
+from warp_trunk.case.axes import MILLIMETRES, Axes
 from warp_trunk.case.case_writer import HEADER, refuse_case
 from warp_trunk.case.header import read_header
-from warp_trunk.case.landmarks import write_landmarks
+from warp_trunk.case.landmarks import Landmarks, write_landmarks
+from warp_trunk.case.orientation import check_bones
 from warp_trunk.case.uncertainty import state_bone_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface_checks import enclosed_volume
@@ -124,10 +125,18 @@ class FindLandmarks:
         folder = inner if inner.is_dir() else self.bones
         with Progress() as progress:
             with progress.stage("load", f"reading the bones of {self.bones}"):
-                bones = read_bones(folder)
+                bones, axes, size = read_bones(folder), Axes("LPS"), 1.0
+                file = (folder.parent if folder.name == "bones" else self.bones) / "case.toml"
+                if file.is_file():
+                    header = read_header(file)
+                    bones = {name: header.surface(path)[0] for name, path in surface_files(folder).items()}
+                    axes, size = header.axes, MILLIMETRES[header.units]
+                check_bones(bones, str(self.bones), axes.code)
             with progress.stage("find", "finding landmarks"):
                 found = find_landmarks(bones)
-            write_landmarks(self.out, found.landmarks)
+            in_case = self.out.resolve().parent == file.resolve().parent
+            points = found.landmarks.points @ axes.matrix / size if in_case else found.landmarks.points
+            write_landmarks(self.out, Landmarks(found.landmarks.names, points))
             if self.picture is not None:
                 from warp_trunk.report.landmark_picture import landmark_picture  # brings matplotlib
 
