@@ -3,7 +3,7 @@
 import struct
 
 import pytest
-from warp_trunk.run.starting import drop_damaged_kernels
+from warp_trunk.kernels.starting import drop_damaged_kernels
 
 
 @pytest.mark.parametrize("keep", [0, 10, 64, 500, 1000])
