@@ -92,6 +92,8 @@ def plain_picture(
     poses: Sequence[TrunkState], view: Viewpoint, lowest: float = -np.inf, wear: Wear = "shirt"
 ) -> tuple[Figure, list[Axes]]:
     """Every pose from one side, above a height [mm], as it is dressed, and the panels."""
+    if any(pose.unseen is not None for pose in poses):
+        wear = "shorts"  # so that grey shows what was not measured
     seen, reliefs = looks(poses, view, lowest=lowest, wear=wear)
     headings = [pose.look.heading for pose in poses]
     images = [
