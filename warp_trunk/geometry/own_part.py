@@ -17,6 +17,9 @@ _LEAST = 1200.0
 _STANDS_OUT = 0.35
 """An arm has at least this area over the square of the line that cuts it off: half a disc has 0.39, the fold of
 skin before a shoulder blade less than 0.1."""
+_ASIDE = 0.5
+"""An arm is cut off between notches at least this part of half the width from the middle: not at the groove of the
+spine."""
 _MOST = 0.4
 """An arm has less than this of the area of the trunk."""
 
@@ -43,8 +46,12 @@ def own_part(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
 def _without_arm(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
     """The outline without the part that stands out most; None where none does."""
     best, most = None, _STANDS_OUT
-    middle = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
-    for first, second in combinations(_notches(loop), 2):
+    low, high = loop.min(axis=0), loop.max(axis=0)
+    middle = 0.5 * (low + high)
+    aside = (loop[:, 0] - middle[0]) / (0.5 * (high[0] - low[0]))
+    for first, second in combinations([n for n in _notches(loop) if abs(aside[n]) >= _ASIDE], 2):
+        if aside[first] * aside[second] < 0.0:
+            continue
         parts = loop[first : second + 1], np.vstack([loop[second:], loop[: first + 1]])
         areas = [enclosed_area(part) for part in parts]
         arm, trunk = (0, 1) if areas[0] < areas[1] else (1, 0)
