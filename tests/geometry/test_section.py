@@ -106,10 +106,10 @@ def test_an_arm_that_touches_is_no_part_of_the_trunk(overlap):
 
 
 def test_no_half_of_the_trunk_is_an_arm():
-    """Stumps of arms at the height of the armpits, a groove at the spine and a shallow fold in front of one arm."""
+    """Stumps of arms at the height of the armpits, a groove at the spine and a fold in front of one arm."""
     corners = np.array(
         [[-200, 22], [-200, -115], [-160, -145], [-110, -178], [-63, -189], [-17, -181], [20, -187], [70, -178],
-         [125, -150], [163, -132], [162, -3], [125, 22], [90, 31], [40, 36], [-25, 18], [-75, 46], [-110, 53]],
+         [125, -143], [163, -132], [162, -3], [125, 22], [90, 31], [40, 36], [-25, 18], [-75, 46], [-110, 53]],
         dtype=float,
     )  # fmt: skip
     share = np.linspace(0.0, 1.0, 20, endpoint=False)[:, None]
