@@ -15,7 +15,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.point_files import read_points
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.measures import cobb_angles
+from warp_trunk.measures import CobbAngle, cobb_angles
 from warp_trunk.measures.back import TURN
 from warp_trunk.preparation.back_scan.body import atlas_body, made_body
 from warp_trunk.preparation.back_scan.fit import FittedBack, fit_back
@@ -85,13 +85,16 @@ class FitBack:
             print(f"There is no curve of {LEAST_COBB:g} degrees to correct; the largest is {most}")
             return OK
         print(f"The largest curve is {largest.angle:.0f} degrees, {largest.upper} to {largest.lower}. Plan it:")
-        curve = f"{largest.apex},correction=0.65"
-        print(
-            next_command(
-                "plan", self.out, "--out", f"{self.out}_planned", "--uiv", "T4", "--liv", "L1", "--curve", curve
-            )
-        )
+        uiv, liv = fused(largest)
+        ends = ("--uiv", uiv, "--liv", liv, "--curve", f"{largest.apex},correction=0.65")
+        print(next_command("plan", self.out, "--out", f"{self.out}_planned", *ends))
         return OK
+
+
+def fused(curve: CobbAngle) -> tuple[str, str]:
+    """The vertebrae that a first plan joins: T4 to L1, or the ends of a curve that has its apex elsewhere."""
+    inside = VERTEBRAE[VERTEBRAE.index("T4") : VERTEBRAE.index("L1") + 1]
+    return ("T4", "L1") if curve.apex in inside[1:-1] else (curve.upper, curve.lower)
 
 
 def fit_text(fit: FittedBack, kind: str) -> str:
