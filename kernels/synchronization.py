@@ -36,20 +36,24 @@ BOARD = """
         else __builtin_ia32_pause();// leaves the core to another thread on it
 #endif
     };
+    const auto meet = [&]() {
+        if (threads == 1) return;
+        const word before = look(meetings);
+        if (add(arrived, 1) == threads) {
+            __atomic_store_n(arrived, 0, __ATOMIC_SEQ_CST);
+            add(meetings, 1);
+        } else for (word looks = 0; look(meetings) == before; ++looks) idle(looks);
+    };
     const auto run_steps = [&](word range) {
         const long* const steps = (const long*)job[0];
         for (long s = 0; s < job[1];) {
             const long* const step = steps + s * (3 + 3 * threads);
             const long* const part = step + 3 + 3 * range;
             if (part[0]) ((Kernel)part[0])((void*)part[1], (void*)part[2]);
-            if (step[0] && threads > 1) {
-                const word before = look(meetings);
-                if (add(arrived, 1) == threads) {
-                    __atomic_store_n(arrived, 0, __ATOMIC_SEQ_CST);
-                    add(meetings, 1);
-                } else for (word looks = 0; look(meetings) == before; ++looks) idle(looks);
-            }
-            s = step[1] && *(const word*)step[1] ? step[2] : s + 1;
+            if (step[0]) meet();
+            const bool back = step[1] && *(const word*)step[1];
+            if (step[1]) meet();  // no thread changes the flag before all have read it
+            s = back ? step[2] : s + 1;
         }
     };
 """
