@@ -88,14 +88,16 @@ def test_the_scan_stands_under_gravity() -> None:
 @pytest.mark.parametrize("energy", ENERGIES)
 @pytest.mark.parametrize("rigidity", [RIGIDITY, 1e4])
 def test_the_distance_reported_in_float32_is_not_below_the_true_one(energy: str, rigidity: float) -> None:
-    """Relaxed as far as float32 goes, against float64, up to a skin that is far stiffer than the tissue."""
+    """Against float64, up to a skin that is far stiffer than the tissue; beyond float32 nothing is claimed."""
     move, found = 0.3 * (rotate(TRUNK.nodes, 12.0, (0.3, 1.0, 0.2)) - TRUNK.nodes), []
-    for precision in ("float64", "float32"):
+    for precision, tolerance in (("float64", 1e-6), ("float32", 0.01), ("float32", 1e-6)):
         model = skinned(energy=energy, skin_rigidity=rigidity, precision=precision)
-        found += increments(model, move, tolerance=1e-6)
+        found += increments(model, move, tolerance=tolerance)
     exact, reported = found[0].displacement, found[1].relaxation.estimated_error
-    assert found[0].relaxation.status is RelaxStatus.CONVERGED
-    assert np.linalg.norm(found[1].displacement - exact, axis=1).max() < reported < 0.01
+    assert [one.relaxation.status for one in found[:2]] == [RelaxStatus.CONVERGED] * 2
+    assert np.linalg.norm(found[1].displacement - exact, axis=1).max() < reported <= 0.01
+    assert found[2].relaxation.status is RelaxStatus.STALLED
+    assert found[2].relaxation.estimated_error == np.inf
 
 
 def test_a_rigidity_of_zero_leaves_the_skin_out() -> None:

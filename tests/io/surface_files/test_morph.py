@@ -2,6 +2,7 @@
 
 import json
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def test_command_writes_both_skins_and_an_animation_that_leads_from_one_to_the_o
     assert main(["export", str(folder), "--glb"]) == 0
     path, result = folder / "skin.glb", read_result(folder)
     assert str(path) in capsys.readouterr().out
-    back = trimesh.load(path, force="mesh", process=False)
+    back = trimesh.load_mesh(path, process=False)
     in_lps = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]).T  # glTF: +y up, +z front, metres
 
     def lps(points):
@@ -62,5 +63,5 @@ def test_file_is_valid_and_keeps_colours(tmp_path, coloured):
         assert one["count"] > 0
     (tmp_path / "a.glb").write_bytes(content)
     if colours is not None:
-        back = trimesh.load(tmp_path / "a.glb", force="mesh", process=False)
-        np.testing.assert_allclose(back.visual.vertex_colors[:, :3] / 255.0, colours, atol=0.003)
+        visual: Any = trimesh.load_mesh(tmp_path / "a.glb", process=False).visual
+        np.testing.assert_allclose(visual.vertex_colors[:, :3] / 255.0, colours, atol=0.003)
