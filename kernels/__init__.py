@@ -1,5 +1,6 @@
-"""All Warp code. Warp is started here, before any kernel is defined, so that it says nothing unless asked."""
+"""All Warp code."""
 
-from .starting import start_warp
+import warp as wp
 
-start_warp()
+if wp.config.log_level == wp.LOG_INFO:  # as it is where no one asked for more
+    wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel

@@ -7,18 +7,19 @@ import shutil
 import struct
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 
+@cache
 def start_warp() -> None:
-    """Starts Warp without the line that its native part prints on every machine without CUDA.
+    """Starts Warp, once, before its first use: not on import, as workers of a cohort get their GPU after that.
 
-    It writes past Python's streams, so the file descriptor is turned aside; anything else it says is passed on.
+    It is started without the line that its native part prints on every machine without CUDA. That writes past
+    Python's streams, so the file descriptor is turned aside; anything else it says is passed on.
     """
     import warp as wp
 
-    if wp.config.log_level == wp.LOG_INFO:  # as it is where no one asked for more
-        wp.config.log_level = wp.LOG_WARNING  # not a line for each kernel
     sys.stderr.flush()
     kept = os.dup(2)
     with tempfile.TemporaryFile() as aside:

@@ -36,7 +36,7 @@ def by_scikit_fem(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float
 def by_warp_trunk(trunk: TrunkMesh, start: np.ndarray, nu: float, gravity: float = 0.0) -> Found:
     tissue = Tissue(youngs_modulus=MODULUS, poisson_ratio=nu, density=DENSITY)
     model = model_of(trunk, tissue, threads=1, energy="neo-hookean", gravity=gravity)
-    relaxation, found = relax(model, start, tolerance=1e-7)
+    relaxation, found = relax(model, start, tolerance=1e-9)
     assert relaxation.status is RelaxStatus.CONVERGED, relaxation
     state = evaluated(model, found)
     return Found(found, state.energy().total - model.elements.gravity_at_rest, gradient_of(state))

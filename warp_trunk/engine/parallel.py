@@ -25,6 +25,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.errors import InputError
+from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.synchronization import (
     BOARD_SIZE,
     call_kernel,
@@ -65,7 +66,7 @@ def takes_turns(function: Callable[P, R]) -> Callable[P, R]:
 
 def choose_device(name: str) -> str:
     """The Warp device for `auto`, `cpu` or `cuda:N`; InputError where it does not exist."""
-    wp.init()
+    start_warp()
     if name == "auto":
         return "cuda:0" if wp.is_cuda_available() else "cpu"
     known = [str(device) for device in wp.get_devices()]

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
+from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.surface import allowed_collapses, edge_lengths, least_around, sort_corners
 
 from .normals import area_vectors, unit
@@ -293,6 +294,7 @@ def _collapse(edges: np.ndarray, target: np.ndarray, work: _Working) -> None:
 
 def _on_device(values: np.ndarray, dtype: Any) -> wp.array:
     """The same memory for the kernels, where the type is the same."""
+    start_warp()
     return wp.array(values, dtype=dtype, device="cpu", copy=False)
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
+from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.surface import nearest_on_mesh
 
 from .surface import Surface
@@ -27,6 +28,7 @@ class SearchTree(NamedTuple):
 
 def search_tree(surface: Surface, *, winding_number: bool = False) -> SearchTree:
     """Build the tree of a surface; with `winding_number` it can distinguish inside from outside."""
+    start_warp()
     middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
     mesh = wp.Mesh(
         points=wp.array(surface.vertices - middle, dtype=wp.vec3, device="cpu"),

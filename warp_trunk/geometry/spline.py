@@ -11,6 +11,7 @@ import warp as wp
 
 from warp_trunk.errors import InputError
 from warp_trunk.kernels.spline import spline_displacement, spline_gradient
+from warp_trunk.kernels.starting import start_warp
 
 _VECTOR: Any = wp.vec3d  # Any: warp's stubs know scalar types only
 _MATRIX: Any = wp.mat33d
@@ -51,6 +52,7 @@ class Spline:
 
     def displacement(self, points: np.ndarray, device: str = "cpu") -> np.ndarray:
         """How far each point moves, shape (m, 3) [mm] -> (m, 3) [mm], float64; computed on a Warp device."""
+        start_warp()
         out = wp.empty(len(points), dtype=_VECTOR, device=device)
         inputs = [*self._arrays(points, device), _VECTOR(*self.constant), _MATRIX(*self.linear.ravel())]
         wp.launch(spline_displacement, dim=len(points), inputs=inputs, outputs=[out], device=device)
@@ -62,6 +64,7 @@ class Spline:
 
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """Gradient of the map at points, shape (m, 3) [mm] -> (m, 3, 3); a determinant <= 0 is a fold."""
+        start_warp()
         out = wp.empty(len(points), dtype=_MATRIX, device="cpu")
         inputs = [*self._arrays(points, "cpu"), _MATRIX(*self.linear.ravel())]
         wp.launch(spline_gradient, dim=len(points), inputs=inputs, outputs=[out], device="cpu")

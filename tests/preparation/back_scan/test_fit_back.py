@@ -113,7 +113,7 @@ def test_bones_lie_inside_and_vertebrae_are_rigid_with_ribs_on_them(fit):
         if name.startswith("rib_"):
             level = bones[f"T{int(name[-2:])}"]
             head = ends(bone, level)[0]
-            assert np.abs(SurfaceDistance(level).at(head[None]))[0] < 6.0, name
+            assert np.abs(SurfaceDistance(level).at(head[None]))[0] < 7.0, name
 
 
 def test_what_is_invented_is_read_back_with_the_case(fit, tmp_path):
