@@ -190,11 +190,11 @@ def test_what_float32_cannot_confirm_is_continued_in_float64(tmp_path, capsys):
     options = RunOptions(
         device="cpu",
         from_mesh=tmp_path / "mesh.vtu",
-        simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-5)),
+        simulation=SimulationOptions(increments=2, relax=RelaxOptions(tolerance=1e-6)),
     )
     result = simulate(case, options=options, warnings=())
     assert "the relaxation continues in float64" in capsys.readouterr().err
     assert result.converged
     assert result.summary.precision == "float64"
     exact = simulate(case, options=replace(options, precision="float64"), warnings=())
-    np.testing.assert_allclose(result.skin.vertices, exact.skin.vertices, rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(result.skin.vertices, exact.skin.vertices, rtol=0.0, atol=2e-6)
