@@ -37,6 +37,7 @@ ODD = [
     ("a byte order mark", content("landmarks_after.csv", lambda b: b"\xef\xbb\xbf" + b.replace(b"\n", b"\r\n"))),
     ("a mark before TOML", content("case.toml", lambda b: b"\xef\xbb\xbf" + b)),
     ("nothing in case.toml", content("case.toml", lambda b: b"")),
+    ("no case.toml", lambda folder: (folder / "case.toml").unlink()),
     ("a link in the folder", linked),
     ("further columns", text("landmarks_after.csv", lambda t: t.replace("\n", ",5\n").replace("z,5", "z,who"))),
     ("a capital ending", lambda f: (f / "skin.ply").rename(f / "skin.PLY")),

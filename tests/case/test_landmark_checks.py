@@ -171,3 +171,10 @@ def test_they_must_lie_near_the_skin(away: float) -> None:
     off = with_mark_moved(PALPATED, "asis_right", [0.0, away, 0.0])
     with pytest.raises(InputError, match=r"'asis_right' is 3.* mm from skin, 30 mm is allowed; .*hip bone"):
         check_case(off)
+
+
+def test_a_plan_that_moves_nothing_is_warned_of():
+    case = small_case()
+    still = replace(case, landmarks_after=case.landmarks_before)
+    assert [w for w in check_case(still) if "moves no landmark" in w]
+    assert not [w for w in check_case(case) if "moves no landmark" in w]

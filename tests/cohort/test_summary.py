@@ -113,3 +113,22 @@ def test_a_method_that_is_worse_than_doing_nothing_says_so_first(tmp_path: Path)
     write_cohort(tmp_path, rows)
     page = (tmp_path / "cohort.html").read_text()
     assert page.index("predicted worse than by saying that nothing changes") < page.index("<table")
+
+
+def test_cases_without_a_spine_are_judged_by_their_skins(tmp_path: Path):
+    """Distances of 1 and 3 mm of two patients, where nothing changed 5 and 9."""
+
+    def moved(name: str, error: float, unmoved: float) -> CaseRow:
+        states = {"error": error, "before": unmoved}
+        return case(
+            name, [Measured(state, "", "distance_mean_mm", mm) for state, mm in states.items()], patient=name
+        )
+
+    rows = [moved("P1", 1.0, 5.0), moved("P2", 3.0, 9.0), *ROWS]
+    summary = write_cohort(tmp_path, rows)
+    assert summary.counted == 4
+    assert {name: one and one.mean for name, one in summary.distance.items()} == {
+        "error": 2.0,
+        "nothing_changes": 7.0,
+    }
+    assert "actual skin 2.00 ± 1.41 mm over 2 patients; 7.00 mm if" in (tmp_path / "cohort.html").read_text()

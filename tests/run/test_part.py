@@ -16,6 +16,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.motions import Motion
 from warp_trunk.case.points import Points
 from warp_trunk.cli import main
+from warp_trunk.cohort.one_case import CohortOptions, do_case
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError
@@ -23,6 +24,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures.part import agreement, swept_volumes
+from warp_trunk.measures.quantities import MeasureTable
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.results import read_result
 from warp_trunk.run.options import RunOptions
@@ -173,3 +175,14 @@ def test_a_cut_jaw_takes_chin_and_lip_along(tmp_path, forward, chin, lip):
     summary = read_result(tmp_path / "out").summary
     assert (summary.status, summary.inverted_tets) == ("CONVERGED", 0)
     assert [point.ratio for point in summary.points[:2]] == pytest.approx([chin, lip], abs=0.05)
+
+
+def test_a_cohort_judges_a_part_by_its_actual_skin(tmp_path):
+    """The skin is as before, so that the prediction is the error and nothing else is right."""
+    case = part_case(front=Motion(translation=(0.0, -6.0, 0.0)))
+    write_case(tmp_path / "a", replace(case, actual_skin=case.skin))
+    row = do_case(tmp_path / "a", tmp_path / "out", CohortOptions(run=replace(OPTIONS, record=False))).row
+    found = MeasureTable(row.measures)
+    assert row.counts
+    assert 0.1 < (found.value("error", "distance_mean_mm") or 0.0) < 6.0
+    assert found.value("before", "distance_mean_mm") == 0.0

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
+
+from warp_trunk.errors import InputError
 
 SIDES = ("left", "right")
 """Sides of the patient."""
@@ -66,6 +70,29 @@ def rank(level: str) -> tuple[int, int]:
     return "CTL".index(level[0]), int(level[1:])
 
 
+def check_file_names(files: Mapping[str, Path]) -> None:
+    """InputError for a file that is called nearly as a bone is: t8, T08, left_hip, rib_left_1 or vertebrae_T8."""
+    for name, path in files.items():
+        bone = _NAMED.get(_words(name), name)
+        if bone != name:
+            rule = f"a case calls this bone {bone}"
+            raise InputError(f"{path}: {rule}; rename the file to {bone}{path.suffix}, or remove it")
+
+
+def _words(name: str) -> tuple[str, ...]:
+    """The words of a name in any order, without capitals, leading zeros and `vertebra`."""
+    words = [word.lstrip("0") for word in re.findall(r"[a-z]+|\d+", name.lower())]
+    return tuple(sorted(word for word in words if word not in ("vertebra", "vertebrae")))
+
+
 def is_known(bone: str) -> bool:
     """Whether a name is one of a bone."""
     return _KNOWN.fullmatch(bone) is not None
+
+
+_PAIRED = [f"{bone}_{side}" for bone in ("hip", "femur", "scapula", "clavicle", "humerus") for side in SIDES]
+_NUMBERED = [
+    f"{bone}_{side}_{n:02d}" for bone in ("rib", "costal_cartilage") for side in SIDES for n in range(1, 13)
+]
+_NAMED = {_words(bone): bone for bone in (*VERTEBRAE, "sternum", "sacrum", "coccyx", *_PAIRED, *_NUMBERED)}
+"""Names of bones by their words."""

@@ -12,13 +12,14 @@ from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
 from warp_trunk.io.file_access import check_within, read_text
-from warp_trunk.io.result_files import MOST_PLAN, PLAN
+from warp_trunk.io.result_files import MOST_PLAN, PLAN, SUMMARY
 from warp_trunk.io.surface_files import surface_files
 
+from .anatomy import check_file_names
 from .axes import MILLIMETRES
 from .case import Case
 from .checks import CaseSource, check_case, check_names
-from .header import read_header
+from .header import HEADER, is_case, read_header
 from .invented import read_invented_skin
 from .landmark_checks import align_pelvis
 from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
@@ -68,6 +69,7 @@ def read_checked_case(
     header = files.header
     moved = files.motions(None if motions is None else Path(motions))
     bones, bones_after = surface_files(files.folder / "bones"), surface_files(files.folder / "bones_after")
+    check_file_names(bones)
     if not bones:
         raise InputError(f"{files.folder / 'bones'}: there is no surface in it; add each bone as bones/<name>.ply")
     before, after = files.landmarks("landmarks_before"), files.landmarks("landmarks_after")
@@ -130,17 +132,32 @@ def nearest_vertices(of: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.asarray(KDTree(of).query(points)[1])
 
 
+def _instead(folder: Path) -> str:
+    """The cure for a folder that is no case."""
+    if (folder / SUMMARY).is_file():
+        return "; it is a result, which report, view, measure and export take"
+    if inner := [path.name for path in sorted(folder.iterdir()) if path.is_dir() and is_case(path)]:
+        return f"; give one of those in it, such as {folder / inner[0]}"
+    if is_case(folder.absolute().parent):
+        return f"; give {folder.parent}, the folder around it"
+    there = {"skin.ply": surface_files(folder, "skin"), "bones/": (folder / "bones").is_dir()}
+    missing = " and no ".join(name for name, is_there in there.items() if not is_there)
+    return f", as it has no {missing}; add what is missing, in mm and LPS or with case.toml"
+
+
 class _Files:
     """The files of a case folder, read into LPS and mm."""
 
     def __init__(self, folder: Path) -> None:
         if not folder.is_dir():
             what = "is a file" if folder.exists() else "there is no such folder"
-            raise InputError(f"{folder}: {what}; a case folder with case.toml was expected")
-        check_within(folder, folder / "case.toml")
-        self.folder, self.header = folder, read_header(folder / "case.toml")
+            raise InputError(f"{folder}: {what}; a case folder with skin.ply and bones/ was expected")
+        check_within(folder, folder / HEADER)
+        self.folder, self.header = folder, read_header(folder / HEADER)
+        if not is_case(folder):
+            raise InputError(f"{folder}: is no case folder{_instead(folder)}")
         self.notes: list[str] = []
-        self.names = {"case": folder / "case.toml"}
+        self.names = {"case": folder / HEADER}
         """The files that were read, for messages."""
 
     def surface(self, key: str, path: Path) -> Surface:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.atomic_write import write_whole
+from warp_trunk.io.atomic_write import partial, write_whole
 from warp_trunk.io.surface_files import surface_files, write_surface
 
 from .axes import Axes
 from .case import Case
-from .header import CaseHeader, header_text
+from .header import HEADER, CaseHeader, header_text, is_case
 from .invented import write_invented_skin
 from .landmarks import write_landmarks
 from .layers import write_layers
@@ -20,15 +20,12 @@ from .motions import motions_text
 from .points import FILE as POINTS
 from .points import points_text
 
-HEADER = "case.toml"
-"""The file that makes a folder a case."""
-
 
 def refuse_case(place: Path) -> None:
     """Raise InputError for an output that is a case folder or lies in one, also through links."""
     whole = place.resolve()
     for folder in (whole, *whole.parents):
-        if (folder / HEADER).is_file():
+        if is_case(folder):
             what = "is a case folder" if folder == whole else f"lies in the case folder {folder}"
             mixed = "a result there could be mistaken for its files"
             raise InputError(f"{place}: {what}, and {mixed}; give --out a place outside it")
@@ -38,7 +35,7 @@ def write_case(folder: str | Path, case: Case) -> None:
     """Write a complete case folder, in LPS and mm, which `read_case` reads back to the last bit.
 
     Bones come back in the order of their names. `case.toml` is written last and an earlier one removed first, so
-    that a folder with one is complete.
+    that a folder with one is complete; until then `case.partial.toml` stands for it.
 
     >>> wt.write_case(folder / "written", case)
     >>> sorted(path.name for path in (folder / "written").iterdir())
@@ -50,7 +47,7 @@ def write_case(folder: str | Path, case: Case) -> None:
     """
     folder = Path(folder)
     surfaces = _surfaces(folder, case)
-    (folder / HEADER).unlink(missing_ok=True)
+    begin_case(folder)
     for path, surface in surfaces.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_surface(path, surface)
@@ -83,6 +80,13 @@ def write_case(folder: str | Path, case: Case) -> None:
         layers=None if case.layers is None else write_layers(folder, case.layers),
     )
     write_whole(folder / HEADER, header_text(header))
+
+
+def begin_case(folder: Path) -> None:
+    """Marks a folder as a case that is not yet complete, which `read_case` refuses."""
+    folder.mkdir(parents=True, exist_ok=True)
+    partial(folder / HEADER).write_text("")
+    (folder / HEADER).unlink(missing_ok=True)
 
 
 def _surfaces(folder: Path, case: Case) -> dict[Path, Surface]:

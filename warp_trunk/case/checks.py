@@ -100,7 +100,8 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
     check_on_bones(case, source.name)
     if after is not None:
         where = source.name("landmarks_after")
-        check_motion(before, after, where, case.study.pose)
+        moved = check_motion(before, after, where, case.study.pose)
+        warnings += [] if case.motions else moved
         warnings += (
             check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
         )
@@ -158,9 +159,11 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
         raise InputError(f"{where}: '{names[i]}' and '{names[j]}' {apart}; correct or remove one")
     lost = [name for name in names if name not in ASIS and bone_of(name, bones) is None]  # ASIS may be on the skin
     if lost:
-        raise InputError(
-            f"{where}: '{lost[0]}' needs a bone that its name begins with; add it or rename the point"
-        )
+        bone = lost[0].partition("_")[0]
+        need = "needs a bone that its name begins with; add it or rename the point"
+        if region(bone):
+            need = f"lies on the bone {bone}, and there is no bones/{bone}.ply; add it, or leave out its landmarks"
+        raise InputError(f"{where}: '{lost[0]}' {need}")
     vertebrae = landmarks.vertebrae()
     needed = dict.fromkeys(ASIS, "rotations are measured against the ASIS")
     for bone in vertebrae:

@@ -10,7 +10,8 @@ from typing import Any
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.surface_files import in_lps, read_stated
+from warp_trunk.io.atomic_write import partial
+from warp_trunk.io.surface_files import ENDINGS, in_lps, read_stated
 
 from .axes import MILLIMETRES, Axes
 from .invented import Invented
@@ -21,6 +22,8 @@ from .rib_coupling import FORMER_RIBS, RibCoupling
 from .study import Study
 from .uncertainty import Uncertainty
 
+HEADER = "case.toml"
+"""The file of a case folder that this module reads; a folder without it has the defaults."""
 POSTURES = ("standing", "supine", "prone")
 """Postures during the scan."""
 
@@ -81,14 +84,24 @@ _KINDS = {
 """The type of each value of case.toml."""
 
 
+def is_case(folder: Path) -> bool:
+    """Whether a folder is a case: it has case.toml, or a skin and bones."""
+    skin = any((folder / f"skin{ending}").is_file() for ending in ENDINGS)
+    return (folder / HEADER).is_file() or (skin and (folder / "bones").is_dir())
+
+
 def read_header(path: Path) -> CaseHeader:
-    """Read case.toml.
+    """Read case.toml, which may be missing.
 
     Raises:
-        InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of
-            the wrong type or one that is not allowed.
+        InputError: an unreadable file, one that was not written to its end, an unknown key (the nearest known one
+            is named), a value of the wrong type or one that is not allowed.
     """
-    table = read_toml(path, "a case needs this file, which may be empty")
+    table: dict[str, Any] = {}
+    if path.exists() or path.is_symlink():
+        table = read_toml(path, "the header of a case was expected")
+    elif partial(path).exists():
+        raise InputError(f"{path}: is missing, as writing this case did not end; write the case again")
     refuse_unknown(path, table, list(_KINDS), "")
     for name, former in (("ribs", FORMER_RIBS), ("study", {"virtual": "synthetic"})):
         if name in table:

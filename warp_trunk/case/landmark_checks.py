@@ -25,6 +25,8 @@ MOST_OFF_BONE = 15.0
 MOST_OFF_SKIN = 30.0
 """Largest distance of an iliac spine from the skin without its hip bone [mm]: a palpated one lies on the skin, one
 seen on a film 14 and 17 mm below it in the anatomy of BodyParts3D, and more in the obese."""
+_STILL = 0.05
+"""Landmarks that move less do not move [mm]."""
 MOST_MOTION: dict[Pose, float] = {"surgery": 150.0, "bending": 400.0}
 """Largest displacement of a landmark [mm]; C7 of 20 patients who bent sideways moved by up to 305 mm."""
 
@@ -51,14 +53,17 @@ def check_on_bones(case: Case, file_of: Callable[[str], str]) -> None:
             )
 
 
-def check_motion(before: Landmarks, after: Landmarks, where: str, pose: Pose = "surgery") -> None:
+def check_motion(before: Landmarks, after: Landmarks, where: str, pose: Pose = "surgery") -> list[str]:
     """Check that no landmark moves farther than surgery, or bending, moves one; both have the same names in one
-    order."""
+    order. A warning where none moves."""
     moved = np.linalg.norm(after.points - before.points, axis=1)
     worst = int(np.argmax(moved))
     if not moved[worst] <= MOST_MOTION[pose]:
         far = f"'{before.names[worst]}' moves {moved[worst]:.1f} mm, {MOST_MOTION[pose]:g} mm is allowed"
         raise InputError(f"{where}: {far}; both landmark files must be in one frame and unit")
+    if moved[worst] < _STILL:
+        return [f"{where}: moves no landmark, so that the skin stays as it is; give the plan a curve to correct."]
+    return []
 
 
 ROUGH = 3.0

@@ -102,8 +102,9 @@ class Calibrate(SimulationArguments):
             study = case.study
             if self.pose not in ("all", study.pose):
                 continue
-            if case.actual_skin is None:
-                progress.message(f"{folder}: has no actual skin, and takes no part")
+            if case.actual_skin is None or not case.has_spine:
+                lacks = "landmarks of a spine" if case.actual_skin is not None else "actual skin"
+                progress.message(f"{folder}: has no {lacks}, and takes no part")
                 continue
             case = changes.of(case, options.run)
             check_free(self.free, case, options.run)
@@ -114,5 +115,5 @@ class Calibrate(SimulationArguments):
             )
         if not found:
             after = "" if self.pose == "all" else f" after {self.pose}"
-            raise InputError(f"{self.folder}: no case with an actual skin{after}; add actual_skin.ply")
+            raise InputError(f"{self.folder}: no case with a spine and an actual skin{after}; add actual_skin.ply")
         return found

@@ -12,7 +12,7 @@ from warp_trunk.case import Case, read_case
 from warp_trunk.case.arms import arm_warnings
 from warp_trunk.case.axes import MILLIMETRES
 from warp_trunk.case.case_writer import refuse_case
-from warp_trunk.case.header import read_header
+from warp_trunk.case.header import HEADER, read_header
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.case.second_skin import check_second_skin
 from warp_trunk.errors import InputError
@@ -153,7 +153,7 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
             another size, turned, or does not hold the bones.
     """
     if case_folder is not None and case_folder.resolve() in path.resolve().parents:
-        surface, _ = read_header(case_folder / "case.toml").surface(path)
+        surface, _ = read_header(case_folder / HEADER).surface(path)
     else:
         surface = read_surface(path)
     fault = manifold_fault(surface)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,18 +35,21 @@ def mean_and_largest(errors: np.ndarray, names: Sequence[str] = (), unit: str = 
     return f"mean {np.nanmean(errors):.2f}, largest {np.nanmax(errors):.2f} {unit}{worst}"
 
 
-def read_bones(folder: Path) -> dict[str, Surface]:
-    """Surfaces by the names of their files, sorted.
+def read_bones(folder: Path, read: Callable[[Path], Surface] | None = None) -> dict[str, Surface]:
+    """Surfaces by the names of their files, sorted; read by `read_surface` where nothing else is given.
 
     Raises:
-        InputError: no such folder, no surface in it, or one that cannot be read.
+        InputError: no such folder, no surface in it, a name that is nearly one of a bone, or one that cannot be
+            read.
     """
+    from warp_trunk.case.anatomy import check_file_names
     from warp_trunk.io.surface_files import read_surface, surface_files
 
     files = surface_files(folder) if folder.is_dir() else {}
     if not files:
         raise InputError(f"{folder}: there is no such folder with surfaces; give each bone as <name>.ply in it")
-    return {name: read_surface(path) for name, path in files.items()}
+    check_file_names(files)
+    return {name: (read or read_surface)(path) for name, path in files.items()}
 
 
 def cut_planes(texts: Sequence[str], above: float | None, below: float | None) -> list[CutPlane]:

@@ -13,6 +13,7 @@ from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of
 from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
 from warp_trunk.case import read_case
 from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.landmark_checks import check_motion
 from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles
 from warp_trunk.run.best_plan import best_plan, best_plan_text
@@ -95,6 +96,8 @@ class PlanCommand:
             with progress.stage("write", f"writing {self.out}"):
                 planned = write_planned_case(self.out, case, surgery)
             print(surgery_text(surgery))
+            for warning in check_motion(case.landmarks_before, planned.planned_landmarks, "the plan"):
+                progress.message(f"warning: {warning}")
             if found is not None:
                 print(f"\n{best_plan_text(found)}")
             print(f"\nPlanned case written to {self.out}")

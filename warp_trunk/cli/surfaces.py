@@ -10,9 +10,9 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.case import write_case
-from warp_trunk.case.axes import MILLIMETRES, Axes
-from warp_trunk.case.case_writer import HEADER, refuse_case
-from warp_trunk.case.header import read_header
+from warp_trunk.case.axes import MILLIMETRES
+from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.header import HEADER, is_case, read_header
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.case.orientation import check_bones
 from warp_trunk.case.uncertainty import state_bone_landmarks
@@ -125,16 +125,14 @@ class FindLandmarks:
         folder = inner if inner.is_dir() else self.bones
         with Progress() as progress:
             with progress.stage("load", f"reading the bones of {self.bones}"):
-                bones, axes, size = read_bones(folder), Axes("LPS"), 1.0
-                file = (folder.parent if folder.name == "bones" else self.bones) / "case.toml"
-                if file.is_file():
-                    header = read_header(file)
-                    bones = {name: header.surface(path)[0] for name, path in surface_files(folder).items()}
-                    axes, size = header.axes, MILLIMETRES[header.units]
+                case = folder.parent if folder.name == "bones" else self.bones
+                header = read_header(case / HEADER)
+                bones = read_bones(folder, lambda path: header.surface(path)[0])
+                axes, size = header.axes, MILLIMETRES[header.units]
                 check_bones(bones, str(self.bones), axes.code)
             with progress.stage("find", "finding landmarks"):
                 found = find_landmarks(bones)
-            in_case = self.out.resolve().parent == file.resolve().parent
+            in_case = self.out.resolve().parent == case.resolve()
             points = found.landmarks.points @ axes.matrix / size if in_case else found.landmarks.points
             write_landmarks(self.out, Landmarks(found.landmarks.names, points))
             if self.picture is not None:
@@ -148,9 +146,8 @@ class FindLandmarks:
         for name, why in found.unsure.items():
             print(f"warp-trunk: {name}: not found: {why}", file=sys.stderr)
         print(f"{len(found.landmarks.names)} landmarks written to {self.out}")
-        header = self.out.parent / HEADER
-        if header.is_file() and folder.resolve().parent == header.resolve().parent:  # of the same case
-            print(state_bone_landmarks(header))
+        if in_case and is_case(case):
+            print(state_bone_landmarks(case / HEADER))
         return INCOMPLETE if found.unsure else OK
 
 
@@ -231,7 +228,7 @@ class Cut:
 
     def run(self, arguments: list[str]) -> int:
         """Writes the parts in place of the bone."""
-        header = read_header(self.case / "case.toml")
+        header = read_header(self.case / HEADER)
         files = surface_files(self.case / "bones")
         if self.bone not in files:
             raise InputError(f"--bone: there is no '{self.bone}' in {self.case / 'bones'}; give one that is there")

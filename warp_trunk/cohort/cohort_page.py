@@ -55,6 +55,7 @@ def cohort_page(rows: Sequence[CaseRow], summary: CohortSummary) -> str:
         patients=summary.patients,
         made_up_cases=summary.synthetic,
         first=[*worse_parts(summary), *_left_out(rows, summary)],
+        distances=distances_text(summary),
         detectable=DETECTABLE,
         range_head=RANGE_HEAD,
         range_rows=_range_rows(summary),
@@ -229,6 +230,17 @@ def agreement_picture(rows: Sequence[CaseRow], summary: CohortSummary) -> Figure
     across = "mean of predicted and actual back surface rotation [degrees]"
     _finish(figure, axes, across, "predicted − actual [degrees]")
     return figure
+
+
+def distances_text(summary: CohortSummary) -> list[str]:
+    """A sentence on cases without a spine; none where there is no such case."""
+    error, nothing = summary.distance["error"], summary.distance["nothing_changes"]
+    if error is None or nothing is None:
+        return []
+    return [
+        f"Without a spine: mean distance from the actual skin {plus_minus(error)} mm over {error.patients} "
+        f"patients; {nothing.mean:.2f} mm if nothing changed."
+    ]
 
 
 REGIONS = {"T3-T12": "The thoracic back (T3-T12)", "L1-L5": "The lumbar back (L1-L5)"}

@@ -16,6 +16,7 @@ from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.result_files import MEASURES, PREDICTED_SKIN
 from warp_trunk.measures import measure
+from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, Measured, measured
 from warp_trunk.results import Result
 from warp_trunk.results.judging import judged, write_measures
@@ -125,6 +126,11 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     main = max(summary.curves[BEFORE], key=lambda curve: curve.angle, default=None)
     left = None if main is None else result.table.value(PREDICTED, "cobb_deg", f"{main.upper}-{main.lower}")
     of_errors = [row for row in found.table.rows if row.state == "error"]
+    if case.has_spine:
+        of_errors += _carried(case)
+    elif case.actual_skin is not None:  # the error, had one said that nothing changes
+        unmoved, _ = agreement(case.skin, case.actual_skin)
+        of_errors += [Measured(BEFORE, "", name, value) for name, value in unmoved.items()]
     return CaseRow(
         folder=folder.name,
         status=summary.status,
@@ -136,7 +142,7 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
         correction_percent=None if main is None or left is None else 100.0 * (1.0 - left / main.angle),
         months_after=study.months_after,
         tets=summary.tets,
-        measures=(*summary.measures, *_carried(case), *of_errors),
+        measures=(*summary.measures, *of_errors),
         warnings=len(summary.warnings),
         seconds=summary.seconds.get("total"),
         peak_memory_mb=summary.peak_memory_mb,

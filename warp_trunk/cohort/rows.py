@@ -62,8 +62,10 @@ class CaseRow:
 
     @property
     def judged(self) -> bool:
-        """Whether its actual back is known at any level."""
-        return any(value is not None for value in MeasureTable(self.measures).values(ACTUAL, "bsr_deg").values())
+        """Whether its actual back is known at any level, or without a spine its actual skin."""
+        table = MeasureTable(self.measures)
+        known = (*table.values(ACTUAL, "bsr_deg").values(), table.value("error", "distance_mean_mm"))
+        return any(value is not None for value in known)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,6 +93,9 @@ class CohortSummary:
     """Of back surface rotation from T3 to L5 [degrees]."""
     hump: HumpSummary | None
     """The largest hump."""
+    distance: dict[str, Estimate | None]
+    """Mean distance from the actual skin [mm] of cases without a spine: of the prediction (`error`), and of the
+    skin before surgery (`nothing_changes`)."""
     trends: dict[str, Trend | None]
     """Mean error of a case from T3 to L5 [degrees] over what it may go with; None where that is not known."""
 
@@ -166,6 +169,10 @@ def summarize_cohort(rows: Sequence[CaseRow]) -> CohortSummary:
         levels={level: one for level in RANGES[WHOLE] if (one := _level(found.filter(level=level)))},
         agreement=limits_of_agreement(predicted["error"].to_list(), predicted["patient"].to_list()),
         hump=_hump(tidy(counted).filter(quantity="max_hump_mm")),
+        distance={
+            name: _mean(tidy(counted).filter(state=state, level="", quantity="distance_mean_mm"))
+            for name, state in (("error", "error"), ("nothing_changes", "before"))
+        },
         trends={
             name: trend([getattr(row, name) for row in counted], [whole.get(row.folder) for row in counted])
             for name in AGAINST
@@ -196,6 +203,10 @@ def _estimates(cases: pl.DataFrame) -> Estimates:
         return over_patients(known[name].to_list(), known["patient"].to_list())
 
     return {name: estimate(name) for name in numbers.columns[1:]}
+
+
+def _mean(numbers: pl.DataFrame) -> Estimate | None:
+    return over_patients(numbers["value"].to_list(), numbers["patient"].to_list())
 
 
 def _level(of: pl.DataFrame) -> LevelSummary | None:

@@ -11,7 +11,7 @@ import msgspec
 from warp_trunk.io.atomic_write import csv_text, write_whole
 from warp_trunk.measures.quantities import DETECTABLE
 
-from .cohort_page import cohort_page, plus_minus, worse_parts
+from .cohort_page import cohort_page, distances_text, plus_minus, worse_parts
 from .rows import CaseRow
 from .summary import CohortSummary, summarize_cohort, tidy
 
@@ -54,4 +54,4 @@ def cohort_text(summary: CohortSummary) -> str:
                 f"{nothing.mean:.2f}° if nothing changed, {spline.mean:.2f}° by the spline; "
                 f"{100.0 * within.mean:.0f} % of levels within {DETECTABLE:g}°"
             )
-    return "\n".join([*lines, *worse_parts(summary)])
+    return "\n".join([*lines, *distances_text(summary), *worse_parts(summary)])

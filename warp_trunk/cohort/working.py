@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warp_trunk.case.case_writer import HEADER, refuse_case
+from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.header import is_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import make_writable
 from warp_trunk.run.warming import warm
@@ -103,11 +104,11 @@ def case_folders(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; give the one that holds the case folders")
-    if (folder / HEADER).is_file():
+    if is_case(folder):
         raise InputError(f"{folder}: is one case; give the folder that holds it and the others, or use simulate")
-    found = sorted(path.parent for path in folder.glob(f"*/{HEADER}"))
+    found = sorted(path for path in folder.iterdir() if is_case(path))
     if not found:
-        cure = f"a case folder has {HEADER} in it; make cases with warp-trunk import, plan or make-case"
+        cure = "a case folder has skin.ply and bones/ in it; make cases with warp-trunk import, plan or make-case"
         raise InputError(f"{folder}: holds no case folder; {cure}")
     return found
 

@@ -80,7 +80,10 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--free", "poisson_ratio", "--pose", "bending"], "no case with an actual skin after bending"),
+        (
+            ["--free", "poisson_ratio", "--pose", "bending"],
+            "no case with a spine and an actual skin after bending",
+        ),
         (["--free", "poisson_ratio", "--out", "tissue.txt"], "tissue.txt: must end in .toml"),
     ],
 )

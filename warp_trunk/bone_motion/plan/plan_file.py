@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case import write_case
-from warp_trunk.case.case_writer import HEADER, refuse_case
+from warp_trunk.case.case_writer import begin_case, refuse_case
+from warp_trunk.case.header import is_case
 from warp_trunk.case.keys import refuse_unknown, toml, toml_table
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
@@ -135,8 +136,7 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
     """
     check_planned_folder(folder)
     planned = planned_case(case, surgery, name or folder.resolve().name)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / HEADER).unlink(missing_ok=True)
+    begin_case(folder)
     write_plan(folder / PLAN, surgery.plan)
     with atomic_write(folder / RECORD) as unfinished:
         text = json.dumps(surgery_record(surgery), indent=2, allow_nan=False)
@@ -153,7 +153,7 @@ def planned_case(case: Case, surgery: PlannedSurgery, name: str) -> Case:
 
 def check_planned_folder(folder: Path, case: Path | None = None) -> None:
     """Raise InputError where a planned case would take the place of a case that no plan wrote, or lie in one."""
-    if (folder / HEADER).exists() and not (folder / PLAN).exists():
+    if is_case(folder) and not (folder / PLAN).exists():
         same = case is not None and folder.resolve() == case.resolve()
         what = "is the case itself" if same else "holds another case"
         raise InputError(f"{folder}: {what}, which a plan does not overwrite; give --out a folder of its own")
