@@ -59,4 +59,4 @@ class Axes:
         A left-handed code mirrors that picture.
         """
         faces = surface.faces[:, ::-1].copy() if self.left_handed else surface.faces
-        return Surface(self.points_to_lps(surface.vertices, units), faces)
+        return Surface(self.points_to_lps(surface.vertices, units), faces, surface.colours)

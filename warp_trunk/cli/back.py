@@ -13,7 +13,7 @@ from warp_trunk.case.case_writer import refuse_case
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
-from warp_trunk.io.point_files import read_points
+from warp_trunk.io.point_files import read_scan
 from warp_trunk.io.surface_files import read_surface
 from warp_trunk.measures import CobbAngle, cobb_angles
 from warp_trunk.measures.back import TURN
@@ -57,7 +57,7 @@ class FitBack:
         size = MILLIMETRES[self.units]
         with Progress() as progress:
             with progress.stage("load", f"reading {self.back}"):
-                points = read_points(self.back) * size
+                points, colours = read_scan(self.back)
                 spine = read_patient_spine(self.spine, size)
                 found = read_landmarks(self.markers)
                 markers = Landmarks(found.names, found.points * size)
@@ -68,7 +68,9 @@ class FitBack:
                     body = atlas_body(read_surface(self.atlas / "skin.ply"), bones, self.atlas.resolve().name)
             with progress.stage("fit", "fitting a body to the scan"):
                 files = str(self.back), str(self.spine), str(self.markers)
-                fit = fit_back(points, spine, markers, body, self.out.resolve().name, files=files)
+                fit = fit_back(
+                    points * size, spine, markers, body, self.out.resolve().name, colours=colours, files=files
+                )
             with progress.stage("write", f"writing {self.out}"):
                 from warp_trunk.report.fit_picture import fit_picture  # brings matplotlib
 

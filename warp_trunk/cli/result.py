@@ -80,6 +80,8 @@ class Export:
     glb: bool = False
     """Write the skin as glTF, with the surgery as a morph target and its animation; by default to skin.glb in the
     result folder."""
+    plain: bool = False
+    """Write the skin without the colours of its scan."""
 
     def run(self, arguments: list[str]) -> int:
         """Writes the file."""
@@ -94,7 +96,8 @@ class Export:
         check_place(out)
         if ending == ".glb":
             result = read_result(self.result)
-            content = morph_glb(result.skin_before, result.skin, (result.summary.case, "predicted"))
+            names = result.summary.case, "predicted"
+            content = morph_glb(result.skin_before, result.skin, names, plain=self.plain)
             with atomic_write(out) as unfinished:
                 unfinished.write_bytes(content)
             print(f"{len(result.skin.vertices)} vertices before surgery and predicted: {out}")

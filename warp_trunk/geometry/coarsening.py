@@ -17,6 +17,7 @@ import warp as wp
 from warp_trunk.kernels.starting import start_warp
 from warp_trunk.kernels.surface import allowed_collapses, edge_lengths, least_around, sort_corners
 
+from .colours import coloured_from
 from .normals import area_vectors, unit
 from .surface import Surface, compact
 from .surface_checks import crossings, manifold_fault, slivers
@@ -119,7 +120,7 @@ def without_slivers(surface: Surface) -> Surface:
     A surface without slivers, or one that is no 2-manifold, comes back as it is. In another one all triangles with
     an angle of less than 5 degrees are collapsed, as far as the surface stays a 2-manifold and no other triangle
     turns over or becomes thin; of those whose edges may not be collapsed the
-    longest edge is flipped, where it may be.
+    longest edge is flipped, where it may be. Colours are those of the nearest points.
     """
     area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=1)
     if area.min(initial=np.inf) <= 1e-12 * area.max(initial=0.0):
@@ -146,7 +147,7 @@ def without_slivers(surface: Surface) -> Surface:
         length = np.take_along_axis(length, order, axis=1).ravel()[first]
         apart = np.flatnonzero(good)[_independent(edges[good], length[good], corners, count)]
         _collapse(edges[apart], target[apart], work)
-    return _flipped(compact(work.vertices + middle, work.faces))
+    return coloured_from(_flipped(compact(work.vertices + middle, work.faces)), [surface])
 
 
 def _freeze(frozen: np.ndarray, crossed: np.ndarray, faces: np.ndarray) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,12 @@ class Surface:
     """Positions [mm], shape (vertices, 3), float64."""
     faces: np.ndarray
     """Vertex indices, counterclockwise seen from outside, shape (faces, 3), int32."""
+    colours: np.ndarray | None = None
+    """Red, green and blue of each vertex, as pictures have them, shape (vertices, 3), uint8; None without any."""
+
+    def moved(self, vertices: np.ndarray) -> Surface:
+        """The same triangles and colours with vertices at other places [mm], shape (vertices, 3)."""
+        return replace(self, vertices=vertices)
 
 
 def compact(vertices: np.ndarray, faces: np.ndarray) -> Surface:

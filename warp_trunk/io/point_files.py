@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.colours import as_colours
 
 from .file_access import MOST_SURFACE, limited_memory, number, read_bytes, reason
-from .surface_files.ply import ply_columns
+from .surface_files.ply import ply_colours, ply_columns
+from .surface_files.polygons import read_obj
 from .surface_files.space import stated_space
 from .surface_files.surface_reader import ENDINGS, parse
 
@@ -19,12 +21,17 @@ _SPLIT = re.compile(rb"[,;\s]+")
 
 
 def read_points(path: str | Path) -> np.ndarray:
+    """The points of a scan as `read_scan`, without their colours."""
+    return read_scan(path)[0]
+
+
+def read_scan(path: str | Path) -> tuple[np.ndarray, np.ndarray | None]:
     """The points of a scan, shape (n, 3) float64, in the numbers of the file; LPS where its
-    header says SPACE=RAS.
+    header says SPACE=RAS. And their colours where it has some, shape (n, 3), uint8.
 
     Text holds x, y and z in the first three columns of each line, split by blanks, commas or semicolons, under at
-    most one line of titles. Of a surface the vertices are taken, and the middles of its triangles. Colours and
-    other columns are passed over.
+    most one line of titles. Of a surface the vertices are taken, and the middles of its triangles; they have
+    colours as `read_surface` has. Other columns of a text are passed over.
 
     Raises:
         InputError: the file is missing, too large or cannot be read, or a number is not finite.
@@ -37,7 +44,7 @@ def read_points(path: str | Path) -> np.ndarray:
         raise InputError(f"{path}: cannot be read as points ('{ending}' is not known); use {kinds}")
     try:
         with limited_memory(len(content)):
-            points = _parsed(ending, content)
+            points, colours = _parsed(ending, content, path)
             if ending in ENDINGS and stated_space(ending, content) == "RAS":
                 points *= (-1.0, -1.0, 1.0)
     except Exception as error:  # each format fails with errors of its own
@@ -45,21 +52,26 @@ def read_points(path: str | Path) -> np.ndarray:
     bad = np.flatnonzero(~(np.isfinite(points).all(axis=1) & (np.abs(points).max(axis=1, initial=0.0) < 1e7)))
     if len(bad):
         raise InputError(f"{path}: point {bad[0]} is {points[bad[0]]}, not three finite numbers; remove it")
-    return points
+    return points, colours
 
 
-def _parsed(ending: str, content: bytes) -> np.ndarray:
+def _parsed(ending: str, content: bytes, path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     if ending in _TEXT:
-        return _table(content)
+        return _table(content), None
     if ending == ".ply":
         columns = ply_columns(content)
         if not columns.get("face"):
             vertex = columns["vertex"]
-            return np.column_stack([vertex[axis][0] for axis in "xyz"]).astype(np.float64)
+            points = np.column_stack([vertex[axis][0] for axis in "xyz"]).astype(np.float64)
+            numbers = ply_colours(columns)
+            return points, None if numbers is None else as_colours(numbers, points)
     if ending == ".obj" and not re.search(rb"^f\s", content, re.MULTILINE):
-        return _table(b"\n".join(line[2:] for line in content.splitlines() if line[:2] == b"v "))
-    vertices, faces = parse(ending, content)
-    return np.vstack([vertices[np.unique(faces)], vertices[faces].mean(axis=1)])
+        points, _, numbers = read_obj(content)
+        return points, None if numbers is None else as_colours(numbers, points)
+    surface = parse(ending, content, path)
+    used, faces, colours = np.unique(surface.faces), surface.faces, surface.colours
+    points = np.vstack([surface.vertices[used], surface.vertices[faces].mean(axis=1)])
+    return points, None if colours is None else np.vstack([colours[used], colours[faces[:, 0]]])
 
 
 def _table(content: bytes) -> np.ndarray:

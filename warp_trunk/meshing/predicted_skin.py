@@ -15,4 +15,4 @@ if TYPE_CHECKING:
 
 def predicted_skin(case: Case, trunk: TrunkMesh, displacement: np.ndarray) -> Surface:
     """The skin of a case, same vertices and faces, moved with the nodes' displacement (nodes, 3) [mm]."""
-    return Surface(case.skin.vertices + displacement[trunk.skin_nodes], case.skin.faces)
+    return case.skin.moved(case.skin.vertices + displacement[trunk.skin_nodes])

@@ -14,7 +14,6 @@ from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
 from warp_trunk.case import Case
 from warp_trunk.engine.simulation import Increment
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.measures.quantities import PREDICTED, Measured, MeasureTable
 
@@ -61,7 +60,7 @@ class Recording:
         planned, skin = bone_path.at(1.0), case.skin
         carried = planned[trunk.skin_nodes]
         actual = case.actual_skin is not None
-        target_skin = case.actual_skin or Surface(skin.vertices + carried, skin.faces)
+        target_skin = case.actual_skin or skin.moved(skin.vertices + carried)
         target = measure(target_skin, case.planned_landmarks)
         name = "actual" if actual else "target"
         blueprint = layout(case, before, target=name, unit=unit)

@@ -113,7 +113,7 @@ def _likely(predicted: TrunkState, worse: np.ndarray, sd: float) -> list[TrunkSt
     """
     found = []
     for look, sign in ((BETTER, -1.0), (WORSE, 1.0)):
-        skin = Surface(predicted.skin.vertices + sign * worse, predicted.skin.faces)
+        skin = predicted.skin.moved(predicted.skin.vertices + sign * worse)
         found.append(TrunkState(look, skin, predicted.landmarks, measure(skin, predicted.landmarks)))
     better, own, worst = (abs(one.measures.max_hump or 0.0) for one in (found[0], predicted, found[1]))
     expected = LIKELY * sd

@@ -21,6 +21,7 @@ from warp_trunk.engine.parallel import Parallel, choose_device
 from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.colours import coloured_from
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import Surface
@@ -116,7 +117,8 @@ def patient_of(
     if trunk is None and options.from_mesh is not None:
         with stage_of(progress, "mesh", f"reading {options.from_mesh}"):
             trunk = read_volume(options.from_mesh, case.skin, case.bones)
-        case = dataclasses.replace(case, skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
+        skin = coloured_from(Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces), [case.skin])
+        case = dataclasses.replace(case, skin=skin)
     if options.layers == "mesh":
         check_labels(case.layers, trunk)
     if trunk is None:

@@ -1,4 +1,4 @@
-"""Surfaces as other programs write them; each reader takes the bytes of one file and opens no other."""
+"""Surfaces as other programs write them; each reader takes the bytes of one file, and OBJ its textures."""
 
 from .surface_reader import ENDINGS, in_lps, parse, read_stated, read_surface, surface_files
 from .surface_writer import WRITTEN, check_written, write_surface

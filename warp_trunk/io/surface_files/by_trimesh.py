@@ -14,6 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from warp_trunk.geometry.colours import from_linear, mean_colours
+
+from .textures import corner_colours, material_of
+
+_UINT16 = 5123
+"""Type of colours that trimesh 5.2 reads wrongly."""
 _MOST_NODES = 1000
 """Each node repeats the triangles of its mesh, so that a small file could stand for any number of them."""
 
@@ -43,10 +49,46 @@ def read_off(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     return _load(content, "off")
 
 
-def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles of all meshes of the scene, each moved by its node."""
-    check_scene(_scene(content), len(content))
-    return _load(content, "glb")
+def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices, triangles and colours of all meshes of the scene, each moved by its node.
+
+    Colours are 0 to 255, NaN where there are none; None without any.
+    """
+    scene = _scene(content)
+    check_scene(scene, len(content))
+    of_vertices = {
+        part["attributes"]["COLOR_0"]
+        for mesh in scene.get("meshes", [])
+        for part in mesh["primitives"]
+        if "COLOR_0" in part["attributes"]
+    }
+    if not of_vertices and not scene.get("images"):
+        return *_load(content, "glb"), None
+    import trimesh  # heavy
+
+    whole: Any = trimesh.load_scene(io.BytesIO(content), file_type="glb", process=False)
+    placed = [whole.graph[node] for node in whole.graph.nodes_geometry]
+    parts = [whole.geometry[name] for _, name in placed]
+    vertices = [trimesh.transform_points(whole.geometry[name].vertices, matrix) for matrix, name in placed]
+    usable = all(scene["accessors"][number]["componentType"] != _UINT16 for number in of_vertices)
+    linear = "trimesh" not in scene.get("asset", {}).get("generator", "")  # which writes them as they are
+    colours, faces, start = [], [], 0
+    for part in parts:
+        found, visual = np.full((len(part.vertices), 3), np.nan), part.visual
+        if visual.kind == "texture":
+            uv = np.zeros((len(found), 2)) if visual.uv is None else visual.uv
+            seen = corner_colours(uv[part.faces], material_of(visual)).reshape(-1, 3)
+            found = mean_colours(seen, part.faces.reshape(-1), len(found))
+            if (own := visual.vertex_attributes.get("color")) is not None:
+                own = own[:, :3] / (np.iinfo(own.dtype).max if own.dtype.kind == "u" else 1.0)
+                found = found * (from_linear(own) if linear else own)
+        elif visual.kind == "vertex" and usable:
+            found = np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
+            found = from_linear(found / 255.0) * 255.0 if linear else found
+        colours.append(found)
+        faces.append(part.faces + start)
+        start += len(part.vertices)
+    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(colours)
 
 
 def _scene(content: bytes) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from warp_trunk.geometry.colours import to_linear
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
 
@@ -17,18 +18,18 @@ _CLAY = [0.89, 0.80, 0.74, 1.0]
 _FLOAT, _WEIGHTS = 5126, "weights"
 
 
-def morph_glb(before: Surface, after: Surface, names: tuple[str, str], colours: np.ndarray | None = None) -> bytes:
+def morph_glb(before: Surface, after: Surface, names: tuple[str, str], *, plain: bool = False) -> bytes:
     """A GLB file in metres: a surface, its change into another one as a morph target, and that as an animation.
 
     Args:
-        before: at weight 0 [mm], LPS.
+        before: at weight 0 [mm], LPS; its colours are written where it has some.
         after: at weight 1, same triangles [mm].
         names: of the mesh and of the morph target.
-        colours: of each vertex, 0 to 1, shape (vertices, 3).
+        plain: leave the colours out.
     """
     import trimesh
     from trimesh.exchange.gltf import export_glb
-    from trimesh.visual import ColorVisuals, TextureVisuals
+    from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
     places, normals = (
@@ -39,10 +40,10 @@ def morph_glb(before: Surface, after: Surface, names: tuple[str, str], colours: 
         )
     )
     mesh = trimesh.Trimesh(places[0], before.faces, vertex_normals=normals[0], process=False)
-    material = PBRMaterial(name="skin", baseColorFactor=_CLAY, metallicFactor=0.0, roughnessFactor=0.8)
+    colours = None if plain else before.colours
+    base = _CLAY if colours is None else [1.0, 1.0, 1.0, 1.0]
+    material = PBRMaterial(name="skin", baseColorFactor=base, metallicFactor=0.0, roughnessFactor=0.8)
     mesh.visual = TextureVisuals(material=material)
-    if colours is not None:
-        mesh.visual = ColorVisuals(mesh, vertex_colors=np.round(255.0 * colours).astype(np.uint8))
 
     def with_target(buffers: dict[str, bytes], tree: dict[str, Any]) -> None:
         def add(name: str, data: np.ndarray, kind: str) -> int:
@@ -61,6 +62,9 @@ def morph_glb(before: Surface, after: Surface, names: tuple[str, str], colours: 
                 "NORMAL": add("target normals", normals[1] - normals[0], "VEC3"),
             }
         ]
+        if colours is not None:
+            shape["primitives"][0]["attributes"]["COLOR_0"] = add("colours", to_linear(colours / 255.0), "VEC3")
+            tree["asset"]["generator"] = "warp_trunk"
         shape |= {_WEIGHTS: [0.0], "extras": {"targetNames": [names[1]]}}
         node = next(number for number, one in enumerate(tree["nodes"]) if "mesh" in one)
         ends = np.array([0.0, 1.0])

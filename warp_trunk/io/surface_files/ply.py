@@ -54,8 +54,8 @@ def ply_columns(content: bytes) -> _Columns:
     return columns
 
 
-def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles.
+def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices, triangles, and colours of the vertices where there are some.
 
     Raises:
         ValueError: no such header, other data than it says, or no triangles.
@@ -71,7 +71,17 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     if odd.size:
         raise ValueError(f"vertices are named by whole numbers, not {odd[0]}")
     points = np.column_stack([vertex[axis][0] for axis in "xyz"]).astype(np.float64)
-    return points, fans(corners[0].astype(np.int64), corners[1])
+    return points, fans(corners[0].astype(np.int64), corners[1]), ply_colours(columns)
+
+
+def ply_colours(columns: _Columns) -> np.ndarray | None:
+    """The numbers of red, green and blue of each vertex, shape (vertices, 3); None without any."""
+    vertex = columns.get("vertex", {})
+    for before in ("", "diffuse_"):
+        names = [f"{before}{name}" for name in ("red", "green", "blue")]
+        if vertex.keys() >= set(names):
+            return np.column_stack([vertex[name][0] for name in names])
+    return None
 
 
 def _header(text: str) -> tuple[str, list[tuple[str, int, list[_Property]]]]:

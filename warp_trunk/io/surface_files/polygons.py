@@ -2,14 +2,19 @@
 
 The reader of OBJ is our own: trimesh 5.2 repeats vertices where the material changes, which opens a closed skin,
 and reads a vertex of two numbers and a corner 0 without an error; meshio 5.3 refuses texture coordinates.
-Materials, textures and normals are passed over, so that no other file is opened.
+Normals are passed over. Materials and textures lie in other files, which are opened where they lie in its folder.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from warp_trunk.geometry.colours import mean_colours
+
 from ..file_access import number
+from .textures import corner_colours, read_materials
 
 
 def fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -32,8 +37,12 @@ def fans(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return corners[np.column_stack([first, first + step + 1, first + step + 2])]
 
 
-def read_obj(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles of an OBJ.
+def read_obj(content: bytes, path: Path | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices, triangles and colours of an OBJ, those of its vertices or of its textures; None without any.
+
+    Args:
+        content: of the file.
+        path: of the file, beside which its materials and textures lie; they are left out without one.
 
     Raises:
         ValueError: a vertex without three numbers, or a corner that names none of the vertices.
@@ -42,6 +51,11 @@ def read_obj(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     vertices: list[list[float]] = []
     corners: list[int] = []
     ends: list[int] = []
+    colours: list[list[float]] = []
+    places: list[list[float]] = []
+    shown: list[int] = []
+    uses: list[tuple[int, str]] = []
+    libraries: list[str] = []
     for place, line in enumerate(text.split("\n"), start=1):
         words = line.split("#", 1)[0].split()
         if not words:
@@ -50,12 +64,35 @@ def read_obj(content: bytes) -> tuple[np.ndarray, np.ndarray]:
             if len(words) < 4:
                 raise ValueError(f"line {place}: a vertex needs x, y and z, not {line.strip()[:40]!r}")
             vertices.append([number(word) for word in words[1:4]])
+            if len(words) >= 7:
+                colours.append([number(word) for word in words[4:7]])
+        elif words[0] == "vt" and len(words) > 2:
+            places.append([number(word) for word in words[1:3]])
+        elif words[0] == "usemtl":
+            uses.append((len(ends), " ".join(words[1:])))
+        elif words[0] == "mtllib":
+            libraries.append(line.strip().split(None, 1)[1])
         elif words[0] == "f":
             for word in words[1:]:
-                named = int(word.split("/", 1)[0])
+                named, _, rest = word.partition("/")
+                named, place = int(named), rest.partition("/")[0]
+                shown.append((int(place) - 1 if place[0] != "-" else len(places) + int(place)) if place else -1)
                 corner = named - 1 if named > 0 else len(vertices) + named
                 if named == 0 or corner < 0 or "_" in word:
                     raise ValueError(f"line {place}: there is no vertex {word[:40]}")
                 corners.append(corner)
             ends.append(len(corners))
-    return np.array(vertices, dtype=np.float64), fans(np.array(corners, dtype=np.int64), np.array(ends))
+    points, last = np.array(vertices, dtype=np.float64), np.array(ends)
+    faces, found = fans(np.array(corners, dtype=np.int64), last), None
+    if colours and len(colours) == len(vertices):
+        found = np.array(colours)
+    elif path is not None and libraries and places and (materials := read_materials(path, libraries)):
+        in_picture = np.array([*places, [np.nan, np.nan]])[fans(np.array(shown, dtype=np.int64), last)]
+        triangles = np.concatenate([[0], np.cumsum(np.diff(last, prepend=0) - 2)])
+        seen = np.full((*faces.shape, 3), np.nan)
+        for (first, name), (after, _) in zip(uses, [*uses[1:], (len(ends), "")], strict=True):
+            part = slice(triangles[first], triangles[after])
+            if name in materials:
+                seen[part] = corner_colours(in_picture[part], materials[name])
+        found = mean_colours(seen.reshape(-1, 3), faces.reshape(-1), len(points))
+    return points, faces, found

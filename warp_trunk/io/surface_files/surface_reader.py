@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.colours import as_colours, mean_colours
 from warp_trunk.geometry.surface import Surface, check_surface
 
 from ..file_access import MOST_SURFACE, limited_memory, read_bytes, reason
@@ -17,7 +18,7 @@ from .polygons import read_obj
 from .space import stated_space
 from .vtk import read_vtk, read_vtp
 
-_READERS: dict[str, Callable[[bytes], tuple[np.ndarray, np.ndarray]]] = {
+_READERS: dict[str, Callable[..., tuple[np.ndarray, ...]]] = {
     ".ply": read_ply,
     ".stl": read_stl,
     ".obj": read_obj,
@@ -59,8 +60,11 @@ def read_surface(path: str | Path) -> Surface:
 
     The order and the count of the vertices stay as they are in the file. Only where the file repeats the
     corners of every triangle (STL) or vertices along the seams of a texture, which opens the surface there, are
-    identical points made one vertex, in the order they first appear. The nodes of a GLB move its meshes. No
-    other file is opened, whatever it names.
+    identical points made one vertex, in the order they first appear. The nodes of a GLB move its meshes.
+
+    Colours of the vertices of a PLY, an OBJ (`v x y z r g b`) and a GLB are read, and textures of an OBJ and a GLB
+    become colours of the vertices. The materials and pictures that an OBJ names are opened only where they lie in
+    its own folder; no other file is.
 
     >>> wt.write_surface(folder / "skin.ply", case.skin)
     >>> bool(np.array_equal(wt.read_surface(folder / "skin.ply").vertices, case.skin.vertices))
@@ -74,8 +78,7 @@ def read_surface(path: str | Path) -> Surface:
 
 def in_lps(surface: Surface, space: str | None) -> Surface:
     """A surface of a file that states its axes, in LPS."""
-    turned = surface.vertices * (-1.0, -1.0, 1.0) if space == "RAS" else surface.vertices
-    return Surface(turned, surface.faces)
+    return surface.moved(surface.vertices * (-1.0, -1.0, 1.0)) if space == "RAS" else surface
 
 
 def read_stated(path: Path) -> tuple[Surface, str | None]:
@@ -87,17 +90,16 @@ def read_stated(path: Path) -> tuple[Surface, str | None]:
         raise InputError(f"{path}: cannot be read as a surface ('{ending}' is not known); use {kinds}")
     try:
         with limited_memory(len(content)):
-            vertices, faces = parse(ending, content)
+            surface = parse(ending, content, path)
             space = stated_space(ending, content)
     except Exception as error:  # each format fails with errors of its own
         raise InputError(f"{path}: cannot be read as a surface ({reason(error)}); write it again") from error
-    surface = Surface(vertices, faces)
     check_surface(surface, str(path))
     return surface, space
 
 
-def parse(ending: str, content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (n, 3) float64 and triangles (m, 3) int32, in the order of the file; polygons become fans.
+def parse(ending: str, content: bytes, path: Path | None = None) -> Surface:
+    """The surface of a file in the order of the file; polygons become fans.
 
     Identical points become one vertex, in the order they first appear, where the file repeats the corners of
     every triangle, in a GLB, which repeats them wherever a texture or a normal changes, and where this closes
@@ -106,11 +108,14 @@ def parse(ending: str, content: bytes) -> tuple[np.ndarray, np.ndarray]:
     Args:
         ending: one of `ENDINGS`.
         content: the whole file.
+        path: of the file, where files beside it may be opened.
 
     Raises:
         Exception: of many kinds, where the content is not of that format.
     """
-    vertices, faces = _READERS[ending](content)
+    beside = (path,) if ending == ".obj" else ()
+    vertices, faces, *rest = _READERS[ending](content, *beside)
+    numbers = rest[0] if rest else None
     vertices = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(faces).reshape(-1, 3)
     if faces.size and not (faces.min() >= 0 and faces.max() < len(vertices)):
@@ -119,21 +124,28 @@ def parse(ending: str, content: bytes) -> tuple[np.ndarray, np.ndarray]:
         )
     faces = faces.astype(np.int32)
     if len(faces) and (ending == ".glb" or len(np.unique(faces)) == faces.size):
-        return _merged(vertices, faces)
+        return _merged(vertices, faces, numbers)
     from warp_trunk.geometry.surface_checks import boundary_edges  # brings Warp
 
     open_edges = boundary_edges(faces)
     rim = np.unique(open_edges)
     if len(np.unique(vertices[rim], axis=0)) < len(rim):
-        welded, joined = _merged(vertices, faces)
-        if len(boundary_edges(joined)) < len(open_edges):
-            return welded, joined
-    return vertices, faces
+        welded = _merged(vertices, faces, numbers)
+        if len(boundary_edges(welded.faces)) < len(open_edges):
+            return welded
+    return _surface(vertices, faces, numbers)
 
 
-def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _surface(vertices: np.ndarray, faces: np.ndarray, numbers: np.ndarray | None) -> Surface:
+    return Surface(vertices, faces, None if numbers is None else as_colours(numbers, vertices))
+
+
+def _merged(vertices: np.ndarray, faces: np.ndarray, numbers: np.ndarray | None) -> Surface:
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     in_file_order = np.argsort(first)
     number = np.empty(len(first), dtype=np.int32)
     number[in_file_order] = np.arange(len(first), dtype=np.int32)
-    return vertices[first[in_file_order]], number[inverse.reshape(-1)][faces]
+    number = number[inverse.reshape(-1)]
+    if numbers is not None:
+        numbers = mean_colours(np.asarray(numbers, dtype=np.float64)[:, :3], number, len(first))
+    return _surface(vertices[first[in_file_order]], number[faces], numbers)

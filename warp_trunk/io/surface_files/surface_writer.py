@@ -51,7 +51,7 @@ def check_written(path: Path) -> None:
 def _exported(path: Path, surface: Surface, space: str | None) -> bytes:
     import trimesh  # heavy
 
-    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, vertex_colors=surface.colours, process=False)
     ending = path.suffix.lower()
     content: Any = mesh.export(file_type=ending[1:])
     content = content.encode() if isinstance(content, str) else content
@@ -66,12 +66,20 @@ def _ply_bytes(surface: Surface, space: str | None) -> bytes:
     """Binary PLY with float64 positions; trimesh 5.2 rounds them to float32, 6e-5 mm at 1 m, and meshio 5.3 writes
     the time of day into the header, so that no two files are the same."""
     comment = "" if space is None else f"comment SPACE={space}\n"
+    kind, colour = np.dtype([("place", "<f8", 3)]), ""
+    if surface.colours is not None:
+        kind = np.dtype([*kind.descr, ("colour", "u1", 3)])
+        colour = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    vertices = np.empty(len(surface.vertices), kind)
+    vertices["place"] = surface.vertices
+    if surface.colours is not None:
+        vertices["colour"] = surface.colours
     header = (
-        f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(surface.vertices)}\nproperty double "
-        f"x\nproperty double y\nproperty double z\nelement face {len(surface.faces)}\nproperty list uchar int "
-        "vertex_indices\nend_header\n"
+        f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(vertices)}\nproperty double x\n"
+        f"property double y\nproperty double z\n{colour}element face {len(surface.faces)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
     )
     triangles = np.empty(len(surface.faces), dtype=[("count", "<u1"), ("corners", "<i4", 3)])
     triangles["count"] = 3
     triangles["corners"] = surface.faces
-    return header.encode() + surface.vertices.astype("<f8").tobytes() + triangles.tobytes()
+    return header.encode() + vertices.tobytes() + triangles.tobytes()

@@ -11,6 +11,7 @@ from warp_trunk.case.anatomy import PELVIC_RING
 from warp_trunk.case.invented import Invented
 from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.colours import coloured_from_points
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface import Surface
@@ -70,6 +71,7 @@ def fit_back(
     body: StraightBody | None = None,
     name: str = "back",
     *,
+    colours: np.ndarray | None = None,
     files: tuple[str, str, str] = ("back", "spine", "markers"),
 ) -> FittedBack:
     """Fit a straight body to a scan of the back, the spine under it and markers of the pelvis.
@@ -89,6 +91,7 @@ def fit_back(
         markers: C7 and both PSIS or ASIS on the skin.
         body: what is fitted; one that the program makes when left out.
         name: of the case.
+        colours: of the points, shape (n, 3), uint8; what the scan does not show takes their median.
         files: what to call scan, spine and markers in an error.
 
     Raises:
@@ -122,7 +125,9 @@ def fit_back(
         normals=kept.normals @ frame.rotation.T,
         stray=frame.to_patient(kept.stray),
     )
-    area, unseen = corner_areas(skin), ~seen
+    area, unseen, of_patient = corner_areas(skin), ~seen, _turned(skin, frame)
+    if colours is not None:
+        of_patient = coloured_from_points(of_patient, points, colours, _GROWS)
     case = Case(
         invented=Invented(
             body=body.name,
@@ -131,7 +136,7 @@ def fit_back(
         ),
         unseen=unseen,
         name=name,
-        skin=_turned(skin, frame),
+        skin=of_patient,
         bones={bone: _turned(surface, frame) for bone, surface in bones.items()},
         landmarks_before=Landmarks(landmarks.names, frame.to_patient(landmarks.points)),
     )

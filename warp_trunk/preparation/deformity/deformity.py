@@ -73,7 +73,7 @@ def impose(
         name: bone if name in PELVIC_RING else Surface(poses.get(name, spline)(bone.vertices), bone.faces)
         for name, bone in bones.items()
     }
-    carried_skin = Surface(spline(skin.vertices), skin.faces)
+    carried_skin = skin.moved(spline(skin.vertices))
     crossed = crossings(carried_skin)
     if len(crossed):
         x, y, z = carried_skin.vertices[carried_skin.faces[crossed[0, 0], 0]]

@@ -79,7 +79,7 @@ def register_skin(skin: Surface, on_skin: Landmarks, on_films: Landmarks, nugget
         cure = "look for swapped or wrong markers there, or set a nugget"
         raise InputError(f"register: the markers fold the skin, {where}; {cure}")
     return Registration(
-        skin=Surface(spline(vertices), skin.faces),
+        skin=skin.moved(spline(vertices)),
         rigid=rigid,
         names=on_skin.names,
         rigid_miss=np.linalg.norm(markers - targets, axis=1),

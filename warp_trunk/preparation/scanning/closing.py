@@ -9,6 +9,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.coarsening import coarsen, without_slivers
+from warp_trunk.geometry.colours import coloured_from
 from warp_trunk.geometry.distance_field import Grid, one_solid, zero_surface
 from warp_trunk.geometry.normals import corner_areas, vertex_areas
 from warp_trunk.geometry.surface import Surface, directed_edges
@@ -62,7 +63,7 @@ def close_skin(
     The level 0.5 of the winding number of all scans together, each weighted down where others have seen the
     same skin, is a closed surface whatever is missing. Drawn to the measured points as a thin plate, it
     averages their noise and goes on into the holes with the curvature of the skin around them. Then it is cut
-    flat where the scans end and where asked.
+    flat where the scans end and where asked. It has the colours of the nearest scan.
 
     >>> open_skin = wt.Surface(case.skin.vertices, case.skin.faces[40:])
     >>> closed = wt.close_skin({"scan": open_skin})
@@ -100,7 +101,7 @@ def close_skin(
     if handles := 1 - (len(skin.vertices) - len(skin.faces) // 2) // 2:
         cure = "give a shorter edge_length, or scans without the arms"
         raise InputError(f"closed skin: has {handles} handles, where parts of the skin touch; {cure}")
-    return ClosedSkin(skin, tuple(openings))
+    return ClosedSkin(coloured_from(skin, parts.values()), tuple(openings))
 
 
 MOST_UNSEEN = 0.25

@@ -197,4 +197,4 @@ def _distances(part: Surface, other: Surface, reach: float) -> tuple[np.ndarray,
 
 def moved(surface: Surface, matrix: np.ndarray) -> Surface:
     """The surface carried by a rigid transform (4, 4)."""
-    return Surface(surface.vertices @ matrix[:3, :3].T + matrix[:3, 3], surface.faces)
+    return surface.moved(surface.vertices @ matrix[:3, :3].T + matrix[:3, 3])
