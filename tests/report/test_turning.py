@@ -38,7 +38,7 @@ def test_twenty_thousand_vertices_take_less_than_a_megabyte_and_a_half() -> None
         states.append(
             TurningState(f"state {wave}", skin, cloth.reshape(-1, COLUMNS, 3), hump, np.abs(hump) / 20.0)
         )
-    colours = random.random((20_000, 3))
+    colours = random.integers(0, 256, (20_000, 3), np.uint8)
     packed = turning(states, faces, palette=np.ones((8, 3)), limit=20.0, colours=colours)
     assert len(packed.info) + len(packed.data) + len(script()[0]) < 1.5e6
 

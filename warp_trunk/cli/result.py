@@ -14,7 +14,7 @@ from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.exchange import ENDINGS, write_volume
 from warp_trunk.io.file_access import check_place
 from warp_trunk.io.result_files import TRUNK
-from warp_trunk.io.surface_files.morph import morph_glb
+from warp_trunk.io.surface_files.morph import skin_glb
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.recording import view_result
 from warp_trunk.results import read_result, read_summary
@@ -97,7 +97,7 @@ class Export:
         if ending == ".glb":
             result = read_result(self.result)
             names = result.summary.case, "predicted"
-            content = morph_glb(result.skin_before, result.skin, names, plain=self.plain)
+            content = skin_glb(result.skin_before, result.skin, names, plain=self.plain)
             with atomic_write(out) as unfinished:
                 unfinished.write_bytes(content)
             print(f"{len(result.skin.vertices)} vertices before surgery and predicted: {out}")

@@ -10,6 +10,7 @@ from warp_trunk.case import Case
 from warp_trunk.case.anatomy import rank
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.surface_files.morph import skin_glb
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .session import PlanView
@@ -17,6 +18,8 @@ from .sliders import MotionPlan
 
 SKIN, BONE, FUSED, INK = (226, 190, 168), (236, 228, 206), (0, 114, 178), (70, 58, 52)
 """Colours; blue is what is planned, as in the report."""
+UPRIGHT = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+"""The turn of glTF, whose y goes up, into the axes of the patient."""
 SEEN_THROUGH = 0.5
 """Opacity of a skin that is seen through."""
 SIDES = {"Behind": (0.0, 1.0), "Left side": (1.0, 0.0), "Front": (0.0, -1.0), "Right side": (-1.0, 0.0)}
@@ -32,7 +35,10 @@ class PageScene:
 
     def __init__(self, server: viser.ViserServer, case: Case) -> None:
         self._server, self._case = server, case
-        self._surgery, self._view, self._planned = None, None, set[str]()
+        self.painted: viser.GlbHandle | None = None
+        """The skin in its own colours, in place of the plain one."""
+        self._is_before, self._settled = False, False
+        self._surgery, self._view, self._planned, self._own = None, None, set[str](), False
         scene, skin = server.scene, replace(case.skin, faces=outer_first(case.skin))
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
@@ -67,6 +73,8 @@ class PageScene:
         with self._server.atomic():
             self.skin.vertices = view.skin.astype(np.float32)
             self._lines()
+            self._settled = view.settled
+            self._paint()
             if view.surgery is not self._surgery:
                 self._surgery, self._view = view.surgery, view
                 self._move_bones()
@@ -76,20 +84,26 @@ class PageScene:
         view, still = self._view, RigidMotion.identity()
         if view is None:
             return
-        motions = dict.fromkeys(self._bones, still) if self.before.visible else view.motions
+        motions = dict.fromkeys(self._bones, still) if self._is_before else view.motions
         turns = Rotation.from_matrix([motions[name].rotation for name in self._bones])
         for (name, bone), turn in zip(self._bones.items(), turns.as_quat(scalar_first=True), strict=True):
             bone.wxyz, bone.position = turn, motions[name].translation
-        planned = set[str]() if self.before.visible else _planned_bones(view)
+        planned = set[str]() if self._is_before else _planned_bones(view)
         for bone in self._bones.keys() & (planned ^ self._planned):
             self._bones[bone].color = FUSED if bone in planned else BONE
         self._planned = planned
 
     def show_before(self, shown: bool) -> None:
         """Shows the trunk before surgery in place of the plan."""
-        self.before.visible, self.skin.visible = shown, not shown
+        self._is_before = shown
         self._lines()
         self._move_bones()
+        self._paint()
+
+    def show_own(self, shown: bool) -> None:
+        """Shows the colours of the scan, or one for the whole skin."""
+        self._own = shown
+        self._paint()
 
     def show_relief(self, shown: bool) -> None:
         """Draws lines of equal depth on the back, or none."""
@@ -119,10 +133,22 @@ class PageScene:
             camera.look_at = self._middle
             camera.up_direction = (0.0, 0.0, 1.0)
 
+    def _paint(self) -> None:
+        """Draws the skin, in its own colours once it no longer moves, as these are sent anew each time."""
+        shown = self.before if self._is_before else self.skin
+        painted = self._own and (self._is_before or self._settled)
+        if painted:
+            glb = skin_glb(self._case.skin.moved(np.asarray(shown.vertices)), None, ("skin", ""))
+            self.painted = self._server.scene.add_glb("/painted", glb, scale=1000.0, wxyz=UPRIGHT)
+        elif self.painted is not None:
+            self.painted.visible = False
+        for skin in (self.before, self.skin):
+            skin.visible = skin is shown and not painted
+
     def _lines(self) -> None:
         """Draws the lines of what is shown, where lines are."""
         if self.relief.visible:
-            shown = self.before if self.before.visible else self.skin
+            shown = self.before if self._is_before else self.skin
             self.relief.points = relief_lines(shown.vertices, self._case.skin.faces)
 
 

@@ -99,11 +99,14 @@ class Page:
 
         with gui.add_folder("Look"):
             gui.add_button_group("From", tuple(SIDES)).on_click(look)
-            for label, shows, first in (
+            looks = [
                 ("Before surgery", self.scene.show_before, False),
                 ("Skin transparent", self.scene.show_through, True),
                 ("Lines of depth", self.scene.show_relief, self._case.has_spine),
-            ):
+            ]
+            if self._case.skin.colours is not None:
+                looks.append(("Own colours", self.scene.show_own, False))
+            for label, shows, first in looks:
                 gui.add_checkbox(label, first).on_update(partial(draw, shows=shows))
         end = gui.add_button("End", color="gray", hint="Ends the page for everyone; what was kept stays")
         end.on_click(lambda _: self.stopped.set())

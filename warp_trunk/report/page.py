@@ -33,7 +33,18 @@ if TYPE_CHECKING:
     from warp_trunk.results.bands import Bands
 
 
-_OPTIONAL = ("bare_front", "bare_side", "error", "hump", "likely", "shoulders", "stretch_front", "sure", "trends")
+_OPTIONAL = (
+    "bare_front",
+    "bare_side",
+    "error",
+    "hump",
+    "likely",
+    "own_behind",
+    "shoulders",
+    "stretch_front",
+    "sure",
+    "trends",
+)
 """Pictures that a page may be without."""
 
 

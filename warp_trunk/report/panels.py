@@ -66,12 +66,21 @@ def panels(
     return figure, plots
 
 
-def shaded(seen: Relief, colour: np.ndarray | None = None, part: np.ndarray | None = None) -> np.ndarray:
-    """The lit trunk as RGBA, transparent beside it; `colour` is that of full light, mixed in by `part`."""
+def shaded(
+    seen: Relief, colour: np.ndarray | None = None, part: np.ndarray | None = None, skin: np.ndarray = CLAY
+) -> np.ndarray:
+    """The lit trunk as RGBA, transparent beside it.
+
+    Args:
+        seen: the trunk.
+        colour: of full light, mixed in by `part`, shape (rows, columns, 3) or (3,).
+        part: 0 to 1, shape (rows, columns).
+        skin: what it is mixed into, shape as that of the colour.
+    """
     light = np.clip(np.nan_to_num(seen.normal) @ LIGHT, 0.0, 1.0)[:, :, None]
-    base = MATERIALS[seen.cloth]
+    base = np.where((seen.cloth == 0)[:, :, None], skin, MATERIALS[seen.cloth])
     if colour is not None and part is not None:
-        base = base + (part * (seen.cloth == 0))[:, :, None] * (colour - CLAY)
+        base = base + (part * (seen.cloth == 0))[:, :, None] * (colour - base)
     lit = (SHADOW + (1.0 - SHADOW) * light) * base
     return np.concatenate([lit, np.isfinite(seen.depth)[:, :, None]], axis=2)
 

@@ -13,7 +13,7 @@ from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.skin_quality import LOOK, STRETCH, SkinChange
 
 from .clothing import cloth_surfaces
-from .panels import coloured, panels, shaded
+from .panels import CLAY, coloured, panels, shaded
 from .relief import BEHIND, FRONT, Relief, Viewpoint, Window, relief, seen_from, window
 from .style import INK, TrunkState
 
@@ -91,15 +91,18 @@ def lines(axes: Axes, seen: Window, values: np.ma.MaskedArray, levels: Sequence[
 def plain_picture(
     poses: Sequence[TrunkState], view: Viewpoint, lowest: float = -np.inf, wear: Wear = "shirt"
 ) -> tuple[Figure, list[Axes]]:
-    """Every pose from one side, above a height [mm], as it is dressed, and the panels."""
+    """Every pose from one side, above a height [mm], dressed and in the colours of its scan; and the panels."""
     if any(pose.unseen is not None for pose in poses):
         wear = "shorts"  # so that grey shows what was not measured
     seen, reliefs = looks(poses, view, lowest=lowest, wear=wear)
     headings = [pose.look.heading for pose in poses]
-    images = [
-        shaded(one) if pose.unseen is None else shaded(one, GREY, np.nan_to_num(one.values(pose.unseen)))
-        for pose, one in zip(poses, reliefs, strict=True)
-    ]
+    images = []
+    for pose, one in zip(poses, reliefs, strict=True):
+        own, unseen, skin = pose.skin.colours, pose.unseen, CLAY
+        if own is not None:
+            skin = np.nan_to_num(np.stack([one.values(band / 255.0) for band in own.T], axis=2))
+        part = None if unseen is None else np.nan_to_num(one.values(unseen))
+        images.append(shaded(one, GREY, part, skin))
     return panels(headings, seen.extent, view, images)
 
 

@@ -71,7 +71,7 @@ def turning(
         faces: triangles of the skin, shape (faces, 3).
         palette: colours of the hump from -limit to limit, 0 to 1, shape (steps, 3).
         limit: end of the scale of the hump [mm].
-        colours: of each vertex of the skin, 0 to 1, shape (vertices, 3); grey when left out.
+        colours: of each vertex of the skin, uint8, shape (vertices, 3); grey when left out.
         bare: whether the page offers to take the clothes off.
     """
     cloth, count = cloth_faces(), len(states[0].skin)
@@ -91,7 +91,7 @@ def turning(
         packed += [np.round(4.0 * state.hump[order]), np.round(31.0 * state.part[order])]
     packed.append(np.round(10.0 * open_back().ravel()))
     if colours is not None:
-        packed += list(np.round(255.0 * colours[order].T))
+        packed += list(colours[order].T)
     data = zlib.compress(b"".join(map(_folded, packed)), 9)
     info = {
         "states": [state.name for state in states],

@@ -100,6 +100,8 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
         "sections": section_plots(poses),
         "convergence": convergence_plot(summary),
     }
+    if result.skin.colours is not None:
+        figures["own_behind"] = skins.plain_picture(poses, BEHIND, wear="shorts")[0]
     if bare:
         figures["bare_front"] = skins.plain_picture(poses, FRONT, wear="nothing")[0]
         figures["bare_side"] = skins.plain_picture(poses, RIGHT, wear="nothing")[0]
@@ -222,7 +224,8 @@ def _backs(
             cloth = in_pelvis(pose.worn.cloth.reshape(-1, 3), pose.landmarks).reshape(pose.worn.cloth.shape)
             skin, hump = in_pelvis(pose.worn.skin.vertices, pose.landmarks), hump_on_vertices(pose, one, seen)
             states.append(TurningState(pose.look.heading, skin, cloth, *hump))
-    trunk = turning(states, poses[0].skin.faces, palette=hump_palette(limit), limit=limit, bare=bare)
+    skin = poses[0].skin
+    trunk = turning(states, skin.faces, palette=hump_palette(limit), limit=limit, colours=skin.colours, bare=bare)
     figures: dict[str, Figure | None] = {"back": back, "hump": hump_picture(poses, reliefs, seen, limit)}
     if likely:
         better, worse = likely

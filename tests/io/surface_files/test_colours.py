@@ -12,7 +12,7 @@ from warp_trunk.geometry.colours import as_colours, coloured_from
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.point_files import read_scan
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.io.surface_files.morph import morph_glb
+from warp_trunk.io.surface_files.morph import skin_glb
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=100.0)
 SKIN = Surface(np.asarray(BALL.vertices), np.asarray(BALL.faces, dtype=np.int32))
@@ -135,13 +135,13 @@ def test_the_colours_of_a_morph_are_light_as_gltf_has_it(tmp_path):
     """128 of 255 on a screen is 0.2159 of its light (IEC 61966-2-1)."""
     colours = np.tile(np.array([128, 255, 0], dtype=np.uint8), (len(SKIN.vertices), 1))
     colours[0] = 0
-    content = morph_glb(Surface(SKIN.vertices, SKIN.faces, colours), SKIN, ("a", "b"))
+    content = skin_glb(Surface(SKIN.vertices, SKIN.faces, colours), SKIN, ("a", "b"))
     (tmp_path / "a.glb").write_bytes(content)
     stored = next(iter(trimesh.load_scene(tmp_path / "a.glb").geometry.values())).visual.vertex_attributes["color"]
     np.testing.assert_allclose(stored[1, :3], [0.2159, 1.0, 0.0], atol=1e-4)
     back = read_surface(tmp_path / "a.glb")
     assert sorted(map(tuple, np.unique(back.colours, axis=0).tolist())) == [(0, 0, 0), (128, 255, 0)]
-    plain = morph_glb(Surface(SKIN.vertices, SKIN.faces, colours), SKIN, ("a", "b"), plain=True)
+    plain = skin_glb(Surface(SKIN.vertices, SKIN.faces, colours), SKIN, ("a", "b"), plain=True)
     assert b"COLOR_0" not in plain
 
 

@@ -18,12 +18,12 @@ _CLAY = [0.89, 0.80, 0.74, 1.0]
 _FLOAT, _WEIGHTS = 5126, "weights"
 
 
-def morph_glb(before: Surface, after: Surface, names: tuple[str, str], *, plain: bool = False) -> bytes:
+def skin_glb(before: Surface, after: Surface | None, names: tuple[str, str], *, plain: bool = False) -> bytes:
     """A GLB file in metres: a surface, its change into another one as a morph target, and that as an animation.
 
     Args:
         before: at weight 0 [mm], LPS; its colours are written where it has some.
-        after: at weight 1, same triangles [mm].
+        after: at weight 1, same triangles [mm]; without one the surface stays.
         names: of the mesh and of the morph target.
         plain: leave the colours out.
     """
@@ -32,20 +32,16 @@ def morph_glb(before: Surface, after: Surface, names: tuple[str, str], *, plain:
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
-    places, normals = (
-        [of @ _AXES.T for of in pair]
-        for pair in (
-            (before.vertices / 1000.0, after.vertices / 1000.0),
-            (vertex_normals(before), vertex_normals(after)),
-        )
-    )
+    ends = [one for one in (before, after) if one is not None]
+    places = [one.vertices / 1000.0 @ _AXES.T for one in ends]
+    normals = [vertex_normals(one) @ _AXES.T for one in ends]
     mesh = trimesh.Trimesh(places[0], before.faces, vertex_normals=normals[0], process=False)
     colours = None if plain else before.colours
     base = _CLAY if colours is None else [1.0, 1.0, 1.0, 1.0]
     material = PBRMaterial(name="skin", baseColorFactor=base, metallicFactor=0.0, roughnessFactor=0.8)
     mesh.visual = TextureVisuals(material=material)
 
-    def with_target(buffers: dict[str, bytes], tree: dict[str, Any]) -> None:
+    def completed(buffers: dict[str, bytes], tree: dict[str, Any]) -> None:
         def add(name: str, data: np.ndarray, kind: str) -> int:
             data = np.ascontiguousarray(data, dtype="<f4").reshape(len(data), -1)
             ends = {"min": data.min(axis=0).tolist(), "max": data.max(axis=0).tolist()}
@@ -56,21 +52,23 @@ def morph_glb(before: Surface, after: Surface, names: tuple[str, str], *, plain:
             return len(tree["accessors"]) - 1
 
         shape = tree["meshes"][0]
+        if colours is not None:
+            shape["primitives"][0]["attributes"]["COLOR_0"] = add("colours", to_linear(colours / 255.0), "VEC3")
+            tree["asset"]["generator"] = "warp_trunk"
+        if after is None:
+            return
         shape["primitives"][0]["targets"] = [
             {
                 "POSITION": add("target", places[1].astype("f4") - places[0].astype("f4"), "VEC3"),
                 "NORMAL": add("target normals", normals[1] - normals[0], "VEC3"),
             }
         ]
-        if colours is not None:
-            shape["primitives"][0]["attributes"]["COLOR_0"] = add("colours", to_linear(colours / 255.0), "VEC3")
-            tree["asset"]["generator"] = "warp_trunk"
         shape |= {_WEIGHTS: [0.0], "extras": {"targetNames": [names[1]]}}
         node = next(number for number, one in enumerate(tree["nodes"]) if "mesh" in one)
-        ends = np.array([0.0, 1.0])
-        sampler = {"input": add("times", SECONDS * ends, "SCALAR"), "output": add(_WEIGHTS, ends, "SCALAR")}
+        times = np.array([0.0, 1.0])
+        sampler = {"input": add("times", SECONDS * times, "SCALAR"), "output": add(_WEIGHTS, times, "SCALAR")}
         channel = {"sampler": 0, "target": {"node": node, "path": _WEIGHTS}}
         tree["animations"] = [{"name": names[1], "samplers": [sampler], "channels": [channel]}]
 
     scene = trimesh.Scene({names[0]: mesh})
-    return export_glb(scene, include_normals=True, buffer_postprocessor=with_target)
+    return export_glb(scene, include_normals=True, buffer_postprocessor=completed)
