@@ -134,7 +134,7 @@ class PageScene:
             camera.up_direction = (0.0, 0.0, 1.0)
 
     def _paint(self) -> None:
-        """Draws the skin, in its own colours once it no longer moves, as these are sent anew each time."""
+        """Draws the skin, in its own colours once it no longer moves, as these are sent again each time."""
         shown = self.before if self._is_before else self.skin
         painted = self._own and (self._is_before or self._settled)
         if painted:

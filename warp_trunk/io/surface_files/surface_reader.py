@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .polygons import read_obj
 from .space import stated_space
 from .vtk import read_vtk, read_vtp
 
-_READERS: dict[str, Callable[..., tuple[np.ndarray, ...]]] = {
+_READERS: dict[str, Callable[..., tuple[Any, ...]]] = {
     ".ply": read_ply,
     ".stl": read_stl,
     ".obj": read_obj,

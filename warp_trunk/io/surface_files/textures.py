@@ -6,6 +6,7 @@ Pillow, which matplotlib brings, reads the pictures, and trimesh looks colours u
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def read_materials(obj: Path, names: list[str]) -> dict[str, Material]:
     return found
 
 
-def _file_of(words: list[str]) -> str:
+def _file_of(words: Sequence[str]) -> str:
     """The name that ends a line, after options that begin with a dash and have numbers or on and off."""
     while words[0].startswith("-") and len(words) > 1:
         words = words[1:]
@@ -85,7 +86,7 @@ def _is_number(word: str) -> bool:
 
 
 def _beside(obj: Path, name: str, read: Any) -> Any:
-    """What a file in the folder of a surface holds; None with a warning where it is not there or not readable."""
+    """The content of a file in the folder of a surface; None, and a warning, where it cannot be read."""
     path = obj.parent / name.replace("\\", "/")
     try:
         check_within(obj.parent, path)
