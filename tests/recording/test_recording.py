@@ -14,6 +14,7 @@ from support.rrd import column
 from support.small_trunk import made_up_increments, measured, small_case, start_recording
 from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.recording.colours import SKIN
 
 
 def record(path, case, trunk, increments, after_each=lambda increment: None, *, close=True, **options):
@@ -46,13 +47,13 @@ def test_viewer_accepts_the_file_with_its_blueprint_and_text(recorded):
 
 def test_every_increment_has_its_skin(recorded):
     path, case, trunk, increments = recorded
-    skins = column(path, "/now/skin/displacement", "vertex_positions")
+    skins = column(path, "/now/skin", "vertex_positions")
     assert sorted(skins) == [0, 1, 2, 3]
     np.testing.assert_allclose(skins[0], case.skin.vertices, atol=1e-4)
     for increment in increments:
         expected = (trunk.nodes + increment.displacement)[trunk.skin_nodes]
         np.testing.assert_allclose(skins[increment.number], expected, atol=1e-4)
-    (faces,) = column(path, "/now/skin/displacement", "triangle_indices").values()
+    (faces,) = column(path, "/now/skin", "triangle_indices").values()
     np.testing.assert_array_equal(faces, case.skin.faces)
 
 
@@ -63,11 +64,28 @@ def test_numbers_by_increment(recorded):
     (names,) = column(path, "/energy", "names").values()
     assert names.tolist() == ["edges", "faces", "volume", "total"]  # gravity is off
     assert column(path, "/error", "scalars")[3].item() == pytest.approx(np.log10(0.004))
-    (levels,) = column(path, "/bsr", "names").values()
-    place = levels.tolist().index("T4")
-    rotations = {k: v[place] for k, v in column(path, "/bsr", "scalars").items()}
-    expected = {k: 14.0 * 360.0 / 420.0 * k / 3 for k in range(4)}
+    rotations = {k: v[0] for k, v in column(path, "/bsr", "scalars").items()}
+    expected = {k: 14.0 * 360.0 / 420.0 * k / 3 for k in range(4)}  # of T4, the highest and most rotated
     assert rotations == pytest.approx(expected, abs=0.05)
+    said = column(path, "/bars/angles", "labels")
+    assert (said[0][0], said[3][0]) == ("0.0", "12 right")
+    colours = column(path, "/energy", "colors")[None]
+    assert len(set(colours.tolist())) == len(colours)
+
+
+def test_the_last_increment_shows_the_hump_of_the_report(recorded):
+    """Orange where the back stands further back than on the other side, purple there, and plain elsewhere."""
+    path, case, _, _ = recorded
+    colours = column(path, "/now/skin", "vertex_colors")
+    bytes_of = {k: np.stack([v >> 24, v >> 16, v >> 8], axis=1) & 255 for k, v in colours.items()}
+    skins = column(path, "/now/skin", "vertex_positions")
+    plain = (bytes_of[3] == SKIN).all(axis=1)
+    assert plain[case.skin.vertices[:, 1] < 0.0].all()
+    behind = ~plain & (skins[3][:, 1] > 0.0)
+    assert behind.any()
+    red, blue = bytes_of[3][behind, 0].astype(int), bytes_of[3][behind, 2].astype(int)
+    x = skins[3][behind, 0] - skins[3][:, 0].mean()
+    assert np.corrcoef(red - blue, x)[0, 1] < -0.5  # orange on the right, which stands further back
 
 
 def test_logged_arrays_are_copies(tmp_path, monkeypatch):
@@ -90,11 +108,11 @@ def test_logged_arrays_are_copies(tmp_path, monkeypatch):
     case.skin.faces[:] = 0
     skin[:] = 1e6
     recording.close()
-    skins = column(path, "/now/skin/displacement", "vertex_positions")
+    skins = column(path, "/now/skin", "vertex_positions")
     for number, vertices in expected.items():
         np.testing.assert_allclose(skins[number], vertices, atol=1e-4)
     np.testing.assert_allclose(column(path, "/before/skin", "vertex_positions")[None], skins[0])
-    assert column(path, "/now/skin/displacement", "triangle_indices")[None].any()
+    assert column(path, "/now/skin", "triangle_indices")[None].any()
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
@@ -103,7 +121,7 @@ def test_increments_so_far_survive_a_kill(tmp_path):
     path = tmp_path / "killed.rrd"
     recording = record(path, case, trunk, made_up_increments(trunk)[:2], close=False)
     recording.wait()  # what the next increment does first; a file being written cannot be read
-    assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2]
+    assert sorted(column(path, "/now/skin", "vertex_positions")) == [0, 1, 2]
     recording.close()
 
 
@@ -123,7 +141,7 @@ def test_a_disk_that_fails_stops_the_recording_and_not_the_simulation(tmp_path, 
     assert "no space left" in recording.failed
     assert "the simulation continues" in caplog.text
     recording.close()
-    assert sorted(column(tmp_path / "r.rrd", "/now/skin/displacement", "vertex_positions")) == [0, 1]
+    assert sorted(column(tmp_path / "r.rrd", "/now/skin", "vertex_positions")) == [0, 1]
 
 
 def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):

@@ -80,7 +80,7 @@ def test_live_shows_it_and_a_viewer_that_is_closed_takes_nothing_from_the_file(t
         for process in started:
             stop(process)
     assert not recording.failed
-    assert sorted(column(path, "/now/skin/displacement", "vertex_positions")) == [0, 1, 2, 3, 4]
+    assert sorted(column(path, "/now/skin", "vertex_positions")) == [0, 1, 2, 3, 4]
 
 
 def test_the_browser_can_reach_nothing_but_this_machine(recorded):

@@ -6,7 +6,7 @@ import pytest
 from support.small_trunk import small_landmarks
 from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.report.hump_picture import side_difference
+from warp_trunk.report.hump import side_difference
 from warp_trunk.report.relief import (
     BEHIND,
     FRONT,

@@ -1,17 +1,62 @@
-"""Colours of the recorded trunk, and the displacement of the skin as a colour."""
+"""Colours of the recorded trunk: the hump of a back, and the displacement of a part without a spine."""
+
+from collections.abc import Callable
 
 import numpy as np
+
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.measures import TrunkMeasures
+from warp_trunk.report.hump import hump_on_vertices, hump_palette, scale_limit
+from warp_trunk.report.relief import BEHIND, relief, window
 
 SKIN, BONE = (229, 194, 172), (236, 226, 198)
 BEFORE, NOW, TARGET = (128, 128, 128), (30, 130, 200), (213, 94, 0)
 """Grey, blue and vermilion differ for every kind of colour vision."""
+TERMS = (NOW, (0, 158, 115), TARGET, (204, 121, 167), (230, 159, 0), (86, 180, 233))
+"""Of the terms of an energy; their total is grey."""
 TEXT = (125, 125, 125)
 """Of labels. It and the three above can be read on a dark and on a light ground: the reader chooses the theme."""
 _RISING = np.array([(255, 246, 222), (253, 187, 132), (227, 74, 51), (127, 0, 0)])
 """Pale over red to dark red; the lightness falls all the way, for every kind of colour vision."""
+PIXEL = 4.0
+"""The two sides of a back are compared at places this far apart [mm]."""
+Paint = Callable[[Surface, Landmarks], np.ndarray]
+"""The colours of a skin with its landmarks, shape (vertices, 3), uint8."""
+
+
+def hump_paint(case: Case, before: TrunkMeasures) -> tuple[Paint, float]:
+    """The colours of the report's hump, and the end of their scale [mm]."""
+
+    def differences(skin: Surface, landmarks: Landmarks) -> tuple[np.ndarray, np.ndarray]:
+        seen = window([(skin, landmarks)], PIXEL, BEHIND)
+        return hump_on_vertices(skin, landmarks, relief(skin, landmarks, seen, BEHIND), seen)
+
+    difference, part = differences(case.skin, case.landmarks_before)
+    limit = scale_limit([abs(before.max_hump or 0.0), float(np.abs(difference * (part > 0.5)).max())])
+    palette = 255.0 * hump_palette(limit)
+
+    def paint(skin: Surface, landmarks: Landmarks) -> np.ndarray:
+        difference, part = differences(skin, landmarks)
+        step = (len(palette) * np.clip((difference / limit + 1.0) / 2.0, 0.0, 0.999)).astype(int)
+        return np.round(SKIN + part[:, None] * (palette[step] - SKIN)).astype(np.uint8)
+
+    return paint, limit
 
 
 def painted(sizes: np.ndarray, most: float) -> np.ndarray:
     """Colours (n, 3), uint8, of sizes (n,): pale at 0, dark red from `most` on."""
     place = np.clip(sizes / max(most, 1e-12), 0.0, 1.0) * (len(_RISING) - 1)
     return np.column_stack([np.interp(place, range(len(_RISING)), c) for c in _RISING.T]).round().astype(np.uint8)
+
+
+def displacement_paint(before: Surface, most: float) -> Paint:
+    """The colours of the displacement from a skin, whose scale ends at `most` [mm]."""
+
+    def paint(skin: Surface, _: Landmarks) -> np.ndarray:
+        if skin.vertices.shape != before.vertices.shape:
+            return np.tile(np.array(SKIN, np.uint8), (len(skin.vertices), 1))
+        return painted(np.linalg.norm(skin.vertices - before.vertices, axis=1), most)
+
+    return paint

@@ -10,18 +10,18 @@ import rerun as rr
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import Measured
-from warp_trunk.measures.rows import measure_rows
+from warp_trunk.measures.rows import measure_rows, sided
 from warp_trunk.measures.table import RESEARCH, as_markdown
 
-from .colours import BEFORE, NOW, TARGET, TEXT
+from .colours import BEFORE, NOW, TARGET, TERMS, TEXT
 
 Angles = Mapping[str, float | None]
 
-TERMS = {"distance": "edges", "area": "faces"}
+NAMES_OF_TERMS = {"distance": "edges", "area": "faces"}
 """Names of the terms of an energy in the plot, where they differ."""
 BAR = 0.26
 """Height of a bar, where levels are 1 apart and three bars share one."""
-NAMES, BETWEEN, ANGLES = 0.05, (0.1, 0.87), 0.93
+NAMES, BETWEEN, ANGLES = 0.05, (0.1, 0.81), 0.91
 """Positions of names, bars with their whiskers, and angles in a plot of bars, as parts of its width."""
 SPARE = 5.0
 """Room for the whiskers on either side of the bars [degrees]; a usual rotation is known to 2 degrees."""
@@ -36,9 +36,9 @@ class BarPlot:
         """Names of the rows, the first on top, rows 1 apart."""
         known = [angle for each in angles for angle in each.values() if angle is not None]
         low, high = min([0.0, *known]) - SPARE, max([1.0, *known]) + SPARE
-        self.width = 1.45 * (len(self.levels) + 1)
+        self.width = 1.25 * (len(self.levels) + 1)
         """The whole plot is this wide, from 0."""
-        self.scale = 0.72 * self.width / (1.1 * (high - low))
+        self.scale = 0.66 * self.width / (1.1 * (high - low))
         """Length of a bar for each degree."""
         self.zero = 0.12 * self.width - 1.1 * low * self.scale
         """Where bars begin."""
@@ -66,7 +66,8 @@ class Numbers:
         self._plot = plot = BarPlot(before.bsr, target.bsr)
         self._terms: list[str] = []
         log("error", rr.SeriesLines(names="error", colors=NOW, widths=2.0), static=True)
-        log("bsr", rr.SeriesLines(names=list(before.bsr)), static=True)
+        names = ["upper back, to the right above 0", "lower back"]
+        log("bsr", rr.SeriesLines(names=names, colors=[NOW, TARGET], widths=2.0), static=True)
         log("bars/before", self._bars(before, BEFORE, 0), static=True)
         log("bars/target", self._bars(target, TARGET, 2), static=True)
         rows, middle = len(plot.levels), 0.5 * plot.width
@@ -74,15 +75,16 @@ class Numbers:
         log("bars/zero", rr.LineStrips2D(zero, colors=TEXT), static=True)
         names = self._labels(NAMES, {level: level for level in plot.levels}, TEXT)
         log("bars/levels", names, static=True)
-        legend = ["to the right: right side further back", f"grey before, blue now, orange {name}"]
+        legend = ["to the right: the right side stands further back", f"grey before, blue now, orange {name}"]
+        self._below = [[middle, rows + 2.1]]
         log("bars/legend", _labels([[middle, rows - 0.3], [middle, rows + 0.9]], legend, TEXT), static=True)
 
     def measures(self, now: TrunkMeasures, load_factor: float) -> None:
         """Logs rotations and the table."""
         self._log("bars/now", self._bars(now, NOW, 1))
-        angles = {level: "missing" if a is None else f"{a:+z.1f}°" for level, a in now.bsr.items()}
-        self._log("bars/angles", self._labels(ANGLES, angles, NOW))
-        self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in now.bsr.values()]))
+        self._log("bars/angles", self._labels(ANGLES, {level: sided(a) for level, a in now.bsr.items()}, NOW))
+        most = now.max_thoracic_bsr, now.max_lumbar_bsr
+        self._log("bsr", rr.Scalars([math.nan if angle is None else angle for angle in most]))
         text = table(self._before, now, self._target, self._name, load_factor)
         self._log("table", rr.TextDocument(text, media_type="text/markdown"))
 
@@ -91,16 +93,21 @@ class Numbers:
         known = {level: (row.low, row.high) for level, row in rotations.items()}
         ends = {level: (low, high) for level, (low, high) in known.items() if low is not None and high is not None}
         lines = self._plot.whiskers(ends)
-        radii = rr.Radius.ui_points(1.0)
+        radii = rr.Radius.ui_points(0.6)
         self._log("bars/whiskers", rr.LineStrips2D(lines, radii=radii, colors=TEXT, draw_order=40.0))
+        legend = _labels(self._below, ["thin line: 19 of 20 such operations end there"], TEXT)
+        self._log("bars/whiskers/legend", legend)
 
     def relaxation(self, energy: Energy, estimated_error: float) -> None:
         """Logs the energy by term and the error as its logarithm, after an increment."""
         values = {**energy.terms, "total": energy.total}
         if not self._terms:
             self._terms = [name for name, value in values.items() if value != 0.0 or name == "total"]
-            names = [TERMS.get(name, name) for name in self._terms]
-            self._log("energy", rr.SeriesLines(names=names, widths=[2.0] * len(names)), static=True)
+            names = [NAMES_OF_TERMS.get(name, name) for name in self._terms]
+            colours = [*TERMS[: len(names) - 1], TEXT]
+            self._log(
+                "energy", rr.SeriesLines(names=names, colors=colours, widths=[2.0] * len(names)), static=True
+            )
         self._log("energy", rr.Scalars([values[name] for name in self._terms]))
         if 0.0 < estimated_error < math.inf:
             self._log("error", rr.Scalars(math.log10(estimated_error)))
@@ -128,6 +135,7 @@ def table(
         "target": "Target: the planned bones, with the skin where their path alone carries it.",
     }
     groups = measure_rows([before, now, target])
-    rows = [row.cells() for group in groups.values() for row in group if row.short or row.values[0] is None]
+    shown = [row for group in groups.values() for row in group if row.short]
+    rows = [[f"{r.short[0].upper()}{r.short[1:]} [{r.quantity.unit}]", *r.cells()[1:]] for r in shown]
     head = ["", "before", f"now, {100.0 * load_factor:.0f} %", target_name]
     return f"{as_markdown(head, rows)}\n\n{meaning[target_name]} {RESEARCH}"

@@ -66,7 +66,7 @@ class Recording:
         blueprint = layout(case, before, target=name, unit=unit)
         self._streams = open_streams(case.name, self.path, live, blueprint)
         most = float(np.percentile(np.linalg.norm(carried, axis=1), 99.5))
-        self._scene = scene = Scene(self._log, case, trunk, before.worst_level, most)
+        self._scene = scene = Scene(self._log, case, trunk, before, most)
         self._numbers = Numbers(self._log, before, target, name)
         scene.still("before", skin, np.zeros_like(planned), case.landmarks_before.points)
         scene.still("target", target_skin, planned, case.planned_landmarks.points)

@@ -7,19 +7,22 @@ import numpy as np
 import rerun as rr
 
 from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.geometry.normals import vertex_normals
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures
+from warp_trunk.measures.rows import sided
+from warp_trunk.report.hump import hump_palette
 
-from .colours import BONE, NOW, SKIN, TEXT, painted
+from .colours import BONE, NOW, TEXT, displacement_paint, hump_paint, painted
 
 
 class Scene:
     """Logs new arrays only: Rerun keeps references to those it is given and writes them later."""
 
     def __init__(
-        self, log: Callable[..., None], case: Case, trunk: TrunkMesh, level: str | None, most: float
+        self, log: Callable[..., None], case: Case, trunk: TrunkMesh, before: TrunkMeasures, most: float
     ) -> None:
         """Logs what never changes.
 
@@ -27,27 +30,40 @@ class Scene:
             log: receives an entity, its content, and whether it holds for all times.
             case: the case, whose skin and landmarks are those before surgery.
             trunk: its mesh.
-            level: the level whose section is drawn.
-            most: displacement at the dark end of the colours of the skin [mm].
+            before: measures before surgery; the section at its worst level is drawn.
+            most: displacement at the dark end of the colours of the skin of a part without a spine [mm].
         """
-        self._log, self._case, self._trunk, self._level, self._most = log, case, trunk, level, most
+        self._log, self._case, self._trunk, self._level = log, case, trunk, before.worst_level
+        if case.has_spine:
+            self._paint, most = hump_paint(case, before)
+            shades = np.round(255.0 * hump_palette(most)).astype(np.uint8)
+            texts = [f"{most:g} mm further forward", "as the other side", f"{most:g} mm further back"]
+        else:
+            self._paint, shades = displacement_paint(case.skin, most), painted(np.linspace(0.0, 1.0, 100), 1.0)
+            texts = [f"{value:.3g} mm" for value in (0.0, most / 2.0, most)]
         self._bone_nodes, bone_faces = np.unique(trunk.bone_faces, return_inverse=True)
         self._bone_faces = bone_faces.reshape(-1, 3).astype(np.uint32)
         low, high = self._low, self._high = case.skin.vertices.min(axis=0), case.skin.vertices.max(axis=0)
         log("/", rr.ViewCoordinates.LBU, static=True)
         faces = case.skin.faces.astype(np.uint32)
-        log("now/skin/displacement", rr.Mesh3D.from_fields(triangle_indices=faces), static=True)
+        log("now/skin", rr.Mesh3D.from_fields(triangle_indices=faces), static=True)
         deep, at = (low[1] + high[1]) / 2.0, low[2] + 0.08 * (high[2] - low[2])
         sides = np.array([[high[0] + 20.0, deep, at], [low[0] - 20.0, deep, at]], np.float32)
         labels: dict[str, Any] = {"radii": 0.0, "colors": TEXT, "show_labels": True}
+        if self._level:
+            place = [[-(low[0] + high[0]) / 2.0, low[1] - 70.0]]
+            log(
+                "section/axes",
+                rr.Points2D(place, labels=["from above: front above, back below"], **labels),
+                static=True,
+            )
         log("sides", rr.Points3D(sides, labels=["left", "right"], **labels), static=True)
-        edge = np.column_stack([np.linspace(0.0, 1000.0, 101), np.zeros(101)]).astype(np.float32)
-        shades = painted(np.linspace(0.0, most, 100), most)
+        places = np.linspace(0.0, 1000.0, len(shades) + 1)
+        edge = np.column_stack([places, np.zeros_like(places)]).astype(np.float32)
         strips = rr.LineStrips2D(np.stack([edge[:-1], edge[1:]], axis=1), radii=14.0, colors=shades)
-        log("scale/displacement", strips, static=True)
-        texts = [f"{value:.3g} mm" for value in (0.0, most / 2.0, most)]
+        log("scale", strips, static=True)
         marks = rr.Points2D([[0.0, 16.0], [500.0, 16.0], [1000.0, 16.0]], labels=texts, **labels)
-        log("scale/displacement/marks", marks, static=True)  # a label hangs below its point
+        log("scale/marks", marks, static=True)  # a label hangs below its point
         for when in ("before", "now", "target"):
             bones = rr.Mesh3D.from_fields(triangle_indices=self._bone_faces.copy(), albedo_factor=BONE)
             log(f"{when}/bones", bones, static=True)
@@ -57,20 +73,26 @@ class Scene:
         vertices, faces = np.array(skin.vertices, np.float32), skin.faces.astype(np.uint32)
         normals = vertex_normals(skin)
         mesh = rr.Mesh3D(
-            vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=SKIN
+            vertex_positions=vertices,
+            triangle_indices=faces,
+            vertex_normals=normals,
+            vertex_colors=self._painted(skin, landmarks),
         )
         self._log(f"{when}/skin", mesh, static=True)
         self._inside(when, displacement, landmarks, static=True)
 
     def now(self, displacement: np.ndarray, landmarks: np.ndarray) -> None:
-        """Logs bones, landmarks and the skin in the colours of its displacement."""
+        """Logs bones, landmarks and the skin in its colours."""
         way = displacement[self._trunk.skin_nodes]
         moved = (self._case.skin.vertices + way).astype(np.float32)
-        colours = painted(np.linalg.norm(way, axis=1), self._most)
-        normals = vertex_normals(Surface(moved, self._case.skin.faces))
+        skin = Surface(moved.astype(np.float64), self._case.skin.faces)
+        colours, normals = self._painted(skin, landmarks), vertex_normals(skin)
         mesh = rr.Mesh3D.from_fields(vertex_positions=moved, vertex_normals=normals, vertex_colors=colours)
-        self._log("now/skin/displacement", mesh)
+        self._log("now/skin", mesh)
         self._inside("now", displacement, landmarks, static=False)
+
+    def _painted(self, skin: Surface, landmarks: np.ndarray) -> np.ndarray:
+        return self._paint(skin, Landmarks(self._case.landmarks_before.names, landmarks))
 
     def _inside(self, when: str, displacement: np.ndarray, landmarks: np.ndarray, *, static: bool) -> None:
         moved = (self._trunk.nodes + displacement)[self._bone_nodes].astype(np.float32)
@@ -92,8 +114,7 @@ class Scene:
             low, high = self._low, self._high
             across = {"before": high[0], "target": (low[0] + high[0]) / 2.0, "now": low[0]}[when]
             at = [[-across, high[1] + 5.0]]  # clear of the outlines
-            angle = "missing" if tangent.angle is None else f"{tangent.angle:+z.1f}°"
-            texts = [f"{'actual' if when == 'target' else when} {angle}"]
+            texts = [f"{'actual' if when == 'target' else when} {sided(tangent.angle)}"]
         self._log(f"{when}/section", rr.LineStrips3D(spatial, radii=1.2, colors=colour), static=static)
         strips = rr.LineStrips2D(flat, radii=rr.Radius.ui_points(1.5), colors=colour)
         self._log(f"section/{when}", strips, static=static)

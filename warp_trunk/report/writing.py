@@ -26,7 +26,8 @@ from warp_trunk.measures.skin_quality import skin_change
 
 from . import skin_pictures as skins
 from .clothing import dressed
-from .hump_picture import hump_limit, hump_on_vertices, hump_palette, hump_picture
+from .hump import hump_on_vertices, hump_palette
+from .hump_picture import hump_limit, hump_picture
 from .page import page, part_page, read_text_of_plan
 from .part_pictures import change_sections, changed_views, frame_of
 from .plans import check_plans, plan_poses, plans_page
@@ -222,7 +223,10 @@ def _backs(
     for pose, one in zip(every, all_reliefs, strict=True):
         if pose.worn is not None and np.array_equal(pose.skin.faces, poses[0].skin.faces):
             cloth = in_pelvis(pose.worn.cloth.reshape(-1, 3), pose.landmarks).reshape(pose.worn.cloth.shape)
-            skin, hump = in_pelvis(pose.worn.skin.vertices, pose.landmarks), hump_on_vertices(pose, one, seen)
+            skin, hump = (
+                in_pelvis(pose.worn.skin.vertices, pose.landmarks),
+                hump_on_vertices(pose.worn.skin, pose.landmarks, one, seen),
+            )
             states.append(TurningState(pose.look.heading, skin, cloth, *hump))
     skin = poses[0].skin
     trunk = turning(states, skin.faces, palette=hump_palette(limit), limit=limit, colours=skin.colours, bare=bare)
