@@ -179,6 +179,26 @@ def test_keep_compare_and_undo(visit: Visit, page: Page) -> None:
     until(lambda: correction(page) == share and settled(page), visit)
 
 
+def test_two_tabs_show_one_plan_and_one_that_goes_takes_nothing_along(
+    visit: Visit, page: Page, playwright: Playwright
+) -> None:
+    other = launch(playwright)
+    second = Visit(other, page)
+    share, drawn = correction(page), visit.seen()
+    second.drag(30)
+    second.tab.wait_for_timeout(1500)  # the last of the drag is on its way
+    until(lambda: correction(page) > share and settled(page), second)
+    now = correction(page)
+    for tab in (visit, second):  # what one asks for is on the sliders of both
+        expect(tab.slider(0)).to_have_attribute("aria-valuenow", str(now), timeout=WAIT)
+    visit.tab.wait_for_timeout(300)
+    assert visit.seen() != drawn
+    other.close()
+    visit.press("Undo")
+    until(lambda: correction(page) != now and settled(page), visit)
+    assert page.failure is None
+
+
 def test_the_button_ends_it(visit: Visit, page: Page) -> None:
     visit.press("End")
     assert page.stopped.wait(10.0)

@@ -5,7 +5,8 @@ import pytest
 from support.known_spine import known_spine
 from support.trunk_shapes import flat_back, rotation, tube
 from warp_trunk.measures import measure
-from warp_trunk.measures.rows import level_rows, measure_rows
+from warp_trunk.measures.quantities import QUANTITIES
+from warp_trunk.measures.rows import MeasureRow, level_rows, measure_rows
 from warp_trunk.report.sentences import sentences
 from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
 
@@ -63,3 +64,14 @@ def test_every_curve_is_followed_between_the_same_vertebrae():
         assert row.values == pytest.approx(angles, abs=1e-6)
     over = compared(poses(THORACIC, scaled(THORACIC, -0.1)))  # overcorrected: below zero
     assert [cells[1] for title, cells in over.items() if title.startswith("Cobb")] == ["−4.0", "−6.0", "−3.0"]
+
+
+@pytest.mark.parametrize(
+    ("was", "will", "change"),
+    [(7.0, 9.0, "+2.0 ▲"), (7.0, -5.0, "−2.0 other side"), (3.6, -3.8, "+0.2 ▲ other side"), (9.0, 7.0, "−2.0")],
+)
+def test_what_grows_and_what_changes_its_side_are_marked(was, will, change):
+    row = MeasureRow(quantity=QUANTITIES["shoulder_difference_mm"], level="", values=(was, will))
+    assert row.compared_cells()[3] == change
+    height = MeasureRow(quantity=QUANTITIES["spine_height_mm"], level="", values=(386.0, 404.0))
+    assert height.compared_cells()[3] == "+18"

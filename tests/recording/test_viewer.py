@@ -36,7 +36,9 @@ def test_the_viewer_shows_every_view_without_an_error(recorded):
         state, log = client.get_state(), client.get_logs()
     (opened,) = state.recordings
     assert [(t.name, t.start, t.end) for t in opened.timelines if t.name == "increment"] == [("increment", 0, 3)]
-    assert {"Before", "Now", "The spine now", "Target: the planned spine", "Summary"} <= {view.name for view in state.views}
+    assert {"Before", "Now", "The spine now", "Target: the planned spine", "Summary"} <= {
+        view.name for view in state.views
+    }
     assert [(view.name, view.reports) for view in state.views if view.reports] == []
     words = [entry.message for entry in log if entry.level != "INFO" and "rasterizer" not in entry.message]
     assert words == []

@@ -8,6 +8,7 @@ from typing import Self
 
 import viser
 
+from warp_trunk.bone_motion.plan.plan_file import patient_name
 from warp_trunk.case.landmarks import NO_LANDMARKS
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
@@ -53,7 +54,7 @@ class Page:
         self._drawing = threading.Lock()
         self._told: Latest[Callable[[], str]] = Latest(PAUSE)
         self._writer = worker("writing", self._write_numbers, self._fail)
-        self.server = LoopbackServer(port, case.name)
+        self.server = LoopbackServer(port, patient_name(case))
         """The server; it is on `server.address`."""
         self.session = Session(patient, sliders, self._show, self._fail)
         """The plan and the picture of the page."""

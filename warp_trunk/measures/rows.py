@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     States = Sequence[TrunkMeasures | None]
 
 MISSING = "–"
+WORSE = "▲"
+"""Marks what should be small and grows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,15 +65,19 @@ class MeasureRow:
     def compared_cells(self) -> list[str]:
         """Its title, the values before and predicted, the change, and for an actual state its value and the error.
 
-        The change is that of the size, whatever its side, between the numbers as they are shown.
+        The change is that of the size, whatever its side, between the numbers as they are shown. `WORSE` marks a
+        difference of sides or a curve that grows; a change of side stands in words.
         """
         before, predicted, *actual = self.values
-        change = None
+        change = MISSING
         if before is not None and predicted is not None:
-            change = rounded(predicted) - rounded(before)
-            if self.quantity.side:
-                change = abs(rounded(predicted)) - abs(rounded(before))
-        cells = [self.title, self.text(before), self.text(predicted), number(change, sign=True)]
+            was, will = rounded(before), rounded(predicted)
+            uneven = self.quantity.side or self.quantity.key == "cobb_deg"
+            more = abs(will) - abs(was) if uneven else will - was
+            marks = [WORSE] if uneven and more > 0.0 else []
+            marks += ["other side"] if uneven and was * will < 0.0 else []
+            change = " ".join([number(more, sign=True), *marks])
+        cells = [self.title, self.text(before), self.text(predicted), change]
         for value in actual:
             error = None if value is None or predicted is None else abs(predicted - value)
             cells += [self.text(value), number(error)]

@@ -147,8 +147,13 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
 
 def planned_case(case: Case, surgery: PlannedSurgery, name: str) -> Case:
     """The case after a surgery, named after the patient and the plan, so that plans for one patient differ."""
-    patient = _CORRECTION.sub("", case.name)
-    return replace(surgery.planned_case(case), name=f"{patient}, plan {name}", plan=plan_text(surgery.plan))
+    name = f"{patient_name(case)}, plan {name}"
+    return replace(surgery.planned_case(case), name=name, plan=plan_text(surgery.plan))
+
+
+def patient_name(case: Case) -> str:
+    """The name of a case without the correction or the plan that it may name."""
+    return _CORRECTION.sub("", case.name)
 
 
 def check_planned_folder(folder: Path, case: Path | None = None) -> None:
