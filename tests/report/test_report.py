@@ -91,7 +91,7 @@ def test_numbers_of_the_prediction_are_the_angles_that_were_imposed(plain):
         size, side = predicted.split()
         assert float(size) == pytest.approx(14.0 * heights[level] / 420.0, abs=0.5 if len(size) == 2 else 0.1)
         assert side == "right"
-        assert change == f"+{size}"
+        assert change == f"+{size} ▲"
 
 
 def test_actual_skin_brings_its_error(compared):
