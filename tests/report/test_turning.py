@@ -1,6 +1,7 @@
 """The trunk to turn: what it shows in a real browser, against rays and against its own parts."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.report.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, dressed
 from warp_trunk.report.relief import BEHIND, RIGHT, Viewpoint
 from warp_trunk.report.skin_pictures import looks
+from warp_trunk.report.style import TrunkState
 from warp_trunk.report.turning import TurningState, script, turning
 from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
@@ -54,6 +56,25 @@ def test_cloth_lies_outside_the_skin_and_its_triangles_face_out(tmp_path: Path) 
     middle = (places[:, 2] > places[:, 2].min() + 5.0) & (places[:, 2] < places[:, 2].max() - 5.0)
     distance = SurfaceDistance(pose.worn.skin).nearest(places[middle]).distance
     assert 0.5 < distance.min() < 4.5
+
+
+def test_a_shirt_shows_no_small_peak_of_the_skin(tmp_path: Path) -> None:
+    pose = poses_of(read_result(write_small_result(tmp_path)))[0]
+    skin, front = pose.skin.vertices, pose.skin.vertices[:, 1].min()
+    tip = np.array([0.0, front, 0.5 * (skin[:, 2].min() + skin[:, 2].max())])
+    bump = np.exp(-(((np.linalg.norm(skin - tip, axis=1)) / 10.0) ** 2))
+    peaked = replace(pose, skin=pose.skin.moved(skin - np.outer(12.0 * bump, [0.0, 1.0, 0.0])))
+
+    def highest(one: TrunkState) -> tuple[float, float]:
+        """How far the cloth stands out, and its sharpest bend from row to row [mm]."""
+        dress = dressed([one])[0]
+        assert dress.worn is not None
+        depth = -dress.worn.cloth[:, 3 * COLUMNS // 4, 1]
+        return depth.max(), float(np.abs(np.diff(depth[SHORTS + 5 : -15], 2)).max())
+
+    (flat, _), (out, bent) = highest(pose), highest(peaked)
+    assert 4.0 < out - flat < 14.0
+    assert bent < 1.0
 
 
 @pytest.fixture(scope="module")

@@ -29,6 +29,8 @@ _STEP = 4.0
 """Distance of the sections that the cloth is made from [mm]."""
 _SMOOTH = 2.0
 """Standard deviations of the smoothing upwards and around [sections, columns]."""
+_BRIDGE, _CHEST = 13, 50.0
+"""Peaks are bridged over so many sections and columns, from this far below T1, wholly from twice as far [mm]."""
 _WAISTBAND = 5.0
 """The shorts end this far above the iliac spines [mm]."""
 _NECK, _FRONT, _BEHIND = 25.0, 75.0, 30.0
@@ -102,7 +104,7 @@ def cloth_of(skin: Surface, landmarks: Landmarks) -> np.ndarray:
     Raises:
         InputError: no ASIS among the landmarks, or an open skin.
     """
-    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+    from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter, maximum_filter1d
     from scipy.spatial import ConvexHull
 
     across = asis_axis(landmarks)
@@ -124,6 +126,10 @@ def cloth_of(skin: Surface, landmarks: Landmarks) -> np.ndarray:
     hull_at = np.array([_reach(hull - at, ways) for hull, at in zip(hulls, middle, strict=True)])
     even = gaussian_filter1d(gaussian_filter1d(hull_at, _SMOOTH, 0, mode="nearest"), _SMOOTH, 1, mode="wrap")
     least = maximum_filter1d(hull_at, 3, axis=0, mode="nearest")  # shoulders slope: out is also up there
+    below = np.clip((spine.centroids[:, 2].max() - _CHEST - heights) / _CHEST, 0.0, 1.0)[:, None]
+    peaks = np.maximum(least - even - (OUT - EDGE), 0.0) * below  # what would show through
+    bridged = maximum_filter(peaks, (_BRIDGE, _BRIDGE), mode=("nearest", "wrap"))
+    even += gaussian_filter(bridged, _BRIDGE / 4.0, mode=("nearest", "wrap"))
     bottom = skin.vertices[:, 2].min() - 1.0
     waist = 0.5 * (landmarks.point("asis_left") + landmarks.point("asis_right"))[2]
     waist = np.clip(waist + _WAISTBAND, bottom + 1.0, heights[-1] - 2.0)
