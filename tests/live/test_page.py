@@ -39,6 +39,9 @@ RELAXED = "solved to"
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     folder = tmp_path_factory.mktemp("live") / "plans"
     patient = small_patient()
+    skin = patient.case.skin
+    colours = np.where(skin.vertices[:, :1] > 0.0, [200, 90, 80], [90, 90, 200]).astype(np.uint8)
+    patient = replace(patient, case=replace(patient.case, skin=replace(skin, colours=colours)))
     with Page(patient, SpineSliders(patient.case), folder, free_port()) as page:
         yield page
         assert page.failure is None
@@ -156,6 +159,12 @@ def test_a_drag_moves_the_skin_and_the_numbers(visit: Visit, page: Page) -> None
     assert isinstance(page.session.view.surgery, PlannedSurgery)
     visit.wait_for(shown(page.session.view.surgery.curves[1].cobb_after))  # the table
     assert visit.seen() != drawn
+    assert page.scene.painted is None
+    for own in (True, False):
+        visit.tab.get_by_label("Own colours", exact=True).first.dispatch_event("click")
+        until(lambda own=own: page.scene.skin.visible != own, visit)
+        assert page.scene.painted is not None
+        assert page.scene.painted.visible == own
     assert (visit.complaints, visit.elsewhere) == ([], [])
 
 

@@ -15,6 +15,7 @@ from playwright.sync_api import Page, sync_playwright
 from support.chromium import CHROMIUM, WEBGL, needs_chromium
 from support.report_results import write_small_result
 from warp_trunk.geometry.distance_field import SurfaceDistance
+from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.report.clothing import COLUMNS, SHIRT, SHORTS, cloth_faces, dressed
 from warp_trunk.report.relief import BEHIND, RIGHT, Viewpoint
 from warp_trunk.report.skin_pictures import looks
@@ -79,7 +80,12 @@ def test_a_shirt_shows_no_small_peak_of_the_skin(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_result(tmp_path_factory.mktemp("turning"))
+    folder = write_small_result(tmp_path_factory.mktemp("turning"))
+    for name in ("skin_before.ply", "predicted_skin.ply"):  # red on the left, blue on the right
+        skin = read_surface(folder / name)
+        colours = np.where(skin.vertices[:, :1] > 0.0, [200, 90, 80], [90, 90, 200]).astype(np.uint8)
+        write_surface(folder / name, replace(skin, colours=colours))
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -203,3 +209,20 @@ def test_front_is_never_bare_and_back_is_unless_in_a_shirt(page: Page) -> None:
     coloured = picture(page)
     set_to(page, slider=100)
     assert np.abs(coloured - picture(page)).max() > 20.0
+
+
+@needs_chromium
+@pytest.mark.slow
+def test_skin_has_the_colours_of_its_scan_or_none(page: Page) -> None:
+    def red(shown: np.ndarray) -> list[float]:
+        row = shown[shown.shape[0] // 3]
+        left, right = (row[:, 0] - row[:, 2])[(row.min(axis=1) < 240.0)][[20, -20]]
+        return [left, right]
+
+    set_to(page, "own")
+    left, right = red(picture(page))
+    assert left > 50.0
+    assert right < -50.0
+    assert page.get_by_alt_text("in the colours of the scan").count() == 1
+    set_to(page)
+    assert max(map(abs, red(picture(page)))) < 30.0
