@@ -22,10 +22,13 @@ from .points import points_text
 
 
 def refuse_case(place: Path) -> None:
-    """Raise InputError for an output that is a case folder or lies in one, also through links."""
+    """Raise InputError for an output that is a case folder or lies in one, also through links.
+
+    A folder above that has a skin and bones but no `case.toml` may be where somebody works.
+    """
     whole = place.resolve()
     for folder in (whole, *whole.parents):
-        if is_case(folder):
+        if (folder / HEADER).exists() or (folder == whole and is_case(folder)):
             what = "is a case folder" if folder == whole else f"lies in the case folder {folder}"
             mixed = "a result there could be mistaken for its files"
             raise InputError(f"{place}: {what}, and {mixed}; give --out a place outside it")
