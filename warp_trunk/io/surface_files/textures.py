@@ -1,12 +1,12 @@
 """Photographs on surfaces, baked to colours of the vertices: the materials of OBJ, and those of glTF.
 
-Pillow, which matplotlib brings, reads the pictures, and trimesh looks colours up in them.
+trimesh reads materials and looks colours up in pictures, which Pillow reads that comes with matplotlib.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from warp_trunk.errors import InputError
 
-from ..file_access import MOST_SURFACE, check_file, check_within, number, read_text
+from ..file_access import MOST_SURFACE, check_within, read_bytes
 
 _log = logging.getLogger("warp_trunk")
 _INWARD = 0.6
@@ -44,65 +44,45 @@ def corner_colours(places: np.ndarray, material: Material) -> np.ndarray:
     return found.reshape(-1, 3, 3)
 
 
+class _Beside:
+    """Gives trimesh the files beside an OBJ and no others; warns of one that cannot be had."""
+
+    def __init__(self, obj: Path) -> None:
+        self._obj, self.given = obj, 0
+
+    def get(self, name: str) -> bytes:
+        folder, name = self._obj.parent, name.replace("\\", "/")
+        while " " in name and not (folder / name).is_file():
+            name = name.partition(" ")[2]  # options stand before it
+        try:
+            check_within(folder, folder / name)
+            content = read_bytes(folder / name, "materials or a picture of a surface", MOST_SURFACE)
+        except InputError as error:
+            _log.warning("%s: its colours are left out. %s", self._obj, error)
+            raise
+        self.given += 1
+        return content
+
+
 def read_materials(obj: Path, names: list[str]) -> dict[str, Material]:
-    """The materials of an OBJ by name: those in files beside it; a warning for each file that cannot be used.
+    """The materials of an OBJ by name, of files beside it; a warning for each file that cannot be used.
 
     Args:
         obj: the file.
         names: of its material libraries, as it has them.
     """
-    found: dict[str, Material] = {}
+    from trimesh.exchange.obj import parse_mtl  # heavy
+
+    found, beside = {}, _Beside(obj)
     for name in names:
-        text = _beside(obj, name, lambda path: read_text(path, "the materials of a surface"))
-        current, plain, picture = "", np.full(3, 255.0), None
-        for words in (line.split("#", 1)[0].split() for line in (text or "").splitlines()):
-            if words[:1] == ["newmtl"]:
-                current, plain, picture = " ".join(words[1:]), np.full(3, 255.0), None
-            elif words[:1] == ["Kd"] and len(words) == 4:
-                plain = 255.0 * np.clip([number(word) for word in words[1:]], 0.0, 1.0)
-            elif words[:1] == ["map_Kd"] and len(words) > 1:
-                picture = _beside(obj, _file_of(words[1:]), _picture)
-                plain = np.full(3, 255.0) if picture is not None else plain  # as most programs have it
-            if current:
-                found[current] = plain, picture
-    return found
-
-
-def _file_of(words: Sequence[str]) -> str:
-    """The name that ends a line, after options that begin with a dash and have numbers or on and off."""
-    while words[0].startswith("-") and len(words) > 1:
-        words = words[1:]
-        while len(words) > 1 and (words[0] in ("on", "off", "r", "g", "b", "m", "l", "z") or _is_number(words[0])):
-            words = words[1:]
-    return " ".join(words)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        number(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _beside(obj: Path, name: str, read: Any) -> Any:
-    """The content of a file in the folder of a surface; None, and a warning, where it cannot be read."""
-    path = obj.parent / name.replace("\\", "/")
-    try:
-        check_within(obj.parent, path)
-        return read(path)
-    except Exception as error:  # Pillow's are of many kinds
-        cause = error if isinstance(error, InputError) else f"{path}: cannot be read as a picture ({error})"
-        _log.warning("%s: its colours are left out. %s", obj, cause)
-        return None
-
-
-def _picture(path: Path) -> Any:
-    from PIL import Image
-
-    check_file(path, "a picture that lies on a surface", MOST_SURFACE)
-    with Image.open(path) as picture:
-        return picture.convert("RGB")
+        with suppress(InputError):
+            found |= parse_mtl(beside.get(name), beside)
+            beside.given -= 1
+    pictures = {name: one.get("image") for name, one in found.items()}
+    if beside.given > sum(picture is not None for picture in pictures.values()):
+        _log.warning("%s: a picture on it cannot be read; its colours are left out", obj)
+    plain = {name: 255.0 * np.ravel(one.get("diffuse", 1.0)) * np.ones(3) for name, one in found.items()}
+    return {name: (np.full(3, 255.0) if picture else plain[name], picture) for name, picture in pictures.items()}
 
 
 def material_of(visual: Any) -> Material:
