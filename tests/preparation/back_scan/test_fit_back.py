@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case, read_case, write_case
@@ -54,7 +55,23 @@ def scan(whole):
 
 @pytest.fixture(scope="module")
 def fit(scan):
-    return fit_back(*scan)
+    return fit_back(*scan, colours=by_place(scan[0]))
+
+
+def by_place(points):
+    """A colour that changes with place, 0 to 255."""
+    return np.clip(128.0 + 0.2 * (points - points.mean(axis=0)), 0.0, 255.0).astype(np.uint8)
+
+
+def test_the_skin_has_the_colours_of_the_scan_and_their_median_elsewhere(fit, scan):
+    colours = fit.case.skin.colours.astype(float)
+    at = fit.case.skin.vertices
+    expected = 128.0 + 0.2 * (at - scan[0].mean(axis=0))
+    assert np.abs(colours - expected)[fit.seen].max() < 6.0
+    far = KDTree(scan[0]).query(at)[0] > 30.0
+    np.testing.assert_array_equal(
+        np.unique(colours[far], axis=0), [np.median(by_place(scan[0]), axis=0).astype(int)]
+    )
 
 
 def test_the_skin_is_the_scan_and_what_is_beyond_the_trunk_is_left_out(fit, scan):

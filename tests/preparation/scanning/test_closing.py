@@ -1,5 +1,7 @@
 """Closing skins: of the phantom, and of real anatomy where it is present."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -80,8 +82,15 @@ def test_one_skin_with_a_hole_and_no_noise(phantom):
 def test_cuts_asked_for(phantom):
     scans = scan(phantom, unseen=flat_ends(phantom), fraction=0.0, noise=0.0)
     cuts = [CutPlane((0.0, 0.0, 400.0), (0.0, 0.0, 1.0)), CutPlane((0.0, 0.0, 60.0), (0.0, 0.0, -1.0))]
-    closed = close_skin(scans.parts, cuts, OPTIONS)
+    parts = {
+        name: replace(part, colours=np.rint(0.4 * part.vertices[:, [2, 2, 2]]).clip(0, 255).astype(np.uint8))
+        for name, part in scans.parts.items()
+    }
+    closed = close_skin(parts, cuts, OPTIONS)
     check_closed(closed.surface)
+    assert (
+        np.abs(closed.surface.colours - 0.4 * closed.surface.vertices[:, 2:]).max() < 4.0
+    )  # each from where it is
     z = closed.surface.vertices[:, 2]
     assert (z.min(), z.max()) == pytest.approx((60.0, 400.0), abs=0.3)
     assert (np.abs(z - 400.0) < 1e-6).sum() > 50
