@@ -80,6 +80,23 @@ def test_points_and_a_line_of_bodies():
         assert (one.rotation, one.slope) == (pytest.approx(8.0, abs=1e-6), pytest.approx(8.0, abs=1e-6))
 
 
+def test_markers_on_the_skin_do_not_turn_the_back():
+    """Two round markers, 5 mm high, on a back in the form of a cylinder that is turned by 8 degrees."""
+    x, z = (one.ravel() for one in np.meshgrid(np.linspace(-140.0, 140.0, 141), np.linspace(0.0, 400.0, 201)))
+    groove = 12.0 * np.exp(-((x / 30.0) ** 2))
+    y = 100.0 - np.tan(np.radians(8.0)) * x - x**2 / 300.0 - groove
+    smooth = np.column_stack([x, y, z])
+    marked = smooth + 0.0
+    for place in ([-55.0, 185.0], [-55.0, 135.0]):
+        marked[:, 1] += np.where(np.hypot(x - place[0], z - place[1]) < 6.0, 5.0, 0.0)
+    found = [measure_back(one, line(60.0), markers()).levels for one in (smooth, marked)]
+    for without, with_them in zip(*(one.values() for one in found), strict=True):
+        assert without is not None
+        assert with_them is not None
+        assert with_them.rotation == pytest.approx(without.rotation, abs=0.1)
+        assert with_them.slope == pytest.approx(without.slope, abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.relief import relief
+from warp_trunk.geometry.relief import relief, without_bumps
 from warp_trunk.geometry.section import pieces
 
 from .back_rotation import DualTangent, tangent_of
@@ -118,7 +118,7 @@ def measure_back(
     of a closed skin (`dual_tangent`). A line on the skin is that of spinous processes. From a line of bodies they
     are taken to lie where the sagittal plane of the vertebra, turned by `TURN`, meets the skin: within 10 mm (root
     mean square of 20 patients), which changes the slope by 1.7 degrees and the dual tangent by 0.04. Of landmarks
-    with pedicles that turn is known.
+    with pedicles that turn is known. Markers, straps and hair on a scan are flattened (`without_bumps`).
 
     >>> skin, marks = case.skin, case.landmarks_before
     >>> found = wt.measure_back(skin, marks)
@@ -139,7 +139,7 @@ def measure_back(
     marks = _by_name(*given)
     pelvis, across = pelvis_axis(*given)
     behind = np.array([-across[1], across[0]])
-    surface = relief(back, across) if isinstance(back, np.ndarray) else back
+    surface = relief(back, across) if isinstance(back, np.ndarray) else _bare(back, across)
     if isinstance(spine, np.ndarray):
         levels, centres = VERTEBRAE, _on_line(spine, marks, pelvis.lower())
         aside = centres[:, :2] @ across
@@ -169,6 +169,15 @@ def measure_back(
             slope = _slope(cut, place, across, BESIDE[level[0]])
             measured[level] = BackLevel(float(centre[2]), place, tangent, slope)
     return BackMeasures(pelvis, kind, measured)
+
+
+def _bare(back: Surface, across: np.ndarray) -> Surface:
+    """A closed skin as it is, and an open surface without what sticks on it."""
+    from warp_trunk.geometry.surface_checks import boundary_edges  # brings Warp
+
+    if not len(boundary_edges(back.faces)):
+        return back
+    return replace(back, vertices=without_bumps(back.vertices, across)[0])
 
 
 def _by_name(*tables: Landmarks | None) -> dict[str, np.ndarray]:

@@ -54,10 +54,9 @@ class StraightBody:
         return self.endplates.mean(axis=1)
 
     @property
-    def rise(self) -> np.ndarray:
-        """How far the centroid of the landmarks of T1 to L5 is above the middle of its body [mm], shape (17,)."""
-        centroids = [self.landmarks.of_bone(level).points.mean(axis=0) for level in VERTEBRAE]
-        return (np.array(centroids) - self.centres)[:, 2]
+    def axes(self) -> np.ndarray:
+        """From the inferior to the superior endplate of T1 to L5 [mm], shape (17, 3)."""
+        return self.endplates[:, 0] - self.endplates[:, 1]
 
     def pair(self, which: str) -> np.ndarray:
         """The left and the right iliac spine, `psis` on the skin or `asis` on the bone [mm], shape (2, 3)."""

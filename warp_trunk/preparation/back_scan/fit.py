@@ -33,6 +33,8 @@ _GROWS = 18.0
 _CLEAR = 15.0
 """Where the skin would cross itself, points of the scan nearer than this are left out [mm]."""
 _TRIES = 4
+_PLACINGS = 3
+"""How often the vertebrae are placed: the height of the landmarks of one depends on its pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,17 +105,23 @@ def fit_back(
     check_on_scan(markers, scan.points, marks)
     check_inside(scan, spine.line, back, line)
     body = body or made_body()
-    placed = place_spine(spine, markers, body.centres, body.rise)
-    frame = find_frame(body, held, placed)
-    placed = placed.turned(frame.rotation.T, frame.shift)
+    rise: np.ndarray | float = 0.0
+    for _ in range(_PLACINGS):
+        given = place_spine(spine, markers, body.centres, rise)
+        frame = find_frame(body, held, given)
+        placed = given.turned(frame.rotation.T, frame.shift)
+        straight = body.scaled(frame.scale).fitted_to(placed.centres)
+        turns = turns_of(placed, spine.kind == "pedicles")
+        poses = poses_of(placed, turns, straight.centres, straight.axes)
+        marks = {level: straight.landmarks.of_bone(level).points for level in VERTEBRAE}
+        centroids = np.array([poses[level](marks[level]).mean(axis=0) for level in VERTEBRAE])
+        rise = frame.to_patient(centroids)[:, 2] - given.centres[:, 2]
     scan = replace(
         scan,
         points=frame.to_body(scan.points),
         normals=scan.normals @ frame.rotation,
         stray=frame.to_body(scan.stray),
     )
-    straight = body.scaled(frame.scale).fitted_to(placed.centres)
-    turns = turns_of(placed, spine.kind == "pedicles")
     skin, bones, landmarks, used, forward = _fitted(straight, placed, turns, scan, back, line)
     everything = np.vstack([frame.to_patient(p) for p in (scan.points[~used], scan.stray)])
     kept = scan.chosen(used)
@@ -173,12 +181,11 @@ def _fitted(
     straight: StraightBody, placed: PlacedSpine, turns: np.ndarray, scan: BackScan, back: str, where: str
 ) -> tuple[Surface, dict[str, Surface], Landmarks, np.ndarray, np.ndarray]:
     """Skin, bones, landmarks, which points of the scan were used, and how far the vertebrae went forward."""
-    axes = straight.endplates[:, 0] - straight.endplates[:, 1]
     pelvis = [straight.bones[bone].vertices[::12] for bone in PELVIC_RING if bone in straight.bones]
 
     def fitted(forward: np.ndarray) -> tuple[Surface, dict[str, Surface], Landmarks, dict[str, VertebraPose]]:
         now = replace(placed, centres=placed.centres - forward[:, None] * [0.0, 1.0, 0.0])
-        poses = poses_of(now, turns, straight.centres, axes)
+        poses = poses_of(now, turns, straight.centres, straight.axes)
         landmarks, growth = grown(straight.skin, straight.bones, straight.landmarks, poses, 0.0)
         skin = Surface(growth(straight.skin.vertices), straight.skin.faces)
         ends = landmarks.points[["endplate" in name for name in landmarks.names]]

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.relief import averaged, without_bumps
 from warp_trunk.geometry.surface_checks import linked_parts
 
 FEWEST = 2000
 """A scan of fewer points shows no back."""
-SPACING = 3.0
-"""Points nearer than this are averaged [mm]."""
 EXTENT = (250.0, 2500.0)
 """The largest extent of a scan is between these [mm]."""
 _APART = 15.0
@@ -37,7 +36,7 @@ class BackScan:
     given: int
     """How many points were read."""
     stray: np.ndarray
-    """Points apart from the largest piece [mm], shape (m, 3)."""
+    """Points apart from the largest piece, and markers, straps and hair on it [mm], shape (m, 3)."""
 
     def chosen(self, kept: np.ndarray) -> BackScan:
         """The scan of the points that are kept, bool, shape (n,)."""
@@ -46,7 +45,7 @@ class BackScan:
 
 
 def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> BackScan:
-    """Average what was measured twice, leave pieces apart out, and find the normals.
+    """Average what was measured twice, leave out pieces apart and what sticks on the skin, and find the normals.
 
     Args:
         points: as read, in mm and LPS, shape (n, 3).
@@ -67,14 +66,14 @@ def clean_scan(points: np.ndarray, inner: np.ndarray, what: str = "back") -> Bac
         fits = [f"--units {unit}" for unit, size in (("cm", 10.0), ("m", 1000.0)) if 250 <= extent * size <= 2500]
         rule = f"a back in mm extends over {EXTENT[0]:g} to {EXTENT[1]:g}"
         raise InputError(f"{what}: extends over {extent:.4g}, and {rule}; give {(*fits, 'it in mm')[0]}")
-    cell, inverse = np.unique(np.floor(points / SPACING).astype(np.int64), axis=0, return_inverse=True)
-    count = np.bincount(inverse.reshape(-1), minlength=len(cell))
-    thin = np.column_stack([np.bincount(inverse.reshape(-1), column) for column in points.T]) / count[:, None]
+    thin = averaged(points)
+    bump = without_bumps(thin, np.array([1.0, 0.0]))[1]
+    loose, thin = thin[bump], thin[~bump]
     tree = KDTree(thin)
     pairs = tree.query_pairs(_APART, output_type="ndarray")
     piece = linked_parts(pairs[:, 0], pairs[:, 1], len(thin))
     main = piece == np.bincount(piece).argmax()
-    stray, thin = thin[~main], thin[main]
+    stray, thin = np.vstack([loose, thin[~main]]), thin[main]
     distance, near = KDTree(thin).query(thin, k=min(_NEIGHBOURS, len(thin)))
     around = thin[near] - thin[near].mean(axis=1, keepdims=True)
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]

@@ -147,7 +147,9 @@ def smoothed(line: np.ndarray) -> np.ndarray:
     return np.vstack([fine[0] + steps[::-1] * first, fine, fine[-1] + steps * last])
 
 
-def place_spine(spine: PatientSpine, markers: Landmarks, body: np.ndarray, rise: np.ndarray) -> PlacedSpine:
+def place_spine(
+    spine: PatientSpine, markers: Landmarks, body: np.ndarray, rise: np.ndarray | float = 0.0
+) -> PlacedSpine:
     """The vertebrae T1 to L5 of a patient, in the frame of the scan.
 
     On a mere line their centroids lie at the usual heights between the markers that `measure_back` has. Where
@@ -157,12 +159,12 @@ def place_spine(spine: PatientSpine, markers: Landmarks, body: np.ndarray, rise:
         spine: of the patient.
         markers: C7 and iliac spines.
         body: middles of T1 to L5 of a straight body, shape (17, 3) [mm].
-        rise: how far the centroid of the landmarks of each is above that middle [mm], shape (17,).
+        rise: how far the centroid of the landmarks of each is above the middle of its body [mm], shape (17,).
     """
     if not spine.levels:
         fine = smoothed(spine.line)
         usual, slope, heights = vertebrae_on_line(fine, markers)[:, 2], np.gradient(fine, axis=0), -fine[:, 2]
-        usual -= rise * (usual[0] - usual[-1]) / (body[0, 2] - body[-1, 2])
+        usual -= rise
         centres = np.column_stack([np.interp(-usual, heights, track) for track in fine.T])
         up = -np.column_stack([np.interp(-centres[:, 2], heights, track) for track in slope.T])
         return PlacedSpine(centres, up / np.linalg.norm(up, axis=1)[:, None], None)
