@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import shutil
 import struct
@@ -9,6 +10,9 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
+
+_LEAST_SPACE = 30_000_000
+"""Free space that compiled kernels need [bytes]."""
 
 
 @cache
@@ -30,10 +34,21 @@ def start_warp() -> None:
             os.dup2(kept, 2)
             os.close(kept)
         aside.seek(0)
-        drop_damaged_kernels(Path(wp.config.kernel_cache_dir or ""))
+        cache = Path(wp.config.kernel_cache_dir or "")
+        if shutil.disk_usage(cache).free < _LEAST_SPACE:
+            wp.config.kernel_cache_dir = os.environ["WARP_CACHE_PATH"] = aside_of(cache)
+        drop_damaged_kernels(cache)
         for line in aside.read().decode(errors="replace").splitlines():
             if "Could not find or load the NVIDIA CUDA driver" not in line:
                 print(line, file=sys.stderr)
+
+
+def aside_of(cache: Path) -> str:
+    """A folder of temporary files in place of a full one; it is removed at the end of the program."""
+    place = tempfile.mkdtemp(prefix="warp_trunk_kernels_")
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    print(f"warp-trunk: {cache}: is full; kernels are compiled into {place} and not kept", file=sys.stderr)
+    return place
 
 
 def drop_damaged_kernels(cache: Path) -> None:

@@ -48,7 +48,7 @@ def test_second_build_comes_from_the_cache(tmp_path, monkeypatch):
     first = make_trunk(SKIN, BONES, options, told.append)
     again = make_trunk(SKIN, BONES, options, told.append)
     assert (first.from_cache, again.from_cache) == (False, True)
-    assert len(told) == 4
+    assert len([text for text in told if "of TetGen" not in text]) == 4
     np.testing.assert_array_equal(first.trunk.tets, again.trunk.tets)
     np.testing.assert_array_equal(first.trunk.nodes, again.trunk.nodes)
     assert not make_trunk(SKIN, BONES, MeshOptions(tets=4001, bone_voxel=6.0)).from_cache

@@ -17,6 +17,7 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
+from warp_trunk.io.result_files import picture_source
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.measures.quantities import Measured
 from warp_trunk.meshing.predicted_skin import predicted_skin
@@ -122,7 +123,7 @@ def test_an_earlier_result_stays_whole_when_writing_fails(simulated, tmp_path, m
 
     monkeypatch.setattr(Path, "write_bytes", full)
     case, trunk, model, increments = simulated
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(OSError, match=f"No space left on device: '{tmp_path}"):
         result_of(case, trunk, model, increments[:1]).save(tmp_path)
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
 
@@ -132,12 +133,13 @@ def test_what_was_made_of_an_earlier_result_does_not_stand_beside_the_next(simul
     result_of(*simulated).save(tmp_path)
     (tmp_path / "report").mkdir()
     made = ["report.html", "report/back.png", "predicted_skin_measures.json", "predicted_skin_measures.csv"]
-    for name in (*made, "notes.txt", "report/notes.txt"):
+    kept = ["notes.txt", "report/notes.txt", "report/my.png", "report/copy.png"]
+    for name in (*made, *kept):
         (tmp_path / name).write_text("of the first")
+    for name in ("back", "copy"):
+        (tmp_path / "report" / f"{name}.png").write_text(picture_source("back"))
     result_of(*simulated).save(tmp_path)
-    assert [name for name in made if (tmp_path / name).exists()] == []
-    assert (tmp_path / "notes.txt").exists()
-    assert (tmp_path / "report" / "notes.txt").exists()
+    assert [name for name in (*made, *kept) if (tmp_path / name).exists()] == kept
 
 
 @pytest.fixture

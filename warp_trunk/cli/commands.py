@@ -1,10 +1,12 @@
 """From the words of a command line to a command, whose file is loaded only then, and to an exit status."""
 
 import ast
+import errno
 import gc
 import importlib
 import sys
 import textwrap
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -80,13 +82,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments[:1] in (["-h"], ["--help"]):
         print(overview())
         return OK
+    warnings.formatwarning = lambda message, *_, **__: f"warp-trunk: warning: {message}\n"
     try:
         return _loaded(arguments).run(arguments)
     except InputError as error:
         print(f"warp-trunk: {error}", file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
-        print(f"warp-trunk: {error}", file=sys.stderr)
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        cure = "; free some space there, or name another place" if full else ""
+        where = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else error
+        print(f"warp-trunk: {where}{cure}", file=sys.stderr)
         return NOT_CONVERGED
     except KeyboardInterrupt:
         print("warp-trunk: interrupted", file=sys.stderr)

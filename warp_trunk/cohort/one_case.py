@@ -103,7 +103,7 @@ def _do_case(folder: Path, out: Path, options: CohortOptions) -> CaseOutcome:
     return CaseOutcome(row=row, notice=notice)
 
 
-CHANGES_NOTHING = frozenset({"cache", "device", "from_mesh", "live", "threads"})
+CHANGES_NOTHING = frozenset({"cache", "device", "from_mesh", "live", "threads", "yes"})
 """Options that change no displacement, or that are included below by their effect."""
 PROGRAMS = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh")
 """Programs on which the numbers depend."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import os
 from collections.abc import Iterable, Iterator
@@ -30,11 +31,25 @@ def complete(path: Path, to_disk: bool = True) -> None:
 
 
 @contextmanager
+def named(path: Path) -> Iterator[None]:
+    """Names a path in the OSError of a block that has none, as where a disk is full."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename:
+            raise
+        # NumPy's tofile gives no number: it has written less than it was given, as the disk is full
+        number = error.errno or errno.ENOSPC
+        raise OSError(number, os.strerror(number), str(path)) from error
+
+
+@contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
     """The partial name, to write to in the block; at its end the file is complete, or removed if it failed."""
     try:
-        yield partial(path)
-        complete(path)
+        with named(path):
+            yield partial(path)
+            complete(path)
     except BaseException:
         partial(path).unlink(missing_ok=True)
         raise

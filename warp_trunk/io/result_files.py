@@ -16,3 +16,8 @@ PAGE, PICTURES = "report.html", "report"
 """Files that `report` writes: a page, and a folder of pictures."""
 MEASURES = f"{Path(PREDICTED_SKIN).stem}_measures"
 """Files that `measure` writes, without the endings .json and .csv."""
+
+
+def picture_source(name: str) -> str:
+    """The entry `Source` of a picture of a report, by which it is known as one."""
+    return f"warp_trunk report, {name}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
@@ -16,7 +17,7 @@ from warp_trunk.geometry.surface_checks import check_solid, crossings, enclosed_
 
 from .bone_surface import BoneSurface, bone_surface
 from .cache import cache_key, load_cached, store_cached
-from .tetrahedra import Tetrahedra, check_number, improve_quality, tetrahedralize
+from .tetrahedra import Tetrahedra, check_number, improve_quality, tetrahedralize, usual_number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,9 +102,13 @@ def make_trunk(
     surface = bone_surface(
         skin, bones, options.bone_margin, options.bone_voxel, edge_length, options.bone_tolerance
     )
+    usual = usual_number(len(skin.faces), len(surface.surface.faces))
+    if usual > 1.15 * options.tets:
+        text = f"skin and bones usually need {usual} tetrahedra; {options.tets} were asked for and may not be met"
+        warnings.warn(text, stacklevel=2)
     between = time.perf_counter()
     tell("filling the soft tissue with tetrahedra")
-    filled = tetrahedralize(skin, surface.surface, options.tets, options.radius_edge_ratio)
+    filled = tetrahedralize(skin, surface.surface, options.tets, options.radius_edge_ratio, tell)
     tell("repairing flat tetrahedra")
     nodes = _mended(filled, len(skin.vertices), surface.surface, 0.5 * options.bone_tolerance)
     trunk = _ordered(nodes, filled.tets, skin, surface, tuple(bones))

@@ -64,7 +64,7 @@ def store_cached(key: str, trunk: TrunkMesh) -> None:
             np.savez(unfinished, allow_pickle=False, key=np.array(key), bone_names=names, **arrays)
             os.replace(unfinished, path)
     except OSError as error:
-        warnings.warn(f"{path}: could not be kept for the next run ({error})", stacklevel=2)
+        warnings.warn(f"{path}: could not be kept for the next run ({error.strerror})", stacklevel=2)
 
 
 def _path(key: str) -> Path:

@@ -38,7 +38,10 @@ def main() -> None:
         )
     except RuntimeError as error:
         sys.exit(" ".join(str(error).split()))
-    np.savez(sys.argv[2], nodes=nodes, tets=tets.astype(np.int32))
+    try:
+        np.savez(sys.argv[2], nodes=nodes, tets=tets.astype(np.int32))
+    except OSError:  # the disk is full
+        sys.exit(os.EX_IOERR)
 
 
 if __name__ == "__main__":

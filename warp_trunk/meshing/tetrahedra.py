@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,6 +23,7 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface, compact
 from warp_trunk.geometry.surface_checks import CrossingError, components, crossings, enclosed_volume, place_of
+from warp_trunk.io.atomic_write import named
 from warp_trunk.kernels.tet_quality import mean_ratios, move_nodes
 
 CHILD = Path(__file__).with_name("tetgen_child.py")
@@ -47,7 +51,13 @@ class Tetrahedra:
     """How often TetGen was run to meet the number asked for."""
 
 
-def tetrahedralize(skin: Surface, bones: Surface, tets: int, radius_edge_ratio: float = 2.0) -> Tetrahedra:
+def tetrahedralize(
+    skin: Surface,
+    bones: Surface,
+    tets: int,
+    radius_edge_ratio: float = 2.0,
+    progress: Callable[[str], None] = lambda what: None,
+) -> Tetrahedra:
     """Fill the space between the bone surface and the skin with about `tets` tetrahedra.
 
     Both surfaces are kept as they are, node by node: TetGen adds nodes in the space between only. Inside
@@ -58,6 +68,7 @@ def tetrahedralize(skin: Surface, bones: Surface, tets: int, radius_edge_ratio: 
         skin, bones: closed 2-manifolds, oriented outward, free of crossings, the bones inside the skin.
         tets: number of tetrahedra asked for, met within 15 %.
         radius_edge_ratio: bound on circumradius by shortest edge that TetGen aims for, above 1.
+        progress: gets a sentence before each run of TetGen.
 
     Raises InputError when the surfaces cross, or need more tetrahedra by themselves than asked for.
     """
@@ -69,6 +80,7 @@ def tetrahedralize(skin: Surface, bones: Surface, tets: int, radius_edge_ratio: 
     best: Tetrahedra | None = None
     for run in range(1, _RUNS + 1):
         bound = search.next_bound()
+        progress(f"run {run} of TetGen, of {_RUNS} at most")
         nodes, corners = _tetgen(Surface(vertices, faces), holes, bound, radius_edge_ratio)
         count = len(corners)
         if best is None or abs(count - tets) < abs(len(best.tets) - tets):
@@ -89,6 +101,11 @@ def check_number(tets: int, skin: int, bones: int = 0) -> None:
     """InputError if the triangles of the skin and the bone surface certainly need more tetrahedra."""
     surely, usually = (math.ceil(each * (skin + bones)) for each in _PER_TRIANGLE)
     _check_enough(tets, surely, usually, skin, bones)
+
+
+def usual_number(skin: int, bones: int) -> int:
+    """The tetrahedra that a trunk with so many triangles of skin and bone surface usually needs at least."""
+    return math.ceil(_PER_TRIANGLE[1] * (skin + bones))
 
 
 def _check_enough(tets: int, least: int, enough: int, skin: int, bones: int) -> None:
@@ -188,14 +205,18 @@ def run_tetgen(**given: Any) -> tuple[np.ndarray, np.ndarray]:
 
     Raises:
         RuntimeError: TetGen refuses the surfaces, or dies.
+        OSError: the folder of temporary files is full.
     """
     with tempfile.TemporaryDirectory(prefix="warp-trunk-") as folder:  # TetGen leaves files behind where it fails
         source, result = Path(folder) / "given.npz", Path(folder) / "made.npz"
-        np.savez(source, **given)
+        with named(source):
+            np.savez(source, **given)
         command = [sys.executable, "-P", str(CHILD), str(source), str(result)]
         ended = subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
         if ended.returncode < 0:
             raise RuntimeError(f"its process was ended by signal {-ended.returncode}")
+        if ended.returncode == os.EX_IOERR:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(result))
         if ended.returncode or not result.is_file():
             told = ended.stderr.decode(errors="replace").strip().splitlines()
             raise RuntimeError(told[-1] if told else f"its process ended with status {ended.returncode}")

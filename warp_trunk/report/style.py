@@ -105,12 +105,12 @@ def new_figure(width: float, height: float, layout: Literal["constrained"] | Non
     return Figure(figsize=(width, height), layout=layout)
 
 
-def file_of(figure: Figure, ending: str) -> bytes:
-    """The figure as a file, 'svg', 'png' or 'webp'; the same figure gives the same bytes."""
+def file_of(figure: Figure, ending: str, source: str | None = None) -> bytes:
+    """The figure as a file, 'svg', 'png' (with its source) or 'webp'; the same figure gives the same bytes."""
     file = io.BytesIO()
     how: dict[str, dict[str, Any]] = {
         "svg": {"metadata": {"Date": None}},
-        "png": {"metadata": {"Software": None}},
+        "png": {"metadata": {"Software": None, "Source": source}},
         "webp": {"pil_kwargs": {"quality": 82, "method": 6}},
     }
     figure.savefig(file, format=ending, dpi=200, **how[ending])

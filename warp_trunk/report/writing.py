@@ -18,7 +18,7 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.folders import make_writable
-from warp_trunk.io.result_files import PAGE, PICTURES
+from warp_trunk.io.result_files import PAGE, PICTURES, picture_source
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import LIKELY
@@ -242,7 +242,7 @@ def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, byte
     """The figures as pages hold them, by name, each written as PNG too; those that are None are left out."""
     drawn = {name: figure for name, figure in figures.items() if figure is not None}
     for name, figure in drawn.items():
-        _write(folder / f"{name}.png", file_of(figure, "png"))
+        _write(folder / f"{name}.png", file_of(figure, "png", picture_source(name)))
     return {name: embedded(figure) for name, figure in drawn.items()}
 
 

@@ -20,7 +20,7 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.digest import digest
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.io.atomic_write import complete, partial
+from warp_trunk.io.atomic_write import complete, named, partial
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable
 from warp_trunk.io.result_files import (
@@ -40,6 +40,7 @@ from warp_trunk.io.result_files import (
     SUMMARY,
     TRUNK,
     UNSEEN_SKIN,
+    picture_source,
 )
 from warp_trunk.io.surface_files import read_surface, write_surface
 from warp_trunk.io.trunk_file import read_trunk, write_trunk
@@ -253,12 +254,13 @@ def write_result(folder: Path, result: Result) -> None:
         SUMMARY: (write_summary, result.summary),
     }
     contents = {name: content for name, content in contents.items() if content[1] is not None}
-    write_trunk(partial(folder / TRUNK), *result.tissue)
-    for name, (write, content) in contents.items():
-        write(partial(folder / name), content)
     recording, kept = result.recording, partial(folder / RECORDING)
-    if recording is not None and recording != kept:
-        shutil.copyfile(recording, kept)
+    with named(folder):
+        write_trunk(partial(folder / TRUNK), *result.tissue)
+        for name, (write, content) in contents.items():
+            write(partial(folder / name), content)
+        if recording is not None and recording != kept:
+            shutil.copyfile(recording, kept)
     made_of_it = [PAGE, *(f"{MEASURES}.{ending}" for ending in ("json", "csv", "png"))]
     optional = (
         RECORDING,
@@ -271,11 +273,13 @@ def write_result(folder: Path, result: Result) -> None:
         LANDMARKS_BEFORE,
         LANDMARKS_AFTER,
     )
-    reported = (folder / PAGE).is_file()  # pictures beside no report are the user's
     for name in (SUMMARY, *optional, *made_of_it):  # SUMMARY first: it says that the folder is complete
         (folder / name).unlink(missing_ok=True)
-    for picture in (folder / PICTURES).glob("*.png") if reported else ():
-        picture.unlink()
+    for picture in (folder / PICTURES).glob("*.png"):
+        with picture.open("rb") as file:
+            ours = picture_source(picture.stem).encode() in file.read(1000)
+        if ours:  # others are the user's
+            picture.unlink()
     if recording is not None:
         os.replace(kept, folder / RECORDING)
     for name in (TRUNK, *contents):

@@ -81,6 +81,9 @@ class RunOptions:
     """Simulate this mesh of the tissue (.vtu .vtk .xdmf .msh .inp, in mm and LPS) instead of making one; its outer
     boundary replaces the skin, and `--layers mesh` uses the labels of its cell data `tissue`."""
 
+    yes: bool = False
+    """Simulate also where more memory is needed than this machine has."""
+
     @classmethod
     def of_papers(cls, **changes: Any) -> RunOptions:
         """The papers' options: one spline, eq. 4.6, weights by count, the scan at rest, no bending of the skin.

@@ -32,6 +32,7 @@ from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
 
 from .options import RunOptions
 from .progress import stage_of
+from .size import LARGE
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 
 if TYPE_CHECKING:
@@ -125,7 +126,8 @@ def patient_of(
         if options.mesh.tets >= WORTH_COMPILING_AHEAD:
             kernels = CompilationAhead(options, layered=layers_from(case, options) != "none")
         with stage_of(progress, "build", "meshing the soft tissue"):
-            build = make_trunk(case.skin, case.bones, options.mesh)
+            large = progress is not None and options.mesh.tets >= LARGE
+            build = make_trunk(case.skin, case.bones, options.mesh, progress.message if large else None)
         trunk = build.trunk
         if progress is not None:
             progress.clock.add("surface", build.surface_seconds)

@@ -33,6 +33,7 @@ from .options import RunOptions, parameters, with_changes
 from .patient import PreparedPatient, layers_from, motions_of, patient_of
 from .prediction import Observer, Prediction, prepare_plan
 from .progress import Progress
+from .size import check_size
 from .unread_options import given_in, refuse_unread
 from .warnings import curve_warnings, ending_warnings, option_warnings
 
@@ -210,6 +211,10 @@ def _check(
         raise InputError("simulate: 'patient' was prepared with other options; give the same, or leave it out")
     choose_device(options.device)
     choose_threads(options.threads)
+    if patient is None and options.from_mesh is None:
+        cost = check_size(options.mesh.tets, go_on=options.yes)
+        if cost is not None:
+            progress.message(cost)
     if options.live and not options.record:
         raise InputError("--live: shows what is recorded; leave --no-record out")
     found = [*(check_case(case) if checked is None else checked), *curve_warnings(before, after, case.study.pose)]

@@ -10,6 +10,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
+from ..atomic_write import named
 from ..file_access import check_place
 
 WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
@@ -33,8 +34,9 @@ def write_surface(path: str | Path, surface: Surface, space: str | None = "LPS")
     unfinished = path.with_name(f".{path.name}.partial")  # hidden, so that it is never read as a bone
     content = _ply_bytes(surface, space) if path.suffix.lower() == ".ply" else _exported(path, surface, space)
     try:
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
+        with named(path):
+            unfinished.write_bytes(content)
+            unfinished.replace(path)
     except OSError:
         unfinished.unlink(missing_ok=True)
         raise

@@ -51,7 +51,7 @@ class CutPlane:
 
     def __str__(self) -> str:
         place = "({:.1f}, {:.1f}, {:.1f}) mm with normal ({:.2f}, {:.2f}, {:.2f})".format(
-            *self.point, *self.normal
+            *self.point, *self.unit
         )
         return f"the plane through {place}"
 
