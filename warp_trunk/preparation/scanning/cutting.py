@@ -50,9 +50,7 @@ class CutPlane:
         return cls(tuple(point.tolist()), tuple(normal.tolist()), radius)
 
     def __str__(self) -> str:
-        place = "({:.1f}, {:.1f}, {:.1f}) mm with normal ({:.2f}, {:.2f}, {:.2f})".format(
-            *self.point, *self.unit
-        )
+        place = "({:.1f}, {:.1f}, {:.1f}) mm with normal ({:.2f}, {:.2f}, {:.2f})".format(*self.point, *self.unit)
         return f"the plane through {place}"
 
     def distance(self, points: np.ndarray) -> np.ndarray:
