@@ -18,7 +18,7 @@ from .descent import ProjectedGradient
 from .model import Model
 from .newton import Relaxer
 from .parallel import ENGINE
-from .relaxation import Relaxation, RelaxOptions, RelaxStatus, RelaxStep
+from .relaxation import Relaxation, RelaxOptions, RelaxStep
 from .state import State, to_mesh_order
 
 ON_THE_WAY = 20.0
@@ -108,7 +108,6 @@ def simulate(
     watch: Callable[[RelaxStep, State], None] | None = None,
     *,
     relaxer: Relaxer | None = None,
-    finer: Callable[[], Relaxer] | None = None,
 ) -> Iterator[Increment]:
     """Moves the trunk along the path of its bones and yields it after every increment.
 
@@ -119,8 +118,7 @@ def simulate(
     the energy no longer falls. `relaxer` is one that an earlier simulation of this model used, for another plan
     for the same patient: its set-up is most of what a simulation costs beside its increments, and changes nothing
     in them. It serves one simulation at a time: one that is not at its end when another begins to use it cannot go
-    on. `finer` makes the relaxer of a model of the same trunk in float64, in which the last increment continues
-    where it ends STALLED: float32 may be why.
+    on.
 
     Raises:
         InputError: the path does not belong to the model's mesh, `relaxer` is of another model or other
@@ -162,13 +160,11 @@ def simulate(
             near = relaxation.estimated_error <= NEAR * options.relax.tolerance
             displacement = wp.clone(relaxer.state.displacement)
             seconds = time.perf_counter() - start
-        increment = Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
-        stalled = final and relaxation.status is RelaxStatus.STALLED and options.relax.method == "newton"
-        yield increment if finer is None or not stalled else _continued(increment, bone_path, finer())
+        yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
 
 
-def _continued(last: Increment, bone_path: PrescribedPath, relaxer: Relaxer) -> Increment:
-    """An increment relaxed further by a relaxer in float64."""
+def continued(last: Increment, bone_path: PrescribedPath, relaxer: Relaxer) -> Increment:
+    """An increment relaxed further by the relaxer of another model of its mesh: in float64, or with more free."""
     start, model = time.perf_counter(), relaxer.model
     displacement, bones = last.displacement.copy(), model.order[model.prescribed]
     displacement[bones] = bone_path.at(last.load_factor)[bones]  # they were rounded to float32

@@ -31,7 +31,8 @@ def modelled(summary: Summary) -> list[str]:
         f"Skin: {_skin(terms)}.",
         f"Gravity: {_gravity(options)}.",
         *([] if summary.springs is None else spring_lines(summary.springs)),
-        f"Inverted tetrahedra at the end: {summary.inverted_tets}.",
+        f"Inverted tetrahedra at the end: {summary.inverted_tets}; nodes that came off the bones for it: "
+        f"{summary.released_nodes}.",
     ]
 
 

@@ -53,6 +53,7 @@ def result_of(
     seconds: Mapping[str, float] | None = None,
     warnings: Sequence[str] = (),
     found: FoundBands | None = None,
+    released: int = 0,
     recording: Path | None = None,
 ) -> Result:
     """The result of a simulation that was run increment by increment.
@@ -68,6 +69,7 @@ def result_of(
         seconds: times by stage, see `STAGES`; the time of relaxation is known from the increments.
         warnings: what makes the result doubtful; faults of the predicted skin are added.
         found: the bands of the numbers and of the skin, where they are known.
+        released: nodes on bone that came off at the end.
         recording: a finished recording.
 
     Raises:
@@ -99,6 +101,7 @@ def result_of(
         nodes=len(trunk.nodes),
         free_nodes=int((~trunk.prescribed).sum()),
         inverted_tets=last.inverted_tets,
+        released_nodes=released,
         device=model.device,
         precision=model.precision,
         parameters={**constants, "gravity": model.gravity, **(parameters or {})},

@@ -137,6 +137,8 @@ class Summary:
     """Largest resident memory [MB]."""
     versions: dict[str, str | None]
     """Versions of this program and of the libraries on which its numbers depend."""
+    released_nodes: int = 0
+    """Nodes that came off the bones at the end, because tetrahedra there were inside out."""
     warnings: tuple[str, ...] = ()
     """Reasons to doubt the result, a sentence each."""
     skin_quality: SkinQuality | None = None

@@ -90,6 +90,13 @@ class PreparedPatient:
         options = dataclasses.replace(self.options, precision="float64")
         return dataclasses.replace(self, options=options, model=_model(self.case, self.trunk, options))
 
+    def released(self, nodes: np.ndarray) -> PreparedPatient:
+        """The same patient with some nodes on bone free (indices): they relax with the tissue."""
+        bone = self.trunk.bone.copy()
+        bone[nodes] = -1
+        trunk = dataclasses.replace(self.trunk, bone=bone)
+        return dataclasses.replace(self, trunk=trunk, model=_model(self.case, trunk, self.options))
+
     def check(self, case: Case) -> None:
         """Raise InputError where a case is of another patient or tissue, so that mesh or model are not its."""
         if differs := difference(anatomy_of(self.case), anatomy_of(case)):

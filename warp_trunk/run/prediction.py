@@ -6,11 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from warp_trunk.engine.model import Model
-from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.simulation import Increment, simulate
-from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.engine.simulation import Increment, continued, simulate
+from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing.predicted_skin import predicted_skin
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
     from .progress import Progress
 
+RELEASES = 5
+"""How often nodes on bone are released at most."""
 Observer = Callable[[Increment], None]
 """Sees every increment as it comes."""
 
@@ -41,6 +44,8 @@ class Prediction:
     """Where her bones go."""
     increments: list[Increment] = field(default_factory=list)
     """Every increment so far."""
+    released: int = 0
+    """Nodes on bone that were released at the end, because tetrahedra there were inside out."""
 
     @property
     def options(self) -> RunOptions:
@@ -75,37 +80,59 @@ class Prediction:
         """The measures of the skin after an increment, with the landmarks that go with it."""
         return measure(self.skin_at(increment), self.case.landmarks_at(increment.load_factor), self.case.skin)
 
-    def relax(self, *observers: Observer, continues: Callable[[], None] | None = None) -> Prediction:
+    def relax(self, *observers: Observer, message: Callable[[str], None] = lambda why: None) -> Prediction:
         """Apply the correction increment by increment; observers see each of them.
 
         Args:
             observers: called with every increment.
-            continues: called before the relaxation continues in float64, because float32 cannot confirm the
-                equilibrium.
+            message: called with the reason before the last relaxation continues.
 
         Returns:
             The prediction itself.
         """
 
-        def in_float64() -> Relaxer:
-            if continues is not None:
-                continues()
-            self.patient = self.patient.in_float64()
-            return self.patient.relaxer
-
-        patient, self.increments = self.patient, []
-        options = patient.options.simulation
-        finer = in_float64 if patient.options.precision == "float32" else None
-        for increment in simulate(patient.model, self.path, options, relaxer=patient.relaxer, finer=finer):
+        options, patient, self.increments = self.options, self.patient, []
+        for increment in simulate(patient.model, self.path, options.simulation, relaxer=patient.relaxer):
+            if increment.number == options.simulation.increments and options.simulation.relax.method == "newton":
+                increment = self._finished(increment, message)
             self.increments.append(increment)
             for observer in observers:
                 observer(increment)
         return self
 
+    def _finished(self, last: Increment, message: Callable[[str], None]) -> Increment:
+        """The last increment relaxed further, where tetrahedra are inside out or float32 cannot confirm its end.
+
+        Where bones slide along each other the tissue between them is pressed flat, and its tetrahedra with corners
+        on bone may end inside out. There the tissue comes off the bone: those corners become free.
+        """
+        releases = RELEASES if self.options.bones == "follow" else 0
+        while True:
+            pinched = _pinched(self.trunk, last) if last.relaxation.inverted_tets and releases else ()
+            if len(pinched):
+                releases -= 1
+                message(f"tissue comes off the bones at {len(pinched)} nodes, where it would end inside out")
+                self.patient, self.released = self.patient.released(pinched), self.released + len(pinched)
+            elif last.relaxation.status is RelaxStatus.STALLED and self.options.precision == "float32":
+                message("float32 cannot confirm the equilibrium; the relaxation continues in float64")
+                self.patient = self.patient.in_float64()
+            else:
+                return last
+            last = continued(last, self.path, self.patient.relaxer)
+
     @property
     def converged(self) -> bool:
         """Whether every node is within the tolerance of its equilibrium."""
         return self.last.relaxation.status is RelaxStatus.CONVERGED
+
+
+def _pinched(trunk: TrunkMesh, last: Increment) -> np.ndarray:
+    """The corners on bone of tetrahedra that are inside out, or else of their neighbours; indices of nodes."""
+    inverted = tet_volumes(trunk.nodes + last.displacement, trunk.tets) <= 0.0
+    corners = np.unique(trunk.tets[inverted])
+    if not trunk.prescribed[corners].any():
+        corners = np.unique(trunk.tets[np.isin(trunk.tets, corners).any(axis=1)])
+    return corners[trunk.prescribed[corners]]
 
 
 def prepare(

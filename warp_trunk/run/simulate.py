@@ -269,7 +269,8 @@ def _run(
                 recording = Recording(path, case, trunk, before, prediction.path, unit=unit, live=live)
             recordings.enter_context(recording)
             observers.append(_recorded(recording, prediction, clock))
-        prediction.relax(*observers, continues=lambda: progress.message(CONTINUES))
+        prediction.relax(*observers, message=progress.message)
+        trunk = prediction.trunk  # some nodes may have come off the bones
         after = prediction.measures_at(prediction.last)
         quality = skin_quality(case.skin, prediction.skin, case.landmarks_before, case.bones)
         warnings += ending_warnings(prediction.last.relaxation, held, folded_tissue(trunk, prediction.path))
@@ -291,11 +292,9 @@ def _run(
         seconds=seconds,
         warnings=warnings,
         found=found,
+        released=prediction.released,
         recording=None if recording is None or recording.failed else recording.path,
     )
-
-
-CONTINUES = "float32 cannot confirm the equilibrium; the relaxation continues in float64"
 
 
 def _timed(clock: Clock) -> Observer:
