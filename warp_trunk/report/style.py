@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -33,6 +34,10 @@ RC: dict[Any, Any] = {
     "svg.hashsalt": "warp-trunk",  # the same picture is the same file
 }
 """Settings of matplotlib in which all pictures are drawn and written."""
+_PATH, _DIGITS = re.compile(rb'(?: d| x| y)="[^"]*"|translate\([^)]*\)'), re.compile(rb"(\.\d\d)\d+")
+"""Places in an SVG, and numbers with more digits than can be seen."""
+_EMPTY = re.compile(rb"<!--.*?-->|(?<=>)\s+(?=<)|\n(?=[LCQz])")
+"""Parts that an SVG can be without."""
 
 
 @dataclass(frozen=True)
@@ -118,5 +123,8 @@ def file_of(figure: Figure, ending: str, source: str | None = None) -> bytes:
 
 
 def embedded(figure: Figure) -> bytes:
-    """The figure as pages hold it: lines as SVG, what is shaded as WebP of a fifth of the size."""
-    return file_of(figure, "webp" if any(axes.images for axes in figure.axes) else "svg")
+    """The figure as pages hold it: lines as a short SVG, what is shaded as WebP of a fifth of its size."""
+    if any(axes.images for axes in figure.axes):
+        return file_of(figure, "webp")
+    short = _PATH.sub(lambda path: _DIGITS.sub(rb"\1", path[0]), file_of(figure, "svg"))
+    return _EMPTY.sub(b"", short).replace(b"DejaVuSans", b"f").replace(b"xlink:href", b"href")
