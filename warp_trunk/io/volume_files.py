@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ def read_mesh(path: Path) -> Any:
 
     # meshio.read would end the program on a file that is damaged
     readers: dict[str, Callable[[str], Any]] = {
-        ".vtu": meshio.vtu.read,
+        ".vtu": _read_vtu,
         ".vtk": _read_vtk,
         ".xdmf": meshio.xdmf.read,
         ".msh": meshio.gmsh.read,
@@ -65,6 +66,20 @@ def read_mesh(path: Path) -> Any:
     if space == "RAS":
         mesh.points = points * (-1.0, -1.0, 1.0)
     return mesh
+
+
+def _read_vtu(path: str) -> Any:
+    """A file of VTK in XML, whose strings are given to meshio 5.3, which knows none, as the numbers of letters."""
+    import meshio  # heavy
+
+    head, begin, rest = Path(path).read_bytes().partition(b"<AppendedData")
+    if b"<Array" not in head:
+        return meshio.vtu.read(path)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "a.vtu"
+        head = head.replace(b'type="String"', b'type="Int8"').replace(b"<Array", b"<DataArray")
+        file.write_bytes(head.replace(b"</Array>", b"</DataArray>") + begin + rest)
+        return meshio.vtu.read(str(file))
 
 
 def _read_vtk(path: str) -> Any:

@@ -130,3 +130,23 @@ def test_landmarks_in_two_files_of_a_folder_are_refused(tmp_path):
     (tmp_path / "landmarks_before.csv").write_text("")
     with pytest.raises(InputError, match="give 'landmarks_before' in one file"):
         landmark_file(tmp_path, "landmarks_before")
+
+
+@pytest.mark.parametrize(
+    ("units", "size"),
+    [
+        ("mm", 1.0), ("um", 1e-3), ("µm", 1e-3), ("cm", 10.0), ("m", 1000.0), (["mm", "mm", "mm"], 1.0),
+        (["um", "um", "um"], 1e-3), (["mm", "UCUM", "millimeter"], 1.0), (["um", "UCUM", "micrometer"], 1e-3),
+    ],
+)  # fmt: skip
+def test_slicer_markups_in_every_form_of_unit(units, size, tmp_path):
+    """A word, one for each axis, or a code with its scheme and meaning."""
+    (tmp_path / "a.mrk.json").write_text(points(("T7_a", [1.0, -2.0, 3.0]), coordinateUnits=units))
+    read = read_landmarks(tmp_path / "a.mrk.json")
+    np.testing.assert_allclose(read.points, [[size, -2.0 * size, 3.0 * size]], rtol=1e-15)
+
+
+def test_axes_of_different_units_are_refused(tmp_path):
+    (tmp_path / "a.mrk.json").write_text(points(("a", [1, 2, 3]), coordinateUnits=["mm", "mm", "um"]))
+    with pytest.raises(InputError, match="must be in the same axes and units"):
+        read_landmarks(tmp_path / "a.mrk.json")

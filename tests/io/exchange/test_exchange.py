@@ -13,6 +13,8 @@ from warp_trunk.engine.trunk_mesh import TrunkMesh, tet_volumes
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume, write_volume
+from warp_trunk.io.surface_files.space import stated_space
+from warp_trunk.io.volume_files import read_mesh
 
 TISSUE = Tissue(youngs_modulus=12.0, poisson_ratio=0.4, density=950.0)
 
@@ -236,3 +238,55 @@ def test_meshes_that_do_not_fit_are_refused(change, rule, trunk, bones, tmp_path
         read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
     assert "a.vtu" in str(error.value)
     assert rule in str(error.value)
+
+
+@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".xdmf", ".msh", ".inp", ".feb"])
+def test_every_export_states_its_axes(ending, trunk, motion, bones, tmp_path):
+    """And where they are others, they are heeded."""
+    path = tmp_path / f"a{ending}"
+    write_volume(path, trunk, motion, TISSUE)
+    content = path.read_bytes()
+    assert stated_space(ending, content) == "LPS"
+    if ending == ".feb":
+        return
+    codes = [" ".join(map(str, name.encode())).encode() for name in ("LPS", "RAS")]
+    path.write_bytes(content.replace(b"LPS", b"RAS").replace(*codes))
+    np.testing.assert_allclose(read_mesh(path).points, trunk.nodes * [-1.0, -1.0, 1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("ending", [".vtk", ".vtu"])
+def test_vtk_reads_the_axes_of_an_export(ending, trunk, motion, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    write_volume(tmp_path / f"a{ending}", trunk, motion, TISSUE)
+    reader = vtk.vtkUnstructuredGridReader() if ending == ".vtk" else vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(tmp_path / f"a{ending}"))
+    reader.Update()
+    assert reader.GetOutput().GetFieldData().GetAbstractArray("SPACE").GetValue(0) == "LPS"
+
+
+@pytest.mark.parametrize("mode", ["ascii", "binary", "appended", "raw"])
+def test_a_vtu_with_strings_is_read_in_its_axes(mode, trunk, bones, tmp_path):
+    """As 3D Slicer writes one, by VTK's own writer."""
+    vtk = pytest.importorskip("vtk")
+    ours = pytest.importorskip("vtk.util.numpy_support").numpy_to_vtk
+    meshio.write(tmp_path / "b.vtu", meshio.Mesh(trunk.nodes * [-1.0, -1.0, 1.0], [("tetra", trunk.tets)]))
+    reader, writer = vtk.vtkXMLUnstructuredGridReader(), vtk.vtkXMLUnstructuredGridWriter()
+    reader.SetFileName(str(tmp_path / "b.vtu"))
+    reader.Update()
+    grid, space, bone = reader.GetOutput(), vtk.vtkStringArray(), ours(trunk.bone, deep=True)
+    space.SetName("SPACE")
+    space.InsertNextValue("RAS")
+    bone.SetName("bone")
+    time = ours(np.array([0.5]), deep=True)
+    time.SetName("TimeValue")  # of ParaView
+    grid.GetFieldData().AddArray(space)
+    grid.GetFieldData().AddArray(time)
+    grid.GetPointData().AddArray(bone)
+    writer.SetFileName(str(tmp_path / "a.vtu"))
+    writer.SetInputData(grid)
+    writer.SetDataMode({"ascii": 0, "binary": 1}.get(mode, 2))
+    writer.SetEncodeAppendedData(mode != "raw")
+    assert writer.Write()
+    back = read_volume(tmp_path / "a.vtu", skin_of(trunk), bones)
+    np.testing.assert_allclose(back.nodes, trunk.nodes, atol=1e-4)
+    np.testing.assert_array_equal(back.bone, trunk.bone)

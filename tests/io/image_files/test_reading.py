@@ -109,3 +109,21 @@ def test_a_file_that_packs_more_than_it_can_hold_is_not_unpacked(tmp_path):
     (tmp_path / "a.nii.gz").write_bytes(packed.getvalue())
     with pytest.raises(InputError, match="it is cut off"):
         read_labels(tmp_path / "a.nii.gz")
+
+
+@pytest.mark.parametrize(
+    ("signs", "said"),
+    [
+        ([1, 1, 1], None), ([-1, 1, 1], "left and right differ"), ([1, -1, 1], "front and back differ"),
+        ([-1, -1, 1], "left and right and front and back differ"), ([1, 1, -1], "head and feet differ"),
+    ],
+)  # fmt: skip
+def test_an_sform_that_is_not_the_qform_is_named_by_the_side(signs, said, tmp_path):
+    path = nifti(tmp_path / "a.nii")
+    image = nibabel.load(path)
+    image.set_sform(np.diag([2.0, 2.0, 3.0, 1.0]), code=1)
+    image.set_qform(np.diag([*np.multiply(signs, [2.0, 2.0, 3.0]), 1.0]), code=1)
+    nibabel.save(image, tmp_path / "b.nii")
+    notes = read_labels(tmp_path / "b.nii").notes
+    assert (notes == ()) == (said is None)
+    assert said is None or f"{said}; the sform is used" in notes[0]

@@ -1,6 +1,9 @@
 """Label maps of a spine of blocks, to a case."""
 
+import os
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +12,15 @@ from voxelise_case import write_labels
 
 from support.label_maps import LEVELS, NAMES, NUMBERS, bones, labels, write_map, write_masks, write_seg_nrrd
 from warp_trunk import find_landmarks
+from warp_trunk.case import read_case
 from warp_trunk.case.landmarks import VERTEBRA_POINTS
+from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.surface_checks import check_solid
 from warp_trunk.io.surface_files import write_surface
 from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source
+from warp_trunk.preparation.label_maps.mask import depth
 from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_extents
 from warp_trunk.preparation.label_maps.sources import read_body
 
@@ -170,3 +176,33 @@ def test_masks_on_grids_that_differ_by_rounding_are_joined(tmp_path):
         write_labels(tmp_path / "m" / f"{name}.nii.gz", (values == NUMBERS[number]).astype(np.uint8), own)
     own = np.isin(values, [NUMBERS["vertebrae_T5"], NUMBERS["vertebrae_T6"]])
     assert len(read_source(tmp_path / "m").masks["sacrum"].points()) == own.sum()
+
+
+def test_masks_of_half_of_the_body_say_where_they_do_not_reach(made, files, tmp_path):
+    """Fat and muscle above the middle of the body alone; the fat is a shell of 10 mm."""
+    body_mask = read_body(files[1])
+    outline = depth(body_mask.inside, body_mask.spacing)
+    upper = np.arange(body_mask.inside.shape[2]) > body_mask.inside.shape[2] // 2
+    fat = replace(body_mask, inside=(outline > 2.0) & (outline < 12.0) & upper)
+    muscle = replace(body_mask, inside=(outline >= 12.0) & upper)
+    tissue = {"subcutaneous_fat": fat, "skeletal_muscle": muscle}
+    half = import_case(read_source(files[0]), body_mask, "a", QUICK, tissue=tissue)
+    assert [note for note in half.notes if re.search(r"reach \d\d % of the skin; .* not measured there", note)]
+    assert half.fat is not None
+    assert 6.0 < np.median(half.fat) < 11.0
+
+
+def test_a_real_ct_is_imported_as_far_as_it_reaches(tmp_path, capsys):
+    """The label map of a public CT of an abdomen: bones from T11 down, its own skin, and what is cut off."""
+    folder = os.environ.get("WARP_TRUNK_LABEL_MAPS")
+    if not folder:
+        pytest.skip("WARP_TRUNK_LABEL_MAPS names no folder with example_ct.nii.gz and its segmentation")
+    segmentation, ct = (Path(folder) / f"example_{n}.nii.gz" for n in ("seg_fast_force_split", "ct"))
+    assert main(["import", str(segmentation), "--ct", str(ct), "--out", str(tmp_path / "a")]) == 3
+    said = capsys.readouterr().err
+    for part in ("image ends in T11, T12", "cut off by the left border", "T11: no landmarks"):
+        assert part in said
+    case = read_case(tmp_path / "a")
+    assert {"L1", "L5", "sacrum", "hip_left", "rib_right_11"} <= case.bones.keys()
+    assert len(case.landmarks_before.vertebrae()) == 5
+    check_solid(case.skin, "skin")

@@ -23,7 +23,7 @@ COLUMNS = ("name", "x", "y", "z")
 ENDINGS = (".csv", ".mrk.json", ".fcsv")
 """Endings of the files that are read."""
 _SLICER_UNITS = {**MILLIMETRES, "um": 1e-3, "µm": 1e-3}
-"""Units of markups, one or one for each axis [mm]."""
+"""Units of markups [mm]."""
 _SLICER_AXES = {"LPS": "LPS", "1": "LPS", "RAS": "RAS", "0": "RAS"}
 """The names of axes in files of 3D Slicer; the numbers are those of Slicer before 4.11."""
 _SLICER_COLUMNS = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label"
@@ -146,11 +146,7 @@ def _read_markups(path: Path) -> Landmarks:
     except (msgspec.DecodeError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as markups ({error}); {_CURE}") from error
     frames = {
-        (str(markup.coordinate_system), unit)
-        for markup in markups
-        for unit in (
-            [markup.coordinate_units] if isinstance(markup.coordinate_units, str) else markup.coordinate_units
-        )
+        (str(markup.coordinate_system), unit) for markup in markups for unit in _units_of(markup.coordinate_units)
     }
     if len(frames) > 1:
         raise InputError(f"{path}: all markups must be in the same axes and units; save them one by one")
@@ -160,6 +156,13 @@ def _read_markups(path: Path) -> Landmarks:
     points = [point for markup in markups for point in markup.control_points if point.position_status == "defined"]
     rows = [(point.label, *point.position) for point in points if point.position is not None]
     return _of_slicer(path, rows, axes, units)
+
+
+def _units_of(given: str | list[str]) -> list[str]:
+    """A unit, the units of the axes, or the first of a code, its scheme and its meaning."""
+    if isinstance(given, str):
+        return [given]
+    return given[:1] if "UCUM" in given else given
 
 
 def _read_fcsv(path: Path) -> Landmarks:

@@ -108,8 +108,8 @@ def _on_bone(path: Path, mesh: Any) -> np.ndarray:
         on_bone = np.zeros(len(mesh.points), dtype=bool)
         on_bone[np.asarray(sets["bones"], dtype=np.int64)] = True
         return on_bone
-    groups = [number for name, (number, _) in mesh.field_data.items() if name.lower().startswith("bone")]
-    if groups and "gmsh:physical" in mesh.cell_data:
+    groups = [number for name, number in _groups(mesh).items() if name.lower().startswith("bone")]
+    if groups:
         on_bone = np.zeros(len(mesh.points), dtype=bool)
         for block, group in zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True):
             if block.type == "triangle":
@@ -121,10 +121,15 @@ def _on_bone(path: Path, mesh: Any) -> np.ndarray:
     )
 
 
+def _groups(mesh: Any) -> dict[str, int]:
+    """The numbers of Gmsh's groups by name; none in the field data of VTK."""
+    return {name: pair[0] for name, pair in mesh.field_data.items()} if "gmsh:physical" in mesh.cell_data else {}
+
+
 def _layers(mesh: Any) -> dict[str, list[np.ndarray]]:
     """The tissue of each cell, by the groups of Gmsh `tissue_NAME` in the order of their numbers."""
-    numbers = sorted(number for name, (number, _) in mesh.field_data.items() if name.startswith("tissue_"))
-    if len(numbers) < 2 or "gmsh:physical" not in mesh.cell_data:
+    numbers = sorted(number for name, number in _groups(mesh).items() if name.startswith("tissue_"))
+    if len(numbers) < 2:
         return {}
     return {"tissue": [np.searchsorted(numbers, group) for group in mesh.cell_data["gmsh:physical"]]}
 

@@ -13,6 +13,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 
+from ..surface_files.space import with_space
 from ..trunk_file import as_meshio, bone_of_faces, tissue_labels, write_trunk
 from .solver_files import write_abaqus, write_febio
 
@@ -54,8 +55,6 @@ def write_volume(
     elif ending == ".vtk":
         mesh.point_data, mesh.cell_data = _as_int64(mesh.point_data), _as_int64(mesh.cell_data)
         meshio.vtk.write(path, mesh)
-        title, _, rest = path.read_bytes().partition(b"\n")
-        path.write_bytes(title + b"\nwarp_trunk SPACE=LPS\n" + rest.partition(b"\n")[2])
     elif ending == ".xdmf":
         meshio.xdmf.write(path, mesh, data_format="XML")  # all in one file, so that it can be moved
     elif ending == ".msh":
@@ -67,6 +66,7 @@ def write_volume(
         write_abaqus(path, trunk, displacement, tissue)
     else:
         write_febio(path, trunk, displacement, tissue)
+    path.write_bytes(with_space(ending, path.read_bytes(), "LPS"))
 
 
 def _as_int64(data: Any) -> Any:

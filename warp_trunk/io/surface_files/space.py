@@ -17,8 +17,8 @@ _HEAD = 100_000
 def stated_space(ending: str, content: bytes) -> str | None:
     """LPS or RAS where the header of a surface or a mesh states it; None where it does not.
 
-    It stands in a comment of PLY, OBJ, OFF and INP, in the title of STL and of VTK's legacy format, and in the
-    field data SPACE of VTK's formats.
+    It stands in a comment of PLY, OBJ, OFF, INP, MSH and XML, in the title of STL and of VTK's legacy format, and
+    in the field data SPACE of VTK's formats.
 
     Raises:
         ValueError: it states other axes, or two different ones.
@@ -45,4 +45,35 @@ def _header(ending: str, content: bytes) -> bytes:
         return b"".join(start.split(b"\n", 2)[1:2])
     if ending in (".obj", ".off", ".inp"):
         return b"\n".join(re.findall(rb"(?m)^\s*(?:#|\*\*).*", start))
+    if ending in (".xdmf", ".feb"):
+        return b"\n".join(re.findall(rb"(?s)<!--.*?-->", start))
+    if ending == ".msh":
+        return b"\n".join(re.findall(rb"(?s)\$Comments\r?\n(.*?)\$EndComments", content))
     return b""
+
+
+_STRING = '<Array type="String" Name="SPACE" NumberOfTuples="1" format="ascii">{} 0</Array>'
+_NEW = {
+    # ending: what it is written before or after, and the text
+    ".obj": (b"", "# SPACE={}\n"),
+    ".inp": (b"", "** SPACE={}\n"),
+    ".off": (b"\n", "# SPACE={}\n"),
+    ".xdmf": (b">", "<!-- SPACE={} -->"),
+    ".feb": (b"?>", "<!-- SPACE={} -->"),
+    ".vtk": (b"DATASET UNSTRUCTURED_GRID\n", "FIELD FieldData 1\nSPACE 1 1 string\n\xc3{}\n"),
+    ".vtu": (b"<FieldData>", _STRING),
+    ".msh": (None, "$Comments\nSPACE={}\n$EndComments\n"),
+}
+"""By the ending: the first place after which the axes are stated, or None for the end of the file; and how."""
+
+
+def with_space(ending: str, content: bytes, space: str) -> bytes:
+    """A file that this program has written (.vtk as binary) with its axes stated where others look for them."""
+    if ending == ".stl":  # its title has 80 bytes
+        return f"warp_trunk SPACE={space}".encode().ljust(80) + content[80:]
+    if ending not in _NEW:  # GLB has axes of its own
+        return content
+    place, text = _NEW[ending]
+    stated = text.format(" ".join(map(str, space.encode())) if ending == ".vtu" else space).encode("latin-1")
+    at = len(content) if place is None else content.index(place) + len(place)
+    return content[:at] + stated + content[at:]

@@ -12,6 +12,7 @@ from warp_trunk.geometry.surface import Surface
 
 from ..atomic_write import named
 from ..file_access import check_place
+from .space import with_space
 
 WRITTEN = (".ply", ".stl", ".obj", ".off", ".glb")
 """Endings of the files that are written."""
@@ -57,11 +58,7 @@ def _exported(path: Path, surface: Surface, space: str | None) -> bytes:
     ending = path.suffix.lower()
     content: Any = mesh.export(file_type=ending[1:])
     content = content.encode() if isinstance(content, str) else content
-    if space is not None and ending == ".stl":  # its title has 80 bytes
-        return f"warp_trunk SPACE={space}".encode().ljust(80) + content[80:]
-    if space is not None and ending == ".off":  # a comment may follow its first line
-        return content.replace(b"\n", f"\n# SPACE={space}\n".encode(), 1)
-    return f"# SPACE={space}\n".encode() + content if space is not None and ending == ".obj" else content
+    return content if space is None else with_space(ending, content, space)
 
 
 def _ply_bytes(surface: Surface, space: str | None) -> bytes:
