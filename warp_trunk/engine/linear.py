@@ -22,6 +22,7 @@ from warp_trunk.kernels.conjugate_gradient import (
 from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, diagonal_inverter
 
 from .assembly import assembly_of_rows
+from .grids import stiff_pairs
 from .model import Model
 from .parallel import Launch, Readback, in_sequence, view
 from .state import State
@@ -130,6 +131,14 @@ class BlockMatrix:
         """Sets the matrix to the Hessian at the state as it is now, projected to a positive semidefinite one."""
         self.assemble_true: Launch = in_sequence(add("hessian"), *split_planes)
         """Sets the matrix to the true Hessian, which may be indefinite; `inverse_diagonal` stays positive."""
+
+    def stiff_pairs(self) -> np.ndarray:
+        """Pairs of free nodes that the matrix ties to each other, see `grids`, shape (pairs, 2)."""
+        columns = self.columns.numpy()
+        rows = np.repeat(np.arange(self.model.free_nodes), np.diff(self.row_start.numpy()))
+        upper = columns >= rows
+        blocks = self.blocks.numpy()[: len(columns)]
+        return stiff_pairs(rows[upper], columns[upper], blocks[upper], self.model.free_nodes)
 
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""

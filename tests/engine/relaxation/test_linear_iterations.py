@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from support.small_trunk import small_case
@@ -9,6 +10,7 @@ from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.engine import multigrid
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName
+from warp_trunk.engine.grids import Interpolation, stiff_pairs
 from warp_trunk.engine.linear import BlockMatrix, ConjugateGradient
 from warp_trunk.engine.multigrid import Multigrid
 from warp_trunk.engine.state import State
@@ -53,3 +55,14 @@ def test_a_spoiled_coarse_correction_is_noticed(energy: EnergyName, monkeypatch:
     invert = multigrid.invert
     monkeypatch.setattr(multigrid, "invert", lambda *given: SPOILT * invert(*given))
     assert iterations(energy) > (1.0 + WITHIN) * HELD[energy]
+
+
+def test_stiff_pairs_have_a_vertex_of_their_own() -> None:
+    rows, columns = np.array([0, 0, 1, 1, 2, 2, 3]), np.array([0, 1, 1, 2, 2, 3, 3])
+    links = np.array([1.0, 0.8, 1.0, 0.75, 1.0, 0.99, 1.0])  # 1 keeps its stiffest, 3 is tied too much
+    pairs = stiff_pairs(rows, columns, links[:, None, None] * np.eye(3), 4)
+    assert pairs.tolist() == [[0, 1]]
+    grid = Interpolation(np.full((4, 8), 1), np.full((4, 8), 0.125), 2).with_pairs(pairs)
+    constant = np.ones(grid.vertices)
+    assert (constant[grid.vertex] * grid.weight).sum(axis=1) == pytest.approx(np.ones(4))
+    assert [set(grid.vertex[node][grid.weight[node] > 0.0]) for node in range(4)] == [{2}, {2}, {1}, {1}]
