@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -128,8 +129,8 @@ def cloth_of(skin: Surface, landmarks: Landmarks) -> np.ndarray:
     least = maximum_filter1d(hull_at, 3, axis=0, mode="nearest")  # shoulders slope: out is also up there
     below = np.clip((spine.centroids[:, 2].max() - _CHEST - heights) / _CHEST, 0.0, 1.0)[:, None]
     peaks = np.maximum(least - even - (OUT - EDGE), 0.0) * below  # what would show through
-    bridged = maximum_filter(peaks, (_BRIDGE, _BRIDGE), mode=("nearest", "wrap"))
-    even += gaussian_filter(bridged, _BRIDGE / 4.0, mode=("nearest", "wrap"))
+    ends: Any = ("nearest", "wrap")  # one for each axis
+    even += gaussian_filter(maximum_filter(peaks, _BRIDGE, mode=ends), _BRIDGE / 4.0, mode=ends)
     bottom = skin.vertices[:, 2].min() - 1.0
     waist = 0.5 * (landmarks.point("asis_left") + landmarks.point("asis_right"))[2]
     waist = np.clip(waist + _WAISTBAND, bottom + 1.0, heights[-1] - 2.0)

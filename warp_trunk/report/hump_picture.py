@@ -47,24 +47,8 @@ def hump_picture(poses: Sequence[TrunkState], reliefs: Sequence[Relief], seen: W
             top = None if tangent is None else hump_top(tangent)
             assert top is not None  # there is a hump
             places = seen_from(np.column_stack([top[1], [z, z]]), pose.landmarks, BEHIND)[:, 0]  # right, left
-            axes.plot(
-                places,
-                [z, z],
-                "o",
-                markersize=7.0,
-                markerfacecolor="none",
-                markeredgecolor="white",
-                markeredgewidth=2.4,
-            )
-            axes.plot(
-                places,
-                [z, z],
-                "o",
-                markersize=7.0,
-                markerfacecolor="none",
-                markeredgecolor=INK,
-                markeredgewidth=1.2,
-            )
+            for edge, thick in (("white", 2.4), (INK, 1.2)):
+                axes.plot(places, [z, z], "o", ms=7.0, mfc="none", mec=edge, mew=thick)
             x = places[0 if height > 0.0 else 1] - np.copysign(14.0, height)
             axes.text(
                 x, z + 20.0, f"{abs(height):.0f} mm", ha="center", va="center", fontsize=10,

@@ -17,7 +17,7 @@ from warp_trunk.measures.quantities import DETECTABLE, LENGTH, PREDICTED, SPINE_
 from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number
 
 from .page import rendered
-from .sentences import interval_text
+from .sentences import interval_text, listed
 from .style import BEFORE, PLANS, TrunkState
 from .turning import Turning
 
@@ -101,7 +101,7 @@ def plans_page(
         ],
         warnings=[f"{title}: {warning}" for title, result in named for warning in result.summary.warnings],
         differs=differences(poses, apart),
-        unbanded=_and(unbanded),
+        unbanded=listed(unbanded),
         numbers_head=["", *(pose.look.title for pose in poses)],
         numbers_rows=numbers_table(poses, results),
         apart_head=["", *dict.fromkeys(one.title for one in apart)],
@@ -205,8 +205,4 @@ def _listed(row: MeasureRow, plans: Sequence[TrunkState]) -> str:
     for plan, value in zip(plans, row.values[1:], strict=True):
         size, *side = row.text(value).split(" ")
         cells.append(f"{' '.join([f'{size}{unit}', *side])} with {plan.look.title}")
-    return _and(cells)
-
-
-def _and(words: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1] if words else "")))
+    return listed(cells)

@@ -217,7 +217,12 @@ def _listed(curves: Sequence[FollowedCurve]) -> str:
         _minus(f"from {c.before.angle:.0f} to {c.angle_after:.0f} degrees ({c.ends}, to the {c.before.convex})")
         for c in curves
     ]
-    return " and ".join(filter(None, (", ".join(each[:-1]), each[-1])))
+    return listed(each)
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words one after the other, the last two joined by "and"."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def _change(before: TrunkMeasures, predicted: TrunkMeasures, several: bool) -> str:
