@@ -128,7 +128,10 @@ def bone_motions(
         cage = skeleton.cage
         fixed = {name: back * motions[name] for name in cage.bones if name in motions}
         followed = follow(cage, vertebrae, coupling, fixed)
-        motions |= {name: frame * motion for name, motion in followed.items()}
+        placed = RigidMotion(frame.rotation[..., None, :, :], frame.translation[..., None, :]) * RigidMotion.stack(
+            followed.values()
+        )
+        motions |= {name: placed.last(number) for number, name in enumerate(followed)}
     others = {bone: bones[bone].vertices for bone in bones if bone not in motions}
     links = {bone: skeleton.links[bone] for bone in others if bone in skeleton.links}
     loose = {f"end of {bone}": link.joints[1:] for bone, link in links.items() if link.second not in bones}

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from warp_trunk.case.fingerprint import Fingerprint
-from warp_trunk.io.atomic_write import write_whole
+from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.measures.quantities import ACTUAL, Measured, MeasureTable
 
 JUDGED = "judged.json"
@@ -80,7 +80,7 @@ class Judged:
 
 def write_judged(folder: Path, judged: Judged) -> None:
     """Writes the record into a result folder, complete or not at all."""
-    write_whole(folder / JUDGED, msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
+    write_whole(folder / JUDGED, json_text(judged))
 
 
 def read_judged(folder: Path) -> Judged | None:

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
-import msgspec
-
-from warp_trunk.io.atomic_write import csv_text, write_whole
+from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
 from warp_trunk.measures.quantities import DETECTABLE
 
 from .cohort_page import cohort_page, distances_text, plus_minus, worse_parts
@@ -27,8 +25,7 @@ def write_cohort(out: Path, rows: Sequence[CaseRow]) -> CohortSummary:
     summary = summarize_cohort(rows)
     write_whole(out / CASES, csv_text([_CASE, *([getattr(row, name) for name in _CASE] for row in rows)]))
     write_whole(out / TABLE, tidy(rows).write_csv())
-    record = msgspec.json.encode({"summary": summary, "cases": rows})
-    write_whole(out / RECORD, msgspec.json.format(record, indent=2) + b"\n")
+    write_whole(out / RECORD, json_text({"summary": summary, "cases": rows}))
     write_whole(out / PAGE, cohort_page(rows, summary))
     return summary
 

@@ -6,9 +6,12 @@ import csv
 import errno
 import io
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import msgspec
 
 
 def partial(path: Path) -> Path:
@@ -59,6 +62,11 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """Write a text in UTF-8, or bytes, as a file that is complete or not there."""
     with atomic_write(path) as unfinished:
         unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def json_text(record: object, enc_hook: Callable[[Any], Any] | None = None) -> bytes:
+    """The text of a JSON file; `enc_hook` as in msgspec."""
+    return msgspec.json.format(msgspec.json.encode(record, enc_hook=enc_hook), indent=2) + b"\n"
 
 
 def csv_text(rows: Iterable[Iterable[object]]) -> str:

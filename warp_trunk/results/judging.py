@@ -7,10 +7,9 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import msgspec
 import numpy as np
 
-from warp_trunk.io.atomic_write import csv_text, write_whole
+from warp_trunk.io.atomic_write import csv_text, json_text, write_whole
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY, TRUNK
 from warp_trunk.io.trunk_file import read_trunk
 from warp_trunk.measures import compare_skins, measure
@@ -145,6 +144,5 @@ def _tissue_change(file: Path, skin: Surface) -> float | None:
 
 def write_measures(stem: Path, words: Mapping[str, Any], rows: Sequence[Measured]) -> None:
     """Write a table of measures as JSON, with words beside it, and as CSV, each whole or not at all."""
-    text = msgspec.json.format(msgspec.json.encode({**words, "measures": rows}), indent=2)
-    write_whole(stem.with_name(f"{stem.name}.json"), text + b"\n")
+    write_whole(stem.with_name(f"{stem.name}.json"), json_text({**words, "measures": rows}))
     write_whole(stem.with_name(f"{stem.name}.csv"), csv_text([COLUMNS, *map(astuple, rows)]))

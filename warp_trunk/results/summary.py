@@ -17,6 +17,7 @@ from warp_trunk.case.invented import Invented
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
+from warp_trunk.io.atomic_write import json_text
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.result_files import SUMMARY
 from warp_trunk.measures import CobbAngle
@@ -184,7 +185,7 @@ def as_read(summary: Summary) -> Summary:
 
 def write_summary(path: Path, summary: Summary) -> None:
     """Writes it as JSON."""
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(summary, enc_hook=_plain), indent=2) + b"\n")
+    path.write_bytes(json_text(summary, _plain))
 
 
 def read_summary(folder: str | Path) -> Summary:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +14,7 @@ from warp_trunk.case.case_writer import begin_case, refuse_case
 from warp_trunk.case.header import is_case
 from warp_trunk.case.keys import refuse_unknown, toml, toml_table
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import atomic_write
+from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.file_access import number, read_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
 
@@ -107,8 +106,7 @@ def write_plan(path: str | Path, plan: Plan) -> None:
 
     >>> wt.write_plan(folder / "fused.toml", wt.Plan(uiv="T4", liv="L1"))
     """
-    with atomic_write(Path(path)) as unfinished:
-        unfinished.write_text(plan_text(plan), encoding="utf-8")
+    write_whole(Path(path), plan_text(plan))
 
 
 RECORD = "plan.json"
@@ -138,9 +136,7 @@ def write_planned_case(folder: Path, case: Case, surgery: PlannedSurgery, name: 
     planned = planned_case(case, surgery, name or folder.resolve().name)
     begin_case(folder)
     write_plan(folder / PLAN, surgery.plan)
-    with atomic_write(folder / RECORD) as unfinished:
-        text = json.dumps(surgery_record(surgery), indent=2, allow_nan=False)
-        unfinished.write_text(text + "\n", encoding="utf-8")
+    write_whole(folder / RECORD, json_text(surgery_record(surgery)))
     write_case(folder, planned)
     return planned
 

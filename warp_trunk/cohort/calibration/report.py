@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
-
 from warp_trunk.case.tissue_file import write_tissue_file
 from warp_trunk.errors import InputError
-from warp_trunk.io.atomic_write import write_whole
+from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.folders import make_writable
 from warp_trunk.report.page import rendered
 
@@ -33,9 +31,8 @@ def write_calibration(path: Path, calibration: Calibration) -> Path:
         *(["SYNTHETIC: these cases were made by a computer"] if calibration.synthetic else []),
         *(f"{one.name}: {one.low:.4g} to {one.high:.4g} (95 %)" for one in calibration.found),
     ]
-    record = msgspec.json.format(msgspec.json.encode(calibration), indent=2) + b"\n"
     page = path.with_suffix(".html")
-    write_whole(path.with_suffix(".json"), record)
+    write_whole(path.with_suffix(".json"), json_text(calibration))
     write_whole(page, calibration_page(calibration))
     write_tissue_file(path, {one.name: one.value for one in calibration.found}, remarks)
     return page
