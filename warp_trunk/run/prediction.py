@@ -108,7 +108,9 @@ class Prediction:
         """
         releases = RELEASES if self.options.bones == "follow" else 0
         while True:
-            pinched = _pinched(self.trunk, last) if last.relaxation.inverted_tets and releases else ()
+            settled = last.relaxation.status is not RelaxStatus.STEP_LIMIT
+            folded = settled and releases and last.relaxation.inverted_tets
+            pinched = _pinched(self.trunk, last) if folded else ()
             if len(pinched):
                 releases -= 1
                 message(f"tissue comes off the bones at {len(pinched)} nodes, where it would end inside out")
