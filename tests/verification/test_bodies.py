@@ -28,7 +28,7 @@ def outcome(request: pytest.FixtureRequest) -> Outcome:
     bones = {path.stem: read_surface(path) for path in sorted((folder / "bones").glob("*.ply"))}
     curve = SpineCurve(kind="thoracic", cobb=CURVES["thoracic"], kyphosis=24.0)
     case = make_case(read_surface(folder / "skin.ply"), bones, curve, 0.65)
-    options = RunOptions(mesh=MeshOptions(tets=110_000), simulation=SimulationOptions(increments=4))
+    options = RunOptions(mesh=MeshOptions(tets=150_000), simulation=SimulationOptions(increments=4))
     return operated(patient_of(case, options), plan_for("thoracic", 0.65))
 
 
