@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from support.biplanar import biplanar, write_film
 from support.cohort_cases import turned_case
@@ -22,7 +23,9 @@ from warp_trunk.case import Case, write_case
 from warp_trunk.case.landmarks import Landmarks, write_landmarks
 from warp_trunk.case.study import Study
 from warp_trunk.io.surface_files import read_surface, write_surface
-from warp_trunk.preparation.deformity import SpineCurve, make_case
+from warp_trunk.preparation.back_scan.cut import cut_back
+from warp_trunk.preparation.deformity import SpineCurve, impose, make_case
+from warp_trunk.preparation.phantom import straight_trunk
 from warp_trunk.results.summary import read_summary
 
 ROOT = Path(__file__).parents[2]
@@ -164,6 +167,19 @@ def test_a_case_is_made_of_films(anatomy: Path, tmp_path: Path) -> None:
     for name, part in zip(("front", "left", "back", "right"), parts, strict=True):
         write_surface(tmp_path / f"{name}.ply", part)
     run("from_films.md", tmp_path, FINE)
+
+
+def test_a_case_is_made_of_a_scan_of_the_back(tmp_path: Path) -> None:
+    """The back is cut from a synthetic body."""
+    skin, bones, straight = straight_trunk()
+    skin, bones, marks = impose(skin, bones, straight, SpineCurve(cobb=50.0))
+    points, spine, markers = cut_back(Case(name="whole", skin=skin, bones=bones, landmarks_before=marks))
+    trimesh.PointCloud(points).export(tmp_path / "back.ply")
+    np.savetxt(tmp_path / "spine.csv", spine.line, delimiter=",", header="x,y,z", comments="")
+    write_landmarks(tmp_path / "markers.csv", markers)
+    run("from_a_back_scan.md", tmp_path, "--tets 70000 --bone-voxel 8 --bone-tolerance 2 --increments 2")
+    page = (tmp_path / "results" / "planned" / "report.html").read_text()
+    assert "Fitted from a scan of the back" in page
 
 
 @pytest.mark.parametrize("page", ["cohorts.md", "calibration.md"])

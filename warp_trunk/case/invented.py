@@ -41,7 +41,7 @@ class Invented:
     """Of the turn of a vertebra against the pelvis [degrees]."""
     rotation: float = 1.0
     """Of a predicted rotation of the back, by ribs, pelvis and front together [degrees]."""
-    length: float = 11.5
+    length: float = 14.0
     """Of a predicted hump or shoulder, likewise [mm]."""
 
     def __post_init__(self) -> None:
