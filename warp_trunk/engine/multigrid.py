@@ -63,7 +63,8 @@ class Multigrid:
         self.model = model = matrix.model
         self._inverse_diagonal = matrix.inverse_diagonal
         matrix.assemble_projected()
-        points, pairs = model.rest[model.free].copy(), matrix.stiff_pairs()
+        points = model.rest[model.free].copy()
+        pairs = matrix.stiff_pairs() if model.elements.pairs else np.zeros((0, 2), dtype=np.int64)
         points[pairs] = points[pairs].mean(axis=1, keepdims=True)
         spacings = find_spacings(points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]

@@ -69,7 +69,7 @@ class Policy:
     tried again."""
     reach: float = 10.0
     """A descent from a saddle is first tried as far as this many tolerances."""
-    noise: tuple[float, float] = (0.01, 0.001)
+    noise: tuple[float, float] = (0.03, 0.001)
     """Norm of the noise in the right side of a solve that may be the last, in norms of the gradient; and once that
     moved soft tissue by more than the tolerance. Each factor of ten takes 25 iterations more on the anatomy; a
     tenth moved soft nodes of the default by more than the tolerance, and solves had to be repeated."""
