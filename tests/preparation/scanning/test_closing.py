@@ -89,6 +89,7 @@ def test_cuts_asked_for(phantom):
     closed = close_skin(parts, cuts, OPTIONS)
     check_closed(closed.surface)
     z = closed.surface.vertices[:, 2]
+    assert closed.surface.colours is not None
     seen = (z > 61.0) & (z < 399.0)  # not the flat ends
     assert np.abs(closed.surface.colours[seen, 0] - 0.4 * z[seen]).max() < 4.0
     assert (z.min(), z.max()) == pytest.approx((60.0, 400.0), abs=0.3)
