@@ -3,6 +3,7 @@
 import difflib
 import re
 from collections.abc import Iterable
+from numbers import Real
 
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
@@ -32,8 +33,16 @@ def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[flo
     `what` is the first word of the message, `unit` follows a blank, `ranges` are by the name of the field."""
     for name, (least, most) in ranges.items():
         value = getattr(options, name)
-        if value is not None and not least <= value <= most:  # nor is NaN
+        if value is not None and not (isinstance(value, Real) and least <= float(value) <= most):  # nor is NaN
             raise InputError(f"{what}: '{name}' must be a number from {least:g} to {most:g}{unit}, not {value}")
+
+
+def check_choices(options: object, what: str, **choices: Iterable[str]) -> None:
+    """Raise InputError for a word among the fields of some options that is none of its choices, nor None."""
+    for name, allowed in choices.items():
+        value = getattr(options, name)
+        if value is not None and value not in tuple(allowed):
+            raise InputError(f"{what}: '{name}' must be {' or '.join(allowed)}, not {value!r}")
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

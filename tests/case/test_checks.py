@@ -76,6 +76,7 @@ def test_surgery_moves_landmarks_a_little():
     ("key", "scale", "units", "tall", "right"),
     [
         ("skin", 0.1, "mm", "57.5", "cm"),
+        ("skin", 1.0 / 25.4, "mm", "22.64", "in"),
         ("actual_skin", 1e-3, "mm", "0.575", "m"),
     ],
 )

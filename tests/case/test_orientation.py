@@ -23,7 +23,7 @@ def write(folder, units, code):
 
 
 @pytest.mark.parametrize(
-    ("units", "code"), [("m", "ASR"), ("cm", "LPS"), ("mm", "RAS"), ("mm", "LAS"), ("mm", "RPS")]
+    ("units", "code"), [("m", "ASR"), ("cm", "LPS"), ("in", "LPS"), ("mm", "RAS"), ("mm", "LAS"), ("mm", "RPS")]
 )
 def test_landmarks_follows_units_and_axes_of_the_case(units, code, tmp_path):
     write(tmp_path, units, code)
@@ -40,7 +40,12 @@ def test_landmarks_follows_units_and_axes_of_the_case(units, code, tmp_path):
 
 @pytest.mark.parametrize(
     ("units", "code", "said"),
-    [("m", "LPS", 'write units = "m"'), ("cm", "LPS", 'write units = "cm"'), ("mm", "RPS", 'write axes = "RPS"')],
+    [
+        ("m", "LPS", 'write units = "m"'),
+        ("cm", "LPS", 'write units = "cm"'),
+        ("in", "LPS", 'write units = "in"'),
+        ("mm", "RPS", 'write axes = "RPS"'),
+    ],
 )
 def test_bones_in_another_unit_or_mirrored_are_refused_in_one_line(units, code, said, tmp_path, capsys):
     write(tmp_path, units, code)

@@ -9,7 +9,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 """The length of each unit a file may be in [mm]."""
 
 _DIRECTIONS = {"L": (0, 1), "R": (0, -1), "P": (1, 1), "A": (1, -1), "S": (2, 1), "I": (2, -1)}

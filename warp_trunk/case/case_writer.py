@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial, write_whole
 from warp_trunk.io.surface_files import surface_files, write_surface
@@ -48,6 +48,7 @@ def write_case(folder: str | Path, case: Case) -> None:
         InputError: the folder holds surfaces that do not belong to the case and would be read with it, or a bone
             has a name that cannot be a file name.
     """
+    expect(case, Case, "write_case: 'case'", "read it with read_case, or make one")
     folder = Path(folder)
     surfaces = _surfaces(folder, case)
     begin_case(folder)

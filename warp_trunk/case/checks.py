@@ -39,6 +39,7 @@ MOST_OUTSIDE = 5.0
 """Largest distance of a bone outside the skin [mm]; meshing pulls it back inside."""
 MOST_BENT = 3.0
 """Largest root mean square distance of a bone after surgery from the same bone moved rigidly [mm]."""
+_USUAL_HEIGHT = 550.0  # [mm]
 _COINCIDENT = 0.1  # [mm]; below what any imaging resolves
 _FLAT = 1.0  # [mm], root mean square distance from the plane that fits best
 
@@ -185,7 +186,10 @@ def _check_height(skin: Surface, key: str, source: CaseSource, allowed: tuple[fl
     if low <= height <= high:
         return
     in_file = height / MILLIMETRES[source.units]
-    fits = [unit for unit, size in MILLIMETRES.items() if low <= in_file * size <= high]
+    fits = sorted(
+        MILLIMETRES, key=lambda unit: abs(math.log(max(in_file, 1e-9) * MILLIMETRES[unit] / _USUAL_HEIGHT))
+    )
+    fits = [unit for unit in fits if low <= in_file * MILLIMETRES[unit] <= high]
     what = "trunk" if allowed is TRUNK_HEIGHT else "skin"
     unit = f'units = "{fits[0]}"' if fits else "units"
     cure = f"set {unit} or axes in {source.name('case')}"

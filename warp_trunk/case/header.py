@@ -35,7 +35,7 @@ class CaseHeader:
     name: str
     """Name of the case; that of its folder if not given."""
     units: str = "mm"
-    """Unit of every length in the folder: mm, cm or m."""
+    """Unit of every length in the folder: mm, cm, m or in (inches)."""
     axes: Axes = dataclasses.field(default_factory=lambda: Axes("LPS"))
     """Patient axes of every position in the folder."""
     landmark_columns: tuple[str, ...] = COLUMNS

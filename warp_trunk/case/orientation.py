@@ -17,6 +17,7 @@ _BEHIND = 5.0
 """Distance behind the spine up to which a bone counts as beside it [mm]."""
 _LEAST_VERTEBRA, _MOST_VERTEBRA = 20.0, 150.0
 """Largest side of the box around a vertebra, of a small child and of an adult [mm]."""
+_USUAL_VERTEBRA = 60.0
 _OTHER = dict(zip("LRPASI", "RLAPIS", strict=True))
 
 
@@ -106,7 +107,8 @@ def check_bones(bones: Mapping[str, Surface], where: str, code: str = "LPS") -> 
     sizes = [np.ptp(bones[name].vertices, axis=0).max() for name in VERTEBRAE if name in bones]
     size = float(np.median(sizes)) if sizes else low
     if not low <= size <= high:
-        fits = next((unit for unit, by in MILLIMETRES.items() if low <= size * by <= high), None)
+        fits = min(MILLIMETRES, key=lambda unit: abs(np.log(size * MILLIMETRES[unit] / _USUAL_VERTEBRA)))
+        fits = fits if low <= size * MILLIMETRES[fits] <= high else None
         cure = f'write units = "{fits}" in case.toml' if fits else "write units in case.toml, or give them in mm"
         raise InputError(
             f"{where}: vertebrae are {size:.3g} mm wide (median), {low:g} to {high:g} mm is "

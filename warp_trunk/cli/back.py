@@ -46,7 +46,7 @@ class FitBack:
     """Case folder to write, with fit.png."""
     atlas: Path | None = None
     """Folder with skin.ply and bones/ of a straight body to fit; one that the program makes when left out."""
-    units: Literal["mm", "cm", "m"] = "mm"
+    units: Literal["mm", "cm", "m", "in"] = "mm"
     """Unit of the scan, the spine and the markers."""
 
     def run(self, arguments: list[str]) -> int:

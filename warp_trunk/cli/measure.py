@@ -49,7 +49,7 @@ class Measure:
     vertebral bodies (x,y,z). Levels along a line are at their usual heights between C7 and the pelvis."""
     markers: Path | None = None
     """Its markers (name,x,y,z): ASIS_left and ASIS_right, or PSIS; C7, and `lower`, the spinous process of L5."""
-    units: Literal["mm", "cm", "m"] = "mm"
+    units: Literal["mm", "cm", "m", "in"] = "mm"
     """Of a back, its spine and its markers."""
     out: Path | None = None
     """Folder for measures.json and measures.csv, or their name without ending; by default beside the skin."""

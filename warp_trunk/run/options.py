@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args, get_type_hints
 
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.engine.tissue import EARTH_GRAVITY, ENERGY, SKIN_RIGIDITY
-from warp_trunk.errors import InputError, check_ranges, nearest
+from warp_trunk.errors import InputError, check_choices, check_ranges, nearest
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.meshing.layers import LayersFrom
 
@@ -97,6 +97,9 @@ class RunOptions:
 
     def __post_init__(self) -> None:
         """Raises InputError for a gravity that no place has, or a skin that none has, before any work."""
+        hints = get_type_hints(type(self))
+        words = ("energy", "weights", "precision", "rest", "layers", "bones")
+        check_choices(self, "options", **{name: _words(hints[name]) for name in words})
         if self.alpha is not None:
             check_ranges(self, "options", "", alpha=(0.0, MOST_ALPHA))
         if self.skin_rigidity is not None:
@@ -121,6 +124,12 @@ class RunOptions:
         if self.energy is not None:
             return self.energy
         return ENERGY if self.bones == "follow" and self.weights == "count" else "itmsm"
+
+
+def _words(hint: Any) -> tuple[str, ...]:
+    """The words of a type that is a Literal, or one or None."""
+    parts = get_args(hint)
+    return tuple(part for part in parts if isinstance(part, str)) or _words(parts[0])
 
 
 def with_changes(options: RunOptions, changes: Mapping[str, Any]) -> RunOptions:

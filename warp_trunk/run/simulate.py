@@ -18,7 +18,7 @@ from warp_trunk.bone_motion.vertebra_smoothing import smoothing_warnings
 from warp_trunk.case import Case, check_case
 from warp_trunk.case.motions import check_passing
 from warp_trunk.engine.parallel import choose_device, choose_threads
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.folders import locked, removed_if_empty
 from warp_trunk.io.result_files import RECORDING
@@ -96,6 +96,13 @@ def simulate(
             to or is in use, a patient who is another or was prepared with other options, or a case or option that
             a stage refuses. Everything that can be refused before the first simulation is refused before it.
     """
+    expect(case, Case, "simulate: 'case'", "read it with read_case")
+    if plan is not None and not isinstance(plan, Plan):
+        several = isinstance(plan, Mapping | Sequence) and not isinstance(plan, str)
+        for one in (plan.values() if isinstance(plan, Mapping) else plan) if several else [plan]:
+            expect(
+                one, Plan, "simulate: a plan", 'give wt.Plan(uiv="T4", liv="L1", ...), or read it with read_plan'
+            )
     progress, folder = progress or Progress(), None if folder is None else Path(folder).absolute()
     options = with_changes(options or (RunOptions() if patient is None else patient.options), changes)
     layered = layers_from(case, options) != "none"

@@ -188,6 +188,24 @@ def test_the_axes_that_a_header_states_are_converted(tmp_path, space):
         )
 
 
+VARIANTS = ["SPACE=RAS", "SPACE = RAS", "space=ras", "Coordinate SPACE=RAS; 5.6", "SPACE=RIGHT-ANTERIOR-SUPERIOR"]
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n"], ids=["unix", "windows"])
+@pytest.mark.parametrize("text", VARIANTS)
+@pytest.mark.parametrize("name", ["ply", "obj", "title.vtk", "stl"])
+def test_forms_of_a_stated_space(name, text, ends, tmp_path):
+    """As versions of 3D Slicer and people write it; lines end as on each system."""
+    content = states("RAS")[name]
+    if name == "stl":
+        content = f"a; {text}".encode().ljust(80) + content[80:]
+    else:
+        content = content.replace(b"3D Slicer output. SPACE=RAS", text.encode()).replace(b"\n", ends.encode())
+    (tmp_path / f"a.{name}").write_bytes(content)
+    back = read_surface(tmp_path / f"a.{name}")
+    np.testing.assert_allclose(back.vertices[back.faces], PYRAMID.vertices[PYRAMID.faces], atol=1e-5)
+
+
 def test_other_axes_in_a_header_are_refused(tmp_path):
     (tmp_path / "a.obj").write_bytes(states("RAS")["obj"].replace(b"SPACE=RAS", b"SPACE=ASR"))
     with pytest.raises(InputError, match=r"a\.obj.*SPACE=ASR, and LPS or RAS"):

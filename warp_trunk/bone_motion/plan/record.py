@@ -9,7 +9,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Literal
 
 from warp_trunk.case.anatomy import VERTEBRAE, rank, region
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, expect
 
 _RANGES = {
     "correction": (0.0, 1.0, ""),
@@ -85,6 +85,8 @@ class Plan:
     def __post_init__(self) -> None:
         """Raises InputError for levels that are none, a value out of range, or two curves of one apex."""
         object.__setattr__(self, "curves", tuple(self.curves))
+        for curve in self.curves:
+            expect(curve, CurvePlan, "plan: a curve", 'give a list such as [wt.CurvePlan("T8", correction=0.65)]')
         _check_level(self.uiv, "plan: 'uiv'")
         _check_level(self.liv, "plan: 'liv'")
         if rank(self.uiv) >= rank(self.liv):

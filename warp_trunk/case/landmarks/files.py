@@ -40,7 +40,7 @@ def read_landmarks(
     Args:
         path: the file; its ending says what it is.
         axes: those of a table; LPS when left out.
-        units: of a table: mm, cm or m.
+        units: of a table: mm, cm, m or in.
         columns: the columns of a table that hold name, x, y and z.
 
     Raises:

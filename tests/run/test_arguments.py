@@ -1,0 +1,32 @@
+"""Arguments of Python that are of another kind: one line with the cure."""
+
+from typing import Any
+
+import pytest
+
+import warp_trunk as wt
+from support.small_case import small_case
+from warp_trunk.errors import InputError
+
+ANY: Any = wt
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda case: ANY.simulate("patient"), "simulate: 'case' must be of type Case, not str; read it with"),
+        (lambda case: ANY.simulate(case, "T4"), "a plan must be of type Plan, not str; give wt.Plan"),
+        (lambda case: ANY.simulate(case, ["T4"]), "a plan must be of type Plan, not str"),
+        (lambda case: ANY.simulate(case, tets="many"), "mesh: 'tets' must be a number from 4"),
+        (lambda case: ANY.Plan(uiv="T4", liv="L1", curves="T8"), "a curve must be of type CurvePlan, not str"),
+        (lambda case: ANY.Plan(uiv="T4", liv="L1", curves=[{}]), "a curve must be of type CurvePlan, not dict"),
+        (lambda case: ANY.RunOptions(bones="ribs"), "options: 'bones' must be follow or spline, not 'ribs'"),
+        (lambda case: ANY.RunOptions(precision="double"), "'precision' must be float32 or float64"),
+        (lambda case: ANY.RunOptions(energy="springs"), "'energy' must be "),
+        (lambda case: ANY.write_case("a", 5), "write_case: 'case' must be of type Case, not int"),
+    ],
+)
+def test_another_kind_is_refused_in_one_line(call, said):
+    with pytest.raises(InputError) as error:
+        call(small_case())
+    assert said in str(error.value)
