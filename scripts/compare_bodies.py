@@ -192,7 +192,11 @@ def _bodies(folders: list[Path], options: Options) -> None:
                 )
     after = np.array([one.after.shoulders.difference for one in found if one.after.shoulders])
     humps = np.array([one.hump_over_cobb for one in found])
-    within = (np.abs(humps - 0.58) <= 0.1).sum()
+    kinds = np.array([kind for _ in folders for kind in CURVES for _ in range(2)])
+    by_kind = "; ".join(
+        f"{kind} {part.mean():.2f} ± {part.std():.2f}, 0.48 to 0.68 in {(np.abs(part - 0.58) <= 0.1).sum()} rows"
+        for kind, part in ((kind, humps[kinds == kind]) for kind in CURVES)
+    )
     off = np.array([list(one.off.values()) for one in found])
     differences = ", ".join(
         f"{level} {mean:+.1f} ± {sd:.1f}"
@@ -202,7 +206,7 @@ def _bodies(folders: list[Path], options: Options) -> None:
 - rows: {len(found)}, converged: {sum(one.status is RelaxStatus.CONVERGED for one in found)}
 - rows with inverted tetrahedra: {sum(one.inverted > 0 for one in found)}
 - shoulders after: {after.mean():.1f} mm in the mean, {np.abs(after).max():.1f} at most
-- hump over Cobb: {humps.mean():.2f} ± {humps.std():.2f}, 0.48 to 0.68 in {within} rows
+- hump over Cobb: {by_kind}
 - change of the back less that of the cross-section of patients: {differences} degrees
 - rows within {AGREES} degrees of it at all of these levels: {(np.abs(off) <= AGREES).all(axis=1).sum()}
 - rows that are warned of: {sum(one.warned for one in found)}""")
