@@ -135,7 +135,7 @@ class BlockMatrix:
     def stiff_pairs(self) -> np.ndarray:
         """Pairs of free nodes that the matrix ties to each other, see `grids`, shape (pairs, 2)."""
         columns = self.columns.numpy()
-        rows = np.repeat(np.arange(self.model.free_nodes), np.diff(self.row_start.numpy()))
+        rows = np.repeat(np.arange(self.model.free_nodes), np.diff(self.row_start.numpy()).astype(np.int64))
         upper = columns >= rows
         blocks = self.blocks.numpy()[: len(columns)]
         return stiff_pairs(rows[upper], columns[upper], blocks[upper], self.model.free_nodes)

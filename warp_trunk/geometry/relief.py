@@ -58,7 +58,7 @@ def without_bumps(points: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, n
     sunk[np.isinf(sunk)] = -np.inf
     opened = grey_dilation(sunk, footprint=disc, mode="constant", cval=-np.inf)[ring:-ring, ring:-ring]
     out = np.isfinite(lowest) & (lowest > opened + height)
-    likely = grey_dilation(out, size=3)[tuple(place.T)]
+    likely = np.asarray(grey_dilation(out, size=3))[tuple(place.T)].astype(bool)
     moved, bump = points.copy(), np.zeros(len(points), dtype=bool)
     if likely.any() and (~likely).sum() > _AROUND:
         skin, level = seen[~likely], depth[~likely]

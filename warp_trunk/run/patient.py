@@ -133,8 +133,8 @@ def patient_of(
         if options.mesh.tets >= WORTH_COMPILING_AHEAD:
             kernels = CompilationAhead(options, layered=layers_from(case, options) != "none")
         with stage_of(progress, "build", "meshing the soft tissue"):
-            large = progress is not None and options.mesh.tets >= LARGE
-            build = make_trunk(case.skin, case.bones, options.mesh, progress.message if large else None)
+            message = progress.message if progress is not None and options.mesh.tets >= LARGE else None
+            build = make_trunk(case.skin, case.bones, options.mesh, message)
         trunk = build.trunk
         if progress is not None:
             progress.clock.add("surface", build.surface_seconds)

@@ -110,7 +110,7 @@ class Prediction:
         while True:
             settled = last.relaxation.status is not RelaxStatus.STEP_LIMIT
             folded = settled and releases and last.relaxation.inverted_tets
-            pinched = _pinched(self.trunk, last) if folded else ()
+            pinched = _pinched(self.trunk, last) if folded else np.empty(0, dtype=np.int64)
             if len(pinched):
                 releases -= 1
                 message(f"tissue comes off the bones at {len(pinched)} nodes, where it would end inside out")

@@ -120,7 +120,7 @@ def test_a_file_that_packs_more_than_it_can_hold_is_not_unpacked(tmp_path):
 )  # fmt: skip
 def test_an_sform_that_is_not_the_qform_is_named_by_the_side(signs, said, tmp_path):
     path = nifti(tmp_path / "a.nii")
-    image = nibabel.load(path)
+    image: Any = nibabel.load(path)
     image.set_sform(np.diag([2.0, 2.0, 3.0, 1.0]), code=1)
     image.set_qform(np.diag([*np.multiply(signs, [2.0, 2.0, 3.0]), 1.0]), code=1)
     nibabel.save(image, tmp_path / "b.nii")
