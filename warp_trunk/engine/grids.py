@@ -17,8 +17,8 @@ FINEST_SPACING = 1.15
 STIFF = 0.7
 """Nodes whose block off the diagonal is this part of their blocks on it, by norm, are a pair with a vertex of its
 own: flat tetrahedra tie them, and their common motion, soft beside that, is none of a grid. With them (23 in the
-anatomy) ten of eleven bodies and curves took 4 to 19 % fewer linear iterations, 9 % in the median; one took 88 %
-more, as its last solve was repeated. From 0.5 on, springs of a coarse mesh count, too."""
+anatomy) nine of eleven bodies and curves took 4 to 19 % fewer linear iterations, 9 % in the median; two took 29 to
+88 % more, as their last solve was repeated. From 0.5 on, springs of a coarse mesh count, too."""
 STIFFEST = 0.95
 """Beyond, the block of their common motion is lost in rounding in float32: tetrahedra of 0.1 degree stalled."""
 CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
