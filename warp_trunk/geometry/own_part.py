@@ -18,8 +18,10 @@ _STANDS_OUT = 0.35
 """An arm has at least this area over the square of the line that cuts it off: half a disc has 0.39, the fold of
 skin before a shoulder blade less than 0.1."""
 _ASIDE = 0.5
-"""An arm is cut off between notches at least this part of half the width from the middle: not at the groove of the
-spine."""
+"""An arm is cut off between notches at least this part of the trunk's narrower half from the spine: not at the
+groove of the back."""
+_FILLET, _SIDE = 6.0, 10.0
+"""Beside a notch the skin turns into the arm over the first length [mm]; points at the second show its direction."""
 _MOST = 0.4
 """An arm has less than this of the area of the trunk."""
 
@@ -46,9 +48,9 @@ def own_part(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
 def _without_arm(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
     """The outline without the part that stands out most; None where none does."""
     best, most = None, _STANDS_OUT
-    low, high = loop.min(axis=0), loop.max(axis=0)
-    middle = 0.5 * (low + high)
-    aside = (loop[:, 0] - middle[0]) / (0.5 * (high[0] - low[0]))
+    middle = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
+    aside = loop[:, 0] - spine[0]
+    aside /= min(aside.max(), -aside.min())  # an arm on one side does not widen the other half
     for first, second in combinations([n for n in _notches(loop) if abs(aside[n]) >= _ASIDE], 2):
         if aside[first] * aside[second] < 0.0:
             continue
@@ -61,7 +63,27 @@ def _without_arm(loop: np.ndarray, spine: np.ndarray) -> np.ndarray | None:
         size = _LEAST <= areas[arm] <= _MOST * areas[trunk]
         if size and across > along and share > most and encloses(parts[trunk], spine):
             best, most = parts[trunk], share
-    return best
+    return None if best is None else _closed(best)
+
+
+def _closed(open_outline: np.ndarray) -> np.ndarray:
+    """The outline from one notch round the trunk to the other, closed by the flank that was under the arm: a cubic
+    that goes on as the outline does beside the notches."""
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(open_outline, axis=0), axis=1)))
+
+    def at(length: float) -> np.ndarray:
+        return np.array([np.interp(length, way, column) for column in open_outline.T])
+
+    kept = (way >= _FILLET) & (way <= way[-1] - _FILLET)
+    start, before, long_before = (at(way[-1] - _FILLET - back) for back in (0.0, _SIDE, 2.0 * _SIDE))
+    end, after, long_after = (at(_FILLET + ahead) for ahead in (0.0, _SIDE, 2.0 * _SIDE))
+    # directions at both ends by parabolas through three points, of unit length, times the length between the ends
+    scale = np.linalg.norm(end - start) / (2.0 * _SIDE)
+    out = scale * (3.0 * start - 4.0 * before + long_before)
+    into = scale * (4.0 * after - 3.0 * end - long_after)
+    t = np.linspace(0.0, 1.0, 20)[:, None]
+    flank = (1 + 2 * t) * (1 - t) ** 2 * start + t**2 * (3 - 2 * t) * end
+    return np.vstack([open_outline[kept], flank + t * (1 - t) ** 2 * out + t**2 * (t - 1) * into])
 
 
 def _notches(loop: np.ndarray) -> list[int]:
