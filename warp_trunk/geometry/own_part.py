@@ -21,7 +21,8 @@ _ASIDE = 0.5
 """An arm is cut off between notches at least this part of the trunk's narrower half from the spine: not at the
 groove of the back."""
 _FILLET, _SIDE = 6.0, 10.0
-"""Beside a notch the skin turns into the arm over the first length [mm]; points at the second show its direction."""
+"""Beside a notch the skin turns into the arm over the first length [mm]; points the second apart show where it
+goes."""
 _MOST = 0.4
 """An arm has less than this of the area of the trunk."""
 
