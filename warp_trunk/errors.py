@@ -4,6 +4,8 @@ import difflib
 import re
 from collections.abc import Iterable
 from numbers import Real
+from pathlib import Path
+from types import UnionType
 
 _UNSEEN = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
@@ -21,10 +23,18 @@ class InputError(ValueError):
         return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), super().__str__())
 
 
-def expect(value: object, kind: type, name: str, cure: str) -> None:
+def expect(value: object, kind: type | UnionType, name: str, cure: str) -> None:
     """Raise InputError, which begins with `name`, for a value of another type; `cure` says where to get one."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} must be of type {kind.__name__}, not {type(value).__name__}; {cure}")
+        wanted = getattr(kind, "__name__", kind)
+        raise InputError(f"{name} must be of type {wanted}, not {type(value).__name__}; {cure}")
+
+
+def as_path(given: object, name: str) -> Path:
+    """A path that was given as text or pathlib.Path; InputError, which begins with `name`, for anything else."""
+    if isinstance(given, str | Path):
+        return Path(given)
+    raise InputError(f"{name} must be a path, as text or pathlib.Path, not {type(given).__name__}; give one")
 
 
 def check_ranges(options: object, what: str, unit: str = "", **ranges: tuple[float, float]) -> None:

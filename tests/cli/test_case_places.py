@@ -26,9 +26,11 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("plan case --uiv T4 --liv L1", "case/bones"),
     ],
 )
+@pytest.mark.parametrize("header", [True, False], ids=["case.toml", "skin and bones"])
 def test_a_case_is_left_alone(
     command: str,
     place: str,
+    header: bool,
     result: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -36,7 +38,46 @@ def test_a_case_is_left_alone(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_case(tmp_path / "case", small_case())
+    if not header:
+        (tmp_path / "case" / "case.toml").unlink()
     before = sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file())
     assert main([*command.replace("RESULT", str(result)).split(), "--out", place]) == 2
     assert "case folder" in capsys.readouterr().err
     assert sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file()) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "cure"),
+    [
+        ("report cases/a", "it is a case; simulate it first (warp-trunk simulate cases/a)"),
+        ("view cases/a", "it is a case; simulate it first"),
+        ("export cases/a --out a.vtu", "it is a case; simulate it first"),
+        ("measure cases/a", "give its skin, as warp-trunk measure cases/a/skin.ply --case cases/a"),
+        ("report cases/a/bones", "simulate it first (warp-trunk simulate cases/a)"),
+        ("report cases", "it holds cases, such as cases/a"),
+        ("report results", "give one of those in it, such as results/r"),
+        ("simulate cases", "give one of those in it, such as cases/a"),
+        ("simulate cases/a/bones", "give cases/a, around it"),
+        ("simulate results/r", "it is a result; report, view, measure and export take it"),
+        ("cohort results --out results", "it holds results, such as results/r; give their cases"),
+        ("cohort results/r --out more", "it is a result; a folder of cases is wanted"),
+        ("cohort cases/a --out more", "is one case"),
+        ("cohort cases --out cases", "holds the cases"),
+    ],
+)
+def test_a_folder_of_another_kind_is_named_with_the_command_that_takes_it(
+    command: str,
+    cure: str,
+    result: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_case(tmp_path / "cases" / "a", small_case())
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "r").symlink_to(result)
+    assert main(command.split()) == 2
+    said = capsys.readouterr().err
+    assert cure in said
+    assert said.count("\n") == 1

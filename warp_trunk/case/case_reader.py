@@ -7,19 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, as_path
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
 from warp_trunk.io.file_access import check_within, read_text
-from warp_trunk.io.result_files import MOST_PLAN, PLAN, SUMMARY
+from warp_trunk.io.result_files import MOST_PLAN, PLAN
 from warp_trunk.io.surface_files import surface_files
 
 from .anatomy import check_file_names
 from .axes import MILLIMETRES
 from .case import Case
 from .checks import CaseSource, check_case, check_names
-from .header import HEADER, is_case, read_header
+from .folders import HEADER, is_case, other_kind
+from .header import read_header
 from .invented import read_invented_skin
 from .landmark_checks import align_pelvis
 from .landmarks import NO_LANDMARKS, Landmarks, landmark_file, read_landmarks
@@ -65,9 +66,9 @@ def read_checked_case(
         InputError: a file is missing, cannot be read or breaks a rule; the text names file, rule, value and
             cure.
     """
-    files = _Files(Path(folder))
+    files = _Files(as_path(folder, "read_case: 'folder'"))
     header = files.header
-    moved = files.motions(None if motions is None else Path(motions))
+    moved = files.motions(None if motions is None else as_path(motions, "read_case: 'motions'"))
     bones, bones_after = surface_files(files.folder / "bones"), surface_files(files.folder / "bones_after")
     check_file_names(bones)
     if not bones:
@@ -134,12 +135,8 @@ def nearest_vertices(of: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def _instead(folder: Path) -> str:
     """The cure for a folder that is no case."""
-    if (folder / SUMMARY).is_file():
-        return "; it is a result, which report, view, measure and export take"
-    if inner := [path.name for path in sorted(folder.iterdir()) if path.is_dir() and is_case(path)]:
-        return f"; give one of those in it, such as {folder / inner[0]}"
-    if is_case(folder.absolute().parent):
-        return f"; give {folder.parent}, the folder around it"
+    if other := other_kind(folder, "case"):
+        return f"; {other}"
     there = {"skin.ply": surface_files(folder, "skin"), "bones/": (folder / "bones").is_dir()}
     missing = " and no ".join(name for name, is_there in there.items() if not is_there)
     return f", as it has no {missing}; add what is missing, in mm and LPS or with case.toml"

@@ -1,17 +1,18 @@
-"""Writing a case folder, and the check that no result is written into one."""
+"""Writing a case folder."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from warp_trunk.errors import InputError, expect
+from warp_trunk.errors import InputError, as_path, expect
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial, write_whole
 from warp_trunk.io.surface_files import surface_files, write_surface
 
 from .axes import Axes
 from .case import Case
-from .header import HEADER, CaseHeader, header_text, is_case
+from .folders import HEADER
+from .header import CaseHeader, header_text
 from .invented import write_invented_skin
 from .landmarks import write_landmarks
 from .layers import write_layers
@@ -19,19 +20,6 @@ from .motions import FILE as MOTIONS
 from .motions import motions_text
 from .points import FILE as POINTS
 from .points import points_text
-
-
-def refuse_case(place: Path) -> None:
-    """Raise InputError for an output that is a case folder or lies in one, also through links.
-
-    A folder above that has a skin and bones but no `case.toml` may be where somebody works.
-    """
-    whole = place.resolve()
-    for folder in (whole, *whole.parents):
-        if (folder / HEADER).exists() or (folder == whole and is_case(folder)):
-            what = "is a case folder" if folder == whole else f"lies in the case folder {folder}"
-            mixed = "a result there could be mistaken for its files"
-            raise InputError(f"{place}: {what}, and {mixed}; give --out a place outside it")
 
 
 def write_case(folder: str | Path, case: Case) -> None:
@@ -49,7 +37,7 @@ def write_case(folder: str | Path, case: Case) -> None:
             has a name that cannot be a file name.
     """
     expect(case, Case, "write_case: 'case'", "read it with read_case, or make one")
-    folder = Path(folder)
+    folder = as_path(folder, "write_case: 'folder'")
     surfaces = _surfaces(folder, case)
     begin_case(folder)
     for path, surface in surfaces.items():

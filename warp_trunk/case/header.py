@@ -11,7 +11,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import partial
-from warp_trunk.io.surface_files import ENDINGS, in_lps, read_stated
+from warp_trunk.io.surface_files import in_lps, read_stated
 
 from .axes import MILLIMETRES, Axes
 from .invented import Invented
@@ -22,8 +22,6 @@ from .rib_coupling import FORMER_RIBS, RibCoupling
 from .study import Study
 from .uncertainty import Uncertainty
 
-HEADER = "case.toml"
-"""The file of a case folder that this module reads; a folder without it has the defaults."""
 POSTURES = ("standing", "supine", "prone")
 """Postures during the scan."""
 
@@ -82,12 +80,6 @@ _KINDS = {
     "invented": Invented,
 }
 """The type of each value of case.toml."""
-
-
-def is_case(folder: Path) -> bool:
-    """Whether a folder is a case: it has case.toml, or a skin and bones."""
-    skin = any((folder / f"skin{ending}").is_file() for ending in ENDINGS)
-    return (folder / HEADER).is_file() or (skin and (folder / "bones").is_dir())
 
 
 def read_header(path: Path) -> CaseHeader:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from warp_trunk.errors import InputError, nearest
+from warp_trunk.errors import InputError, as_path, nearest
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.io.file_access import check_within
@@ -99,7 +99,7 @@ def read_motions(path: str | Path, axes: Axes | None = None, within: Path | None
         InputError: a file is missing or cannot be read, an unknown key, a value of another type, or a transform
             that scales or mirrors. `check_motions` compares the motions with the bones.
     """
-    path, axes = Path(path), axes or Axes("LPS")
+    path, axes = as_path(path, "read_motions: 'path'"), axes or Axes("LPS")
     if within is not None:
         check_within(within, path)
     tables = read_toml(path, "motions of bones were expected")

@@ -7,7 +7,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from warp_trunk.case import read_checked_case
-from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.tissue_file import constant_of
 from warp_trunk.cohort.calibration.calibrate import calibrate
 from warp_trunk.cohort.calibration.free_constants import FreeConstant, check_free

@@ -11,7 +11,7 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from warp_trunk.case import check_case, write_case
-from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.folders import refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.preparation.label_maps import Imported, ImportOptions, import_case, read_source

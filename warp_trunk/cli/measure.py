@@ -11,8 +11,8 @@ from tyro.conf import Positional
 from warp_trunk.case import Case, read_case
 from warp_trunk.case.arms import arm_warnings
 from warp_trunk.case.axes import MILLIMETRES
-from warp_trunk.case.case_writer import refuse_case
-from warp_trunk.case.header import HEADER, read_header
+from warp_trunk.case.folders import HEADER, is_case, refuse_case
+from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.case.second_skin import check_second_skin
 from warp_trunk.errors import InputError
@@ -22,13 +22,13 @@ from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import make_writable
 from warp_trunk.io.point_files import read_points
 from warp_trunk.io.result_files import PREDICTED_SKIN, SUMMARY
-from warp_trunk.io.surface_files import read_surface
+from warp_trunk.io.surface_files import read_surface, surface_files
 from warp_trunk.measures.back import measure_back
 from warp_trunk.results import read_result, read_summary
 from warp_trunk.results.judging import judged, write_measures
 from warp_trunk.run.progress import Progress
 
-from .output import OK
+from .output import OK, next_command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +116,10 @@ def _read_spine(path: Path) -> Landmarks | np.ndarray:
 def skin_file(path: Path, *, finished: bool) -> Path:
     """The file of a skin, the predicted one of a result folder; InputError where there is none."""
     if path.is_dir():
+        if is_case(path):
+            skin = next(iter(surface_files(path, "skin").values()), path / "skin.ply")
+            command = next_command("measure", skin, "--case", path)
+            raise InputError(f"{path}: is a case; give its skin, as {command}")
         if finished:
             read_summary(path)
         return path / PREDICTED_SKIN

@@ -12,7 +12,7 @@ from warp_trunk.bone_motion.plan import Plan, plan_surgery, read_plan
 from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of_text, write_planned_case
 from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
 from warp_trunk.case import read_case
-from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmark_checks import check_motion
 from warp_trunk.errors import InputError
 from warp_trunk.measures import cobb_angles

@@ -6,7 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.layers import NAMES
 from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError

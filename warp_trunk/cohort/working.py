@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warp_trunk.case.case_writer import refuse_case
-from warp_trunk.case.header import is_case
+from warp_trunk.case.folders import is_case, other_kind, refuse_case
 from warp_trunk.errors import InputError
 from warp_trunk.io.folders import make_writable
 from warp_trunk.run.warming import warm
@@ -109,7 +108,7 @@ def case_folders(folder: Path) -> list[Path]:
     found = sorted(path for path in folder.iterdir() if is_case(path))
     if not found:
         cure = "a case folder has skin.ply and bones/ in it; make cases with warp-trunk import, plan or make-case"
-        raise InputError(f"{folder}: holds no case folder; {cure}")
+        raise InputError(f"{folder}: holds no case folder; {other_kind(folder, 'cases') or cure}")
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from warp_trunk.bone_motion.plan import Plan, read_plan
 from warp_trunk.bone_motion.plan.plan_file import write_planned_case
 from warp_trunk.case import Case
-from warp_trunk.case.header import HEADER
+from warp_trunk.case.folders import HEADER
 from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.io.result_files import PLAN

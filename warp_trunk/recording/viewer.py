@@ -13,9 +13,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from warp_trunk.errors import InputError
+from warp_trunk.case.folders import other_kind
+from warp_trunk.errors import InputError, as_path
 from warp_trunk.io.atomic_write import partial
-from warp_trunk.io.result_files import RECORDING
+from warp_trunk.io.result_files import RECORDING, SUMMARY
 
 LOOPBACK = "127.0.0.1"
 WAIT = 60.0
@@ -37,7 +38,7 @@ def view_result(result: str | Path, *, web: bool = False) -> int:
     Raises:
         InputError: there is no recording, the file is none, or there is no display.
     """
-    return (view_in_browser if web else view)(find_recording(Path(result)))
+    return (view_in_browser if web else view)(find_recording(as_path(result, "view: 'result'")))
 
 
 def find_recording(result: Path) -> Path:
@@ -54,7 +55,9 @@ def find_recording(result: Path) -> Path:
     for path in (result / RECORDING, partial(result / RECORDING)):
         if path.is_file():
             return path
-    raise InputError(f"{result}: holds no {RECORDING}; give a folder that was simulated with --record")
+    cure = other_kind(result, "result") if not (result / SUMMARY).exists() else ""
+    cure = cure or "give a folder that was simulated with --record"
+    raise InputError(f"{result}: holds no {RECORDING}; {cure}")
 
 
 def view(recording: Path) -> int:

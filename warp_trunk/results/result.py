@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_trunk.case.case_writer import refuse_case
+from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks, read_landmarks, write_landmarks
 from warp_trunk.case.motions import FILE as MOTIONS
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, as_path
 from warp_trunk.geometry.digest import digest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import complete, named, partial
@@ -189,7 +189,8 @@ class Result:
             InputError: the folder cannot be written to, is or lies in a case folder, or another process writes
                 into it.
         """
-        folder = prepare_folder(Path(folder).absolute())  # stays where it is if the process changes its folder
+        # absolute, so that it stays where it is if the process changes its folder
+        folder = prepare_folder(as_path(folder, "save: 'folder'").absolute())
         if self.saved_in is None or self.saved_in.resolve() != folder.resolve():
             with locked(folder):
                 write_result(folder, self)
@@ -301,7 +302,7 @@ def read_result(folder: str | Path) -> Result:
     Raises:
         InputError: it is no result folder, a file is missing or damaged, or files do not belong together.
     """
-    folder = Path(folder)
+    folder = as_path(folder, "read_result: 'folder'")
     summary = read_summary(folder)
 
     def present(name: str) -> Path:

@@ -13,10 +13,11 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
+from warp_trunk.case.folders import other_kind
 from warp_trunk.case.invented import Invented
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.tissue import Tissue
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, as_path
 from warp_trunk.io.atomic_write import json_text
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.result_files import SUMMARY
@@ -194,9 +195,12 @@ def read_summary(folder: str | Path) -> Summary:
     Raises:
         InputError: there is none, or none yet, or it is damaged or of another version of the program.
     """
-    path = Path(folder) / SUMMARY
+    folder = as_path(folder, "read_result: 'folder'")
+    path, expected = folder / SUMMARY, "give a folder that `simulate` wrote"
+    if not path.exists():
+        expected = other_kind(folder, "result") or expected
     try:
-        return msgspec.json.decode(read_text(path, "give a folder that `simulate` wrote"), type=Summary)
+        return msgspec.json.decode(read_text(path, expected), type=Summary)
     except (msgspec.DecodeError, RecursionError) as error:
         why = "was changed by hand or written by another version of the program"
         raise InputError(f"{path}: {why}: {error}; simulate the case again") from error

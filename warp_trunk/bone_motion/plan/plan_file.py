@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case import write_case
-from warp_trunk.case.case_writer import begin_case, refuse_case
-from warp_trunk.case.header import is_case
+from warp_trunk.case.case_writer import begin_case
+from warp_trunk.case.folders import is_case, refuse_case
 from warp_trunk.case.keys import refuse_unknown, toml, toml_table
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, as_path, expect
 from warp_trunk.io.atomic_write import json_text, write_whole
 from warp_trunk.io.file_access import number, read_text
 from warp_trunk.io.result_files import MOST_PLAN, PLAN
@@ -38,9 +38,8 @@ def read_plan(path: str | Path) -> Plan:
         InputError: a missing or unreadable file, an unknown key (the nearest known one is named), a value of the
             wrong type or one that is not allowed.
     """
-    return plan_of_text(
-        read_text(Path(path), "a plan is given as TOML; see docs/planning.md", MOST_PLAN), Path(path)
-    )
+    path = as_path(path, "read_plan: 'path'")
+    return plan_of_text(read_text(path, "a plan is given as TOML; see docs/planning.md", MOST_PLAN), path)
 
 
 def plan_of_text(text: str, path: Path) -> Plan:
@@ -51,9 +50,6 @@ def plan_of_text(text: str, path: Path) -> Plan:
         raise InputError(f"{path}: 'curve' must be tables, [[curve]] before each; correct it")
     try:
         refuse_unknown(path, table, [*_keys(Plan), "curve"], "")
-        for key in ("uiv", "liv"):
-            if key not in table:
-                raise InputError(f"'{key}' is missing; a plan says which levels are fused, so add it")
         return Plan(**table, curves=tuple(_curve(path, curve) for curve in curves))
     except InputError as error:
         said = str(error)
@@ -106,7 +102,8 @@ def write_plan(path: str | Path, plan: Plan) -> None:
 
     >>> wt.write_plan(folder / "fused.toml", wt.Plan(uiv="T4", liv="L1"))
     """
-    write_whole(Path(path), plan_text(plan))
+    expect(plan, Plan, "write_plan: 'plan'", "make one with wt.Plan, or read it with read_plan")
+    write_whole(as_path(path, "write_plan: 'path'"), plan_text(plan))
 
 
 RECORD = "plan.json"

@@ -21,6 +21,7 @@ _RANGES = {
     "spontaneous": (0.0, 1.0, ""),
     "sva_after": (-150.0, 150.0, "mm"),
 }
+_CURVES = 'give a list such as [wt.CurvePlan("T8", correction=0.65)]'
 _CHOICES = {"unfused": ("follow", "fixed"), "balance": ("keep", "centre")}
 
 
@@ -55,16 +56,18 @@ class CurvePlan:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The intended surgery. Angles are between vertebral axes, from endplate centre to endplate centre.
+    """The intended surgery; `uiv` and `liv` are needed.
+
+    Angles are between vertebral axes, from endplate centre to endplate centre.
 
     >>> plan = wt.Plan(uiv="T4", liv="L1", curves=[wt.CurvePlan("T8", correction=0.65, derotation=0.4)])
     >>> plan.moves
     True
     """
 
-    uiv: str
+    uiv: str = ""
     """Upper instrumented vertebra, the highest that is fused."""
-    liv: str
+    liv: str = ""
     """Lower instrumented vertebra, the lowest that is fused."""
     curves: Sequence[CurvePlan] = ()
     """The targets of each curve; curves that are not listed have none."""
@@ -84,9 +87,14 @@ class Plan:
 
     def __post_init__(self) -> None:
         """Raises InputError for levels that are none, a value out of range, or two curves of one apex."""
+        for name, example in (("uiv", "T4"), ("liv", "L1")):
+            if not getattr(self, name):
+                rule = "is missing; a plan says which levels are fused"
+                raise InputError(f"plan: '{name}' {rule}, so add it, for example {example}")
+        expect(self.curves, list | tuple, "plan: 'curves'", _CURVES)
         object.__setattr__(self, "curves", tuple(self.curves))
         for curve in self.curves:
-            expect(curve, CurvePlan, "plan: a curve", 'give a list such as [wt.CurvePlan("T8", correction=0.65)]')
+            expect(curve, CurvePlan, "plan: a curve", _CURVES)
         _check_level(self.uiv, "plan: 'uiv'")
         _check_level(self.liv, "plan: 'liv'")
         if rank(self.uiv) >= rank(self.liv):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, as_path
 from warp_trunk.geometry.colours import as_colours, mean_colours
 from warp_trunk.geometry.surface import Surface, check_surface
 
@@ -74,7 +74,7 @@ def read_surface(path: str | Path) -> Surface:
     Raises InputError when the file is missing, too large or cannot be read, has no triangles, or has a vertex
     that is not finite or out of reach.
     """
-    return in_lps(*read_stated(Path(path)))
+    return in_lps(*read_stated(as_path(path, "read_surface: 'path'")))
 
 
 def in_lps(surface: Surface, space: str | None) -> Surface:

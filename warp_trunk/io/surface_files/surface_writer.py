@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from warp_trunk.errors import InputError
+from warp_trunk.errors import InputError, as_path, expect
 from warp_trunk.geometry.surface import Surface
 
 from ..atomic_write import named
@@ -30,7 +30,8 @@ def write_surface(path: str | Path, surface: Surface, space: str | None = "LPS")
 
     Raises InputError for an ending that is not in `WRITTEN`, and OSError when the file cannot be written.
     """
-    path = Path(path)
+    path = as_path(path, "write_surface: 'path'")
+    expect(surface, Surface, "write_surface: 'surface'", "make one of vertices and faces")
     check_written(path)
     unfinished = path.with_name(f".{path.name}.partial")  # hidden, so that it is never read as a bone
     content = _ply_bytes(surface, space) if path.suffix.lower() == ".ply" else _exported(path, surface, space)
