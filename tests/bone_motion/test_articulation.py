@@ -42,8 +42,7 @@ def bone_motions(
 ) -> dict[str, RigidMotion]:
     """Those of one set of landmarks, by name."""
     sets, coupling = (before.points[None], after.points[None]), coupling or RibCoupling()
-    found = articulation.bone_motions(Skeleton(bones, before), *sets, coupling, known, pose=pose)
-    return {bone: found[0, number] for number, bone in enumerate(bones)}
+    return dict(articulation.bone_motions(Skeleton(bones, before), *sets, coupling, known, pose=pose).at(0))
 
 
 def way(motion: RigidMotion, points: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.case.rib_coupling import RibCoupling
 from warp_trunk.case.study import Pose
 from warp_trunk.engine.trunk_mesh import TrunkMesh
-from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.rigid import NamedMotions
 from warp_trunk.geometry.spline import fit_spline
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity import SpineCurve, correct, impose
@@ -87,9 +87,8 @@ def compare(bones: dict[str, Surface], before: Landmarks, after: Landmarks, pose
     skeleton = Skeleton(bones, before)
     features = spine_features(skeleton, before.points, after.points)
 
-    def motions(before: np.ndarray, after: np.ndarray) -> dict[str, RigidMotion]:
-        found = bone_motions(skeleton, before, after, RibCoupling(), pose=pose, features=features)
-        return {name: found.last(number) for number, name in enumerate(bones)}
+    def motions(before: np.ndarray, after: np.ndarray) -> NamedMotions:
+        return bone_motions(skeleton, before, after, RibCoupling(), pose=pose, features=features)
 
     weights = random.normal(size=(len(bones), *trunk.nodes.shape))
     weights *= (owner == np.arange(len(bones))[:, None])[:, :, None]
@@ -114,9 +113,10 @@ def test_sets_at_once_are_as_each_alone() -> None:
         together = bone_motions(Skeleton(bones, BEFORE), before, after, RibCoupling(), pose=pose)
         for number, (here, there) in enumerate(zip(before, after, strict=True)):
             skeleton = Skeleton(bones, Landmarks(BEFORE.names, here))
-            alone = bone_motions(skeleton, here[None], there[None], RibCoupling(), pose=pose)[0]
-            for bone, one, other in zip(bones.values(), together[number], alone, strict=True):
-                np.testing.assert_allclose(one.apply(bone.vertices), other.apply(bone.vertices), atol=1e-9)
+            alone = bone_motions(skeleton, here[None], there[None], RibCoupling(), pose=pose)
+            for name, bone in bones.items():
+                one, other = (found[name].apply(bone.vertices) for found in (together.at(number), alone.at(0)))
+                np.testing.assert_allclose(one, other, atol=1e-9)
 
 
 def test_bones_that_the_spline_carries() -> None:

@@ -12,7 +12,7 @@ from warp_trunk.bone_motion.rib_cage import RibCage, ends
 from warp_trunk.bone_motion.rib_cage import follow as follow_cage
 from warp_trunk.bone_motion.vertebra_motion import Vertebrae
 from warp_trunk.case.rib_coupling import RibCoupling
-from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.rigid import NamedMotions, RigidMotion
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 from warp_trunk.preparation.phantom import straight_trunk
@@ -37,7 +37,7 @@ def follow(
     vertebrae: Vertebrae,
     coupling: RibCoupling,
     known: dict[str, RigidMotion] | None = None,
-) -> dict[str, RigidMotion]:
+) -> NamedMotions:
     return follow_cage(RibCage(bones, vertebrae.levels), vertebrae, coupling, known)
 
 

@@ -29,7 +29,7 @@ def moved() -> tuple[dict[str, Surface], dict[str, RigidMotion]]:
         path.stem: read_surface(path) for folder in (anatomy / "bones", more) for path in folder.glob("*.ply")
     }
     case = make_case(read_surface(anatomy / "skin.ply"), bones, SpineCurve(), 0.7)
-    return dict(case.bones), motions_of(case)
+    return dict(case.bones), dict(motions_of(case))
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

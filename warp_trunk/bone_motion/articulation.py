@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import repeat
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.anatomy import PELVIS, THORACIC, is_known
-from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
-from warp_trunk.geometry.rigid import RigidMotion, rotated, smallest_turn
+from warp_trunk.case.anatomy import THORACIC, is_known
+from warp_trunk.case.landmarks import Landmarks
+from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, rotated, smallest_turn
 from warp_trunk.measures.cobb import cobb_angles
 
 from .rib_cage import follow
@@ -61,7 +62,7 @@ def bone_motions(
     *,
     pose: Pose = "surgery",
     features: SpineFeatures | None = None,
-) -> RigidMotion:
+) -> NamedMotions:
     """How each bone moves rigidly from before to after surgery, or from standing to bending sideways.
 
     The first of these that applies:
@@ -88,7 +89,7 @@ def bone_motions(
         features: of the spine (`spine_features`), for all sets; those of each set when left out.
 
     Returns:
-        The motions [mm], shape (sets, bones), in the order of `skeleton.names`.
+        The motions of all bones [mm], shape (sets,) each.
 
     Raises:
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
@@ -110,37 +111,38 @@ def bone_motions(
         return skeleton.coupled_turns.of(one.curves, before, after)
 
     smooth = of_each(smoothed, before, after)
-    motions = _by_landmarks(skeleton, before, smooth)
-    pelvis = motions.pop("pelvis", RigidMotion.identity())
-    motions |= known
-    lost = {bone: bones[bone].vertices for bone in VERTEBRAE if bone in bones and bone not in motions}
-    motions |= skeleton.by_spline(lost, before, after)
+    motions = NamedMotions(skeleton.names, len(before))
+    pelvis = _put_marked(skeleton, motions, before, smooth)
+    for bone in known.keys() & bones.keys():
+        motions[bone] = known[bone]
+    lost = {level: bones[level].vertices for level in skeleton.levels if level not in motions}
+    motions.put(list(lost), skeleton.by_spline(lost, before, after))
     if coupling is not None:
         coupled = np.full((len(before), len(skeleton.levels)), np.nan)
         if pose == "surgery":
-            frame = next((motions[bone] for bone in PELVIS if bone in motions), pelvis)
+            frame = next((motions[bone] for bone in skeleton.pelvis if bone in motions), pelvis)
             coupled = of_each(coupled_turns, before, smooth)
         else:
             frame = _leaning(skeleton.middles, motions)
-        back = (RigidMotion.identity(len(before)) * frame).inv()
-        against = RigidMotion.stack(motions[level] for level in skeleton.levels)
-        vertebrae = Vertebrae(skeleton.levels, back[:, None] * against, skeleton.axes(before), coupled)
-        cage = skeleton.cage
-        fixed = {name: back * motions[name] for name in cage.bones if name in motions}
+        frame, cage = frame.last(None), skeleton.cage
+        back = frame.inv()
+        vertebrae = Vertebrae(skeleton.levels, back * motions.of(skeleton.levels), skeleton.axes(before), coupled)
+        fixed = {name: (back * motions[name].last(None)).last(0) for name in cage.bones if name in motions}
         followed = follow(cage, vertebrae, coupling, fixed)
-        placed = RigidMotion(frame.rotation[..., None, :, :], frame.translation[..., None, :]) * RigidMotion.stack(
-            followed.values()
-        )
-        motions |= {name: placed.last(number) for number, name in enumerate(followed)}
+        free = [name for name in followed if name not in fixed]
+        motions.put(free, frame * followed.of(free))
+    links = {bone: link for bone, link in skeleton.links.items() if bone not in motions}
     others = {bone: bones[bone].vertices for bone in bones if bone not in motions}
-    links = {bone: skeleton.links[bone] for bone in others if bone in skeleton.links}
     loose = {f"end of {bone}": link.joints[1:] for bone, link in links.items() if link.second not in bones}
-    motions |= skeleton.by_spline({**others, **loose}, before, after)
-    motions |= _held_at_ends(motions, links)
-    return RigidMotion.stack([RigidMotion.identity(len(before)), *(motions[bone] for bone in bones)])[:, 1:]
+    carried = skeleton.by_spline({**others, **loose}, before, after)
+    motions.put(list(others), carried.last(slice(len(others))))
+    _hold_at_ends(
+        motions, links, [carried.last(number) for number in range(len(others), len(others) + len(loose))]
+    )
+    return motions
 
 
-def given_motions(skeleton: Skeleton, given: Mapping[str, RigidMotion]) -> dict[str, RigidMotion]:
+def given_motions(skeleton: Skeleton, given: Mapping[str, RigidMotion], *shape: int) -> NamedMotions:
     """How each bone moves where no landmarks say it: as given, else not at all.
 
     The ends of costal cartilages and clavicles that are not named go with their neighbours.
@@ -148,49 +150,62 @@ def given_motions(skeleton: Skeleton, given: Mapping[str, RigidMotion]) -> dict[
     Args:
         skeleton: the bones.
         given: motions of some of them [mm].
+        shape: of the motions of each bone; one each when left out.
     """
-    motions = dict.fromkeys(skeleton.names, RigidMotion.identity()) | dict(given)
+    motions = NamedMotions(skeleton.names, *shape)
+    for bone in skeleton.names:
+        motions[bone] = given.get(bone, RigidMotion.identity())
     links = {
         bone: link
         for bone, link in skeleton.links.items()
         if bone not in given and (link.first in given or link.second in given)
     }
-    still = {f"end of {bone}": RigidMotion.identity() for bone in links}
-    return motions | _held_at_ends({**still, **motions}, links)
+    _hold_at_ends(motions, links, repeat(RigidMotion.identity()))
+    return motions
 
 
-def _by_landmarks(skeleton: Skeleton, before: np.ndarray, after: np.ndarray) -> dict[str, RigidMotion]:
-    """How the bones move that landmarks of their own hold, and `pelvis`, if it has any, shape (sets,) each."""
+def _put_marked(skeleton: Skeleton, motions: NamedMotions, before: np.ndarray, after: np.ndarray) -> RigidMotion:
+    """Sets the motions of bones with landmarks of their own, and returns that of the pelvis, shape (sets,)."""
     names, marks = skeleton.marked
     fitted = marks.fit(before, after)
-    found = {name: fitted[:, number] for number, name in enumerate(names)}
-    return found | {bone: found["pelvis"] for bone in skeleton.names if bone in PELVIS and "pelvis" in found}
+    own = [name for name in names if name != "pelvis"]
+    motions.put(own, fitted.last(slice(len(own))))
+    if len(own) == len(names):
+        return RigidMotion.identity(len(before))
+    motions.put(skeleton.pelvis, fitted.last([-1]))
+    return fitted.last(-1)
 
 
-def _held_at_ends(motions: Mapping[str, RigidMotion], links: Mapping[str, Link]) -> dict[str, RigidMotion]:
-    """The motions of bones, turned and shifted by as little as brings their ends nearest to their neighbours'."""
+def _hold_at_ends(motions: NamedMotions, links: Mapping[str, Link], loose: Iterable[RigidMotion]) -> None:
+    """Turns and shifts bones by as little as brings their ends nearest to their neighbours'.
+
+    Args:
+        motions: of all bones, changed for those of the links.
+        links: the bones.
+        loose: how the second ends move that no bone is at, in the order of the links.
+    """
     if not links:
-        return {}
-    joints = np.array([link.joints for link in links.values()])
-    own = RigidMotion.stack(motions[bone] for bone in links)
-    first = RigidMotion.stack(motions[link.first] for link in links.values())
+        return
+    joints, own = np.array([link.joints for link in links.values()]), motions.of(links)
+    first = motions.of(link.first for link in links.values())
+    ends = iter(loose)
     second = RigidMotion.stack(
-        motions[link.second if link.second in motions else f"end of {bone}"] for bone, link in links.items()
+        motions[link.second] if link.second in motions else next(ends) for link in links.values()
     )
     here = own.apply(joints[:, 0]), own.apply(joints[:, 1])
     there = first.apply(joints[:, 0]), second.apply(joints[:, 1])
     turn = smallest_turn(here[1] - here[0], there[1] - there[0])
     held = RigidMotion.about(turn, 0.5 * (here[0] + here[1]), 0.5 * (there[0] + there[1])) * own
-    return {bone: held.last(number) for number, bone in enumerate(links)}
+    motions.put(list(links), held)
 
 
-def _leaning(middles: Mapping[str, np.ndarray], motions: Mapping[str, RigidMotion]) -> RigidMotion:
+def _leaning(middles: Mapping[str, np.ndarray], motions: NamedMotions) -> RigidMotion:
     """The rigid motions in the coronal plane nearest to those of the middles of the thoracic vertebrae."""
     levels = [level for level in THORACIC if level in middles]
     if len(levels) < 2:
         return RigidMotion.identity()
     before = np.array([middles[level] for level in levels])
-    after = RigidMotion.stack(motions[level] for level in levels).apply(before)
+    after = motions.of(levels).apply(before)
     from_centre, to_centre = before.mean(axis=0), after.mean(axis=-2)
     a, b = before - from_centre, after - to_centre[..., None, :]
     sine = b[..., 0] @ a[:, 2] - b[..., 2] @ a[:, 0]

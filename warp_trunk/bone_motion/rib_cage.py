@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.anatomy import rib_of
-from warp_trunk.geometry.rigid import RigidMotion, nearest_rotation, rotated
+from warp_trunk.case.anatomy import SIDES, rib_of
+from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, nearest_rotation, rotated
 
 if TYPE_CHECKING:
     from warp_trunk.case.rib_coupling import RibCoupling
@@ -37,85 +36,87 @@ _FACET = 3.0
 """A head leaves its facet by at most this much where screws turn the vertebra [mm]."""
 
 
-@dataclass(frozen=True)
-class _Rib:
-    """A rib before."""
+class _Riders:
+    """Bones that ride on parts of ribs: to the points of each one rigid motion is fitted.
 
-    vertebra: str
-    """Its vertebra."""
-    head: np.ndarray
-    """Where it meets its vertebra [mm], shape (3,)."""
-    tip: np.ndarray
-    """Its front end [mm], shape (3,)."""
-    number: int
-    """From 1, the highest, to 12."""
-
-
-class _Together:
-    """Points of several bodies, to which one rigid motion is fitted.
-
-    The sum of outer products of the points before and after needs no more of a body than the number of its points,
+    The sum of outer products of the points before and after needs no more of a part than the number of its points,
     their sum and the sum of their outer products.
     """
 
-    def __init__(self, points: Mapping[str, np.ndarray]) -> None:
-        """Of the points of each body by name, (n, 3) [mm]."""
-        self._count = np.array([len(those) for those in points.values()], dtype=float)
-        self._total = np.array([those.sum(axis=0) for those in points.values()])
-        self._middle = self._total.sum(axis=0) / self._count.sum()
-        self._arms = self._total - self._count[:, None] * self._middle
-        self._outer = np.array([(those - self._middle).T @ those for those in points.values()])
-        self.names = tuple(points)
-        """The bodies."""
+    def __init__(self, points: Mapping[str, Mapping[str, np.ndarray]]) -> None:
+        """Of the points (n, 3) of each part by rib, of some bones by name [mm]."""
+        self.names, self._ribs = (
+            tuple(points),
+            list(dict.fromkeys(rib for parts in points.values() for rib in parts)),
+        )
+        parts = [[each.get(rib, np.empty((0, 3))) for rib in self._ribs] for each in points.values()]
+        self._count = np.array([[[len(part)] for part in each] for each in parts], dtype=float)
+        self._total = np.array([[part.sum(axis=0) for part in each] for each in parts])
+        self._all = self._count.sum(axis=1)
+        self._middle = self._total.sum(axis=1) / self._all
+        self._arms = self._total - self._count * self._middle[:, None]
+        self._outer = np.array(
+            [[(part - middle).T @ part for part in each] for each, middle in zip(parts, self._middle, strict=True)]
+        )
 
-    def motion(self, motions: RigidMotion) -> RigidMotion:
-        """The rigid motion nearest to those of the bodies (..., bodies) at their points, shape (...)."""
-        turned = self._outer @ np.swapaxes(motions.rotation, -1, -2)
-        spread = (turned + self._arms[:, :, None] * motions.translation[..., None, :]).sum(axis=-3)
-        after = rotated(motions.rotation, self._total) + self._count[:, None] * motions.translation
-        return RigidMotion.about(nearest_rotation(spread), self._middle, after.sum(axis=-2) / self._count.sum())
+    def motion(self, found: NamedMotions) -> RigidMotion:
+        """The rigid motions nearest to those of the ribs at their points, shape (..., bones)."""
+        ribs = found.of(self._ribs).last(None)
+        ribs = RigidMotion(np.swapaxes(ribs.rotation, -3, -4), np.swapaxes(ribs.translation, -2, -3))
+        turned = self._outer @ np.swapaxes(ribs.rotation, -1, -2)
+        spread = (turned + self._arms[..., None] * ribs.translation[..., None, :]).sum(axis=-3)
+        after = (rotated(ribs.rotation, self._total) + self._count * ribs.translation).sum(axis=-2)
+        return RigidMotion.about(nearest_rotation(spread), self._middle, after / self._all)
 
 
 class RibCage:
     """Ribs, sternum and shoulder blades of a patient before surgery, and where they hang together."""
 
-    def __init__(self, bones: Mapping[str, Surface], levels: Iterable[str]) -> None:
+    def __init__(self, bones: Mapping[str, Surface], levels: Container[str]) -> None:
         """Finds the ends of the ribs, and what carries sternum and shoulder blades.
 
         Args:
             bones: surfaces by name: `rib_left_01` to `rib_right_12`, `sternum`, `scapula_left`, `T1` to `T12`.
             levels: the vertebrae that lead ribs; other ribs are left out.
         """
-        self.ribs: dict[str, _Rib] = {}
-        for name, bone in bones.items():
-            rib = rib_of(name)
-            if rib and rib.vertebra in bones and rib.vertebra in levels:
-                head, tip = ends(bone, bones[rib.vertebra])
-                self.ribs[name] = _Rib(rib.vertebra, head, tip, rib.number)
-        true = {name: rib.tip for name, rib in self.ribs.items() if rib.number <= _TRUE_RIBS}
-        self.depth = max((float(np.linalg.norm(rib.tip - rib.head)) for rib in self.ribs.values()), default=1.0)
+        ribs = {name: rib for name in bones if (rib := rib_of(name)) and rib.vertebra in bones}
+        ribs = {name: rib for name, rib in ribs.items() if rib.vertebra in levels}
+        self.ribs = tuple(ribs)
+        """Their names; arrays below have them in this order."""
+        self.vertebrae = [rib.vertebra for rib in ribs.values()]
+        """The vertebra of each."""
+        self.number = np.array([rib.number for rib in ribs.values()], dtype=int)
+        """From 1, the highest, to 12, shape (ribs,)."""
+        both = np.array([ends(bones[name], bones[rib.vertebra]) for name, rib in ribs.items()]).reshape(-1, 2, 3)
+        self.head, self.tip = both[:, 0], both[:, 1]
+        """Where each meets its vertebra, and its front end [mm], shape (ribs, 3) each."""
+        self.depth = float(np.linalg.norm(self.tip - self.head, axis=1).max(initial=0.0)) or 1.0
         """Of the cage: the longest way from the head of a rib to its front end [mm]."""
-        self.anchors: dict[str, np.ndarray] = {}
-        """The point of the sternum nearest to the front end of each true rib [mm]."""
-        if "sternum" in bones:
-            vertices = bones["sternum"].vertices
-            self.anchors = {
-                n: vertices[np.linalg.norm(vertices - tip, axis=1).argmin()] for n, tip in true.items()
-            }
-        self.carried: dict[str, _Together] = {}
-        """The parts of ribs, of three at least, that carry the sternum and each shoulder blade."""
-        if "sternum" in bones and len(true) >= _FEWEST:
-            self.carried["sternum"] = _Together({name: tip[None] for name, tip in true.items()})
-        for side in ("left", "right"):
-            near = {
-                rib: _within(_REACH, bones[rib].vertices, bones[f"scapula_{side}"].vertices)
+        true = np.flatnonzero(self.number <= _TRUE_RIBS)
+        sternum = bones["sternum"].vertices if "sternum" in bones else np.empty((0, 3))
+        self.reaching = true if len(sternum) else true[:0]
+        """Rows of the ribs that reach the sternum."""
+        self.anchors = np.full_like(self.tip, np.nan)
+        """The point of the sternum nearest to the front end of each of these [mm], shape (ribs, 3)."""
+        for row in self.reaching:
+            self.anchors[row] = sternum[np.linalg.norm(sternum - self.tip[row], axis=1).argmin()]
+        enough = len(self.reaching) >= _FEWEST
+        self.sternum = _Riders({"sternum": {self.ribs[row]: self.tip[[row]] for row in true}}) if enough else None
+        """The sternum on the front ends of true ribs, of three at least."""
+        near = {
+            f"scapula_{side}": {
+                rib: points
                 for rib in (f"rib_{side}_{number:02d}" for number in _UNDER_SCAPULA)
-                if f"scapula_{side}" in bones and rib in self.ribs
+                if rib in ribs
+                and len(points := _within(_REACH, bones[rib].vertices, bones[f"scapula_{side}"].vertices))
             }
-            near = {rib: points for rib, points in near.items() if len(points)}
-            if len(near) >= _FEWEST:
-                self.carried[f"scapula_{side}"] = _Together(near)
-        self.bones = {*self.ribs, *self.carried} | ({"sternum"} & bones.keys())
+            for side in SIDES
+            if f"scapula_{side}" in bones
+        }
+        near = {blade: parts for blade, parts in near.items() if len(parts) >= _FEWEST}
+        self.blades = _Riders(near) if near else None
+        """Shoulder blades on the parts of ribs under them, of three at least."""
+        self.bones = (*ribs, *(["sternum"] if "sternum" in bones else []), *near)
         """All that may follow."""
 
 
@@ -126,7 +127,7 @@ def follow(
     known: Mapping[str, RigidMotion] | None = None,
     *,
     growing: bool = False,
-) -> dict[str, RigidMotion]:
+) -> NamedMotions:
     """How ribs, sternum and shoulder blades move as the vertebrae do, the pelvis at rest.
 
     A rib takes all of the motion of its head, all of flexion, and shares of its vertebra's rotation, bending and
@@ -145,30 +146,28 @@ def follow(
             anatomy: the highest and the floating ribs then keep their attitude as others do.
 
     Returns:
-        A motion for each other rib that has a vertebra; for the sternum where three ribs reach it, and for each
-        shoulder blade that lies on three ribs, where they are not known [mm], shape (...) each.
+        Those known, and a motion for each other rib that has a vertebra; for the sternum where three ribs reach
+        it, and for each shoulder blade that lies on three ribs [mm], shape (...) each.
     """
-    found = dict(known or {})
-    free = {name: rib for name, rib in cage.ribs.items() if name not in found}
-    if free:
-        moved = _turned(list(free.values()), vertebrae, coupling, cage.depth, growing)
-        found |= {name: moved.last(number) for number, name in enumerate(free)}
-
-    def carried(bone: str) -> RigidMotion:
-        ribs = cage.carried[bone]
-        return ribs.motion(RigidMotion.stack(found[rib] for rib in ribs.names))
-
-    if "sternum" in cage.carried and "sternum" not in found:
-        found["sternum"] = carried("sternum")
-    reaching = [name for name in cage.anchors if name in free and "sternum" in found]
-    if reaching:
-        anchors = np.array([cage.anchors[name] for name in reaching])
-        moved = RigidMotion.stack(found[name] for name in reaching)
-        moved = _reaching([free[name] for name in reaching], anchors, moved, found["sternum"])
-        found |= {name: moved.last(number) for number, name in enumerate(reaching)}
-    for blade in cage.carried.keys() - found.keys():
-        found[blade] = carried(blade).part(coupling.scapula)
-    return {name: motion for name, motion in found.items() if name not in (known or {})}
+    found = NamedMotions(cage.bones, *vertebrae.motion.shape[:-1])
+    for name in cage.bones:
+        if known and name in known:
+            found[name] = known[name]
+    free = np.array([name not in found for name in cage.ribs], dtype=bool)
+    if free.any():
+        rows = np.flatnonzero(free)
+        found.put([cage.ribs[row] for row in rows], _turned(cage, rows, vertebrae, coupling, growing))
+    if cage.sternum and "sternum" not in found:
+        found.put(["sternum"], cage.sternum.motion(found))
+    rows = cage.reaching[free[cage.reaching]]
+    if len(rows) and "sternum" in found:
+        reaching = [cage.ribs[row] for row in rows]
+        found.put(reaching, _reaching(cage, rows, found.of(reaching), found["sternum"]))
+    if cage.blades and (unknown := [name for name in cage.blades.names if name not in found]):
+        carried = NamedMotions(cage.blades.names, *vertebrae.motion.shape[:-1])
+        carried.put(cage.blades.names, cage.blades.motion(found).part(coupling.scapula))
+        found.put(unknown, carried.of(unknown))
+    return found
 
 
 def _within(reach: float, points: np.ndarray, of: np.ndarray) -> np.ndarray:
@@ -192,11 +191,11 @@ def ends(bone: Surface, neighbour: Surface) -> np.ndarray:
 
 
 def _turned(
-    ribs: Sequence[_Rib], vertebrae: Vertebrae, coupling: RibCoupling, depth: float, growing: bool
+    cage: RibCage, rows: np.ndarray, vertebrae: Vertebrae, coupling: RibCoupling, growing: bool
 ) -> RigidMotion:
-    """The ribs' motions by their shares, before the sternum is taken into account, shape (..., ribs)."""
-    head, number = np.array([rib.head for rib in ribs]), np.array([rib.number for rib in ribs])
-    vertebra = vertebrae.parts([rib.vertebra for rib in ribs])
+    """The motions of some ribs by their shares, before the sternum is taken into account, shape (..., ribs)."""
+    head, number, depth = cage.head[rows], cage.number[rows], cage.depth
+    vertebra = vertebrae.parts([cage.vertebrae[row] for row in rows])
     lag = -np.arcsin(np.clip((1.0 - coupling.shift) * vertebra.shift / depth, -1.0, 1.0))
     with_curve, transfer = vertebra.axial_rotation - vertebra.derotation, coupling.derotation_transfer
     turn = coupling.reversible_part * coupling.axial_rotation * with_curve + transfer * vertebra.derotation + lag
@@ -211,14 +210,12 @@ def _turned(
     return RigidMotion.about(rotation, head, facet + behind * np.minimum(1.0, _FACET / np.maximum(far, 1e-9)))
 
 
-def _reaching(
-    ribs: Sequence[_Rib], anchors: np.ndarray, motions: RigidMotion, sternum: RigidMotion
-) -> RigidMotion:
-    """The motions (..., ribs) turned about the ribs' heads by as little as leaves cartilages their length."""
-    head, tip = np.array([rib.head for rib in ribs]), np.array([rib.tip for rib in ribs])
+def _reaching(cage: RibCage, rows: np.ndarray, motions: RigidMotion, sternum: RigidMotion) -> RigidMotion:
+    """Motions (..., ribs) turned about the ribs' heads by as little as leaves cartilages their length."""
+    head, tip, anchors = cage.head[rows], cage.tip[rows], cage.anchors[rows]
     length = np.linalg.norm(tip - anchors, axis=-1)
     pin, end = motions.apply(head), motions.apply(tip)
-    goal = RigidMotion(sternum.rotation[..., None, :, :], sternum.translation[..., None, :]).apply(anchors)
+    goal = sternum.last(None).apply(anchors)
     now = np.linalg.norm(end - goal, axis=-1)
     wanted = np.clip(now, (1.0 - _CARTILAGE) * length, (1.0 + _CARTILAGE) * length)
     across = np.cross(goal - pin, end - pin)

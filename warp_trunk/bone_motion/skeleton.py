@@ -70,7 +70,7 @@ class Skeleton:
 
     @cached_property
     def marked(self) -> tuple[tuple[str, ...], Bodies]:
-        """Bones that landmarks of their own hold, and these; `pelvis` is all of `PELVIS`, by all its landmarks."""
+        """Bones that landmarks of their own hold, and these; `pelvis`, the last, is all of `PELVIS`."""
         owners = np.array([bone_of(name, (*self.names, *PELVIS)) or "" for name in self.landmarks.names])
         rows = {bone: np.flatnonzero(owners == bone) for bone in self.names if bone not in PELVIS}
         rows = {bone: own for bone, own in rows.items() if _hold(self.landmarks.points[own])}
@@ -78,6 +78,11 @@ class Skeleton:
         if len(pelvis):
             rows["pelvis"] = pelvis
         return tuple(rows), Bodies.of(list(rows.values()))
+
+    @cached_property
+    def pelvis(self) -> tuple[str, ...]:
+        """Its bones, which move as one."""
+        return tuple(bone for bone in self.names if bone in PELVIS)
 
     @cached_property
     def vertebrae(self) -> Bodies:
@@ -126,10 +131,8 @@ class Skeleton:
         """The curves of the landmarks before."""
         return cobb_angles(self.landmarks)
 
-    def by_spline(
-        self, bodies: Mapping[str, np.ndarray], before: np.ndarray, after: np.ndarray
-    ) -> dict[str, RigidMotion]:
-        """The rigid motion of each of some bodies that is nearest to the spline's, shape (sets,) each.
+    def by_spline(self, bodies: Mapping[str, np.ndarray], before: np.ndarray, after: np.ndarray) -> RigidMotion:
+        """The rigid motion of each of some bodies that is nearest to the spline's, shape (sets, bodies).
 
         Args:
             bodies: points of each by name, (n, 3) [mm], the same for a name each time.
@@ -140,12 +143,11 @@ class Skeleton:
             InputError: landmarks on which no spline can be fitted (see `fit_spline`).
         """
         if not bodies:
-            return {}
+            return RigidMotion.identity(len(before), 0)
         names = tuple(bodies)
         if names not in self._carried:
             self._carried[names] = _Carried(list(bodies.values()), self.landmarks)
-        motions = self._carried[names].at(before, after)
-        return {name: motions[:, number] for number, name in enumerate(names)}
+        return self._carried[names].at(before, after)
 
 
 class _Carried:

@@ -66,14 +66,14 @@ class VertebraParts:
         not about the vertebra's, so that a correction turns back what the curve has turned.
         """
         left, front = self.leaning[..., 0], self.leaning[..., 1]
-        before = _attitude(lateral_bending * left, front)
-        after = _attitude(lateral_bending * (left + self.lateral_bending), front + self.flexion)
-        return after @ _about("z", axial_rotation) @ np.swapaxes(before, -1, -2)
+        before = attitudes(lateral_bending * left, front)
+        there = lateral_bending * (left + self.lateral_bending), front + self.flexion
+        return attitudes(*there, axial_rotation) @ np.swapaxes(before, -1, -2)
 
     def without(self, turn: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Places of points (..., 3) after the motions without a turn about the vertebra's own axis [rad, mm]."""
-        own = _attitude(self.leaning[..., 0], self.leaning[..., 1])
-        back = own @ _about("z", -turn) @ np.swapaxes(own, -1, -2)
+        lean = self.leaning[..., 0], self.leaning[..., 1]
+        back = attitudes(*lean, -turn) @ np.swapaxes(attitudes(*lean), -1, -2)
         return self.motion.apply(self.middle + rotated(back, points - self.middle))
 
 
@@ -92,7 +92,7 @@ def split(motion: RigidMotion, axis: np.ndarray, coupled: np.ndarray | float = n
     """
     centre, upward = axis[..., 0, :], axis[..., 1, :]
     before, after = _leaning(upward), _leaning(rotated(motion.rotation, upward))
-    there, here = _attitude(after[..., 0], after[..., 1]), _attitude(before[..., 0], before[..., 1])
+    there, here = attitudes(after[..., 0], after[..., 1]), attitudes(before[..., 0], before[..., 1])
     left = np.swapaxes(there, -1, -2) @ motion.rotation @ here
     turn = np.arctan2(left[..., 1, 0], left[..., 0, 0])
     change = after - before
@@ -117,7 +117,7 @@ def axial_turn(axis: np.ndarray, to_left: np.ndarray, across: np.ndarray) -> np.
         across: from the right of the pelvis to its left, shape (..., 2), of any length.
     """
     lean = _leaning(axis)
-    own = rotated(np.swapaxes(_attitude(lean[..., 0], lean[..., 1]), -1, -2), to_left)
+    own = rotated(np.swapaxes(attitudes(lean[..., 0], lean[..., 1]), -1, -2), to_left)
     turn = np.arctan2(own[..., 1], own[..., 0]) - np.arctan2(across[..., 1], across[..., 0])
     return turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
 
@@ -128,18 +128,16 @@ def _leaning(axis: np.ndarray) -> np.ndarray:
     return np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=-1)
 
 
-def _attitude(bending: np.ndarray, flexion: np.ndarray) -> np.ndarray:
-    return _about("y", bending) @ _about("x", flexion)
-
-
-def _about(axis: str, angle: np.ndarray) -> np.ndarray:
-    """Rotations about a coordinate axis by angles (...) [rad], shape (..., 3, 3)."""
-    first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    found, cosine, sine = np.zeros((*np.shape(angle), 3, 3)), np.cos(angle), np.sin(angle)
-    found[..., :, :] = np.eye(3)
-    found[..., first, first] = found[..., second, second] = cosine
-    found[..., second, first], found[..., first, second] = sine, -sine
-    return found
+def attitudes(bending: np.ndarray, flexion: np.ndarray, turn: np.ndarray | float = 0.0) -> np.ndarray:
+    """Rotations Ry(bending) Rx(flexion) Rz(turn) by angles (...) [rad], shape (..., 3, 3)."""
+    bending, flexion, turn = np.broadcast_arrays(bending, flexion, turn)
+    ca, sa, cb, sb, ct, st = (f(x) for x in (bending, flexion, turn) for f in (np.cos, np.sin))
+    rows = [
+        [ca * ct + sa * sb * st, sa * sb * ct - ca * st, sa * cb],
+        [cb * st, cb * ct, -sb],
+        [ca * sb * st - sa * ct, sa * st + ca * sb * ct, ca * cb],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 _ASIS = ("asis_left", "asis_right")
@@ -186,7 +184,7 @@ class CoupledTurns:
             return found
         apices = [self._marked.index(curve.apex) for curve in curves]
         shares = np.stack([np.interp(self._along, apices, one) for one in np.eye(len(apices))])  # (curves, levels)
-        corrected = np.stack([self._corrected(curve, before, after) for curve in curves], axis=-1)
+        corrected = self._corrected(curves, before, after)
         marks = before[:, self._rows]
         axis = marks[..., 0, :] - marks[..., 1, :]
         to_left = 0.5 * (marks[..., 2, :] + marks[..., 3, :] - marks[..., 4, :] - marks[..., 5, :])
@@ -194,14 +192,12 @@ class CoupledTurns:
         found[:, self._whole] = -(corrected @ shares) * axial_turn(axis, to_left, across[:, None])
         return found
 
-    def _corrected(self, curve: CobbAngle, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """The part of a curve's Cobb angle that surgery takes away, shape (sets,)."""
-        ends = [[self._place[f"{level}_{end}"] for end in ENDPLATES] for level in (curve.upper, curve.lower)]
-        angles = []
-        for points in (before, after):
-            axis = points[:, np.array(ends)[:, 0]] - points[:, np.array(ends)[:, 1]]
-            tilt = np.arctan2(axis[..., 0], axis[..., 2])
-            angles.append(tilt[:, 0] - tilt[:, 1])
-        was, now = angles
-        side = 1.0 if curve.convex == "right" else -1.0
+    def _corrected(self, curves: Sequence[CobbAngle], before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """The part of each curve's Cobb angle that surgery takes away, shape (sets, curves)."""
+        ends = [[[self._place[f"{v}_{end}"] for end in ENDPLATES] for v in (c.upper, c.lower)] for c in curves]
+        plates = np.stack([before, after])[:, :, ends]  # (2, sets, curves, 2, 2, 3)
+        axis = plates[..., 0, :] - plates[..., 1, :]
+        tilt = np.arctan2(axis[..., 0], axis[..., 2])
+        was, now = tilt[..., 0] - tilt[..., 1]
+        side = np.array([1.0 if curve.convex == "right" else -1.0 for curve in curves])
         return np.clip(1.0 - side * now / np.abs(was), -1.0, 1.0)

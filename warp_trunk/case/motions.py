@@ -260,7 +260,7 @@ def _check_size(case: Case, bone: str, motion: RigidMotion, where: str) -> None:
         raise InputError(f"{where}: {outside}; give the motion in the frame of the case")
 
 
-def check_passing(case: Case, motions: dict[str, RigidMotion], where: str) -> None:
+def check_passing(case: Case, motions: Mapping[str, RigidMotion], where: str) -> None:
     """Check that no bone moves into another one from which it is apart before surgery.
 
     Args:
@@ -286,7 +286,7 @@ def check_passing(case: Case, motions: dict[str, RigidMotion], where: str) -> No
 
 
 def _passed(
-    case: Case, motions: dict[str, RigidMotion], bone: str, distance: SurfaceDistance, other: str
+    case: Case, motions: Mapping[str, RigidMotion], bone: str, distance: SurfaceDistance, other: str
 ) -> tuple[float, float, np.ndarray] | None:
     """Depth [mm], fraction of the motion and place of the first overlap of two bones that are apart before."""
     vertices = case.bones[bone].vertices

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -127,8 +127,8 @@ class RigidMotion:
         """The motion that is first the other one and then this."""
         return RigidMotion(self.rotation @ first.rotation, self.apply(first.translation))
 
-    def last(self, index: int) -> RigidMotion:
-        """Those at an index along the last axis of the stack, shape (...)."""
+    def last(self, index: Any) -> RigidMotion:
+        """Those at an index along the last axis of the stack; `None` adds such an axis, of length 1."""
         return RigidMotion(self.rotation[..., index, :, :], self.translation[..., index, :])
 
     def __iter__(self) -> Iterator[RigidMotion]:
@@ -136,6 +136,50 @@ class RigidMotion:
 
     def __getitem__(self, index: Any) -> RigidMotion:
         return RigidMotion(self.rotation[index], self.translation[index])
+
+
+class NamedMotions(Mapping[str, RigidMotion]):
+    """Motions of bodies by name in one stack (..., bodies), which is filled body by body."""
+
+    def __init__(self, names: Sequence[str], *shape: int) -> None:
+        """For all bodies that may get a motion, and the shape of that of each."""
+        self._place = {name: number for number, name in enumerate(names)}
+        empty = np.empty((*shape, len(names), 3, 3)), np.empty((*shape, len(names), 3))
+        self._stack, self._found = RigidMotion(*empty), dict[str, None]()
+
+    def put(self, names: Sequence[str], motions: RigidMotion) -> None:
+        """Set those of some bodies, shape (..., bodies), or of a shape that broadcasts to it."""
+        places = [self._place[name] for name in names]
+        self._stack.rotation[..., places, :, :] = motions.rotation
+        self._stack.translation[..., places, :] = motions.translation
+        self._found |= dict.fromkeys(names)
+
+    def __setitem__(self, name: str, motion: RigidMotion) -> None:
+        self.put([name], motion.last(None))
+
+    def of(self, names: Iterable[str]) -> RigidMotion:
+        """Those of some bodies, shape (..., bodies)."""
+        return self._stack.last([self._place[name] for name in names])
+
+    def at(self, index: Any) -> NamedMotions:
+        """Those at an index along the first axis of each."""
+        found = NamedMotions(())
+        found._place, found._stack, found._found = self._place, self._stack[index], self._found
+        return found
+
+    def __getitem__(self, name: str) -> RigidMotion:
+        if name not in self._found:
+            raise KeyError(name)
+        return self._stack.last(self._place[name])
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
 
 
 def rotated(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -176,7 +220,8 @@ def smallest_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     a = start / np.maximum(np.linalg.norm(start, axis=-1, keepdims=True), 1e-300)
     b = end / np.maximum(np.linalg.norm(end, axis=-1, keepdims=True), 1e-300)
     cosine = (a * b).sum(axis=-1)[..., None, None]
-    K = cross_matrix(np.cross(a, b))
+    outer = b[..., :, None] * a[..., None, :]
+    K = outer - np.swapaxes(outer, -1, -2)  # the cross matrix of a x b
     turn = np.eye(3) + K + K @ K / np.maximum(1.0 + cosine, 1e-12)
     if (opposite := cosine < -1.0 + 1e-12).any():  # half a turn about any axis across
         across = np.cross(a, np.eye(3)[np.abs(a).argmin(axis=-1)])
@@ -198,7 +243,7 @@ def nearest_rotation(spread: np.ndarray) -> np.ndarray:
     turned[..., 2] *= np.sign(np.linalg.det(U @ Vt))[..., None]  # no reflection
     found = np.swapaxes(turned @ Vt, -1, -2)
     if (line := _on_line(extents)).any():
-        found = np.where(line[..., None, None], smallest_turn(U[..., 0], Vt[..., 0, :]), found)
+        found[line] = smallest_turn(U[line][..., 0], Vt[line][..., 0, :])
     return found
 
 

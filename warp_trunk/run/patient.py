@@ -22,7 +22,6 @@ from warp_trunk.engine.sag_free import sag_free
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.colours import coloured_from
-from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.geometry.spline import spline_response
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.exchange import read_volume
@@ -38,6 +37,7 @@ from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
 if TYPE_CHECKING:
     from warp_trunk.case import Case
     from warp_trunk.case.landmarks import Landmarks
+    from warp_trunk.geometry.rigid import NamedMotions
 
     from .progress import Progress
 
@@ -196,7 +196,7 @@ def find_path(
 
 def motions_of(
     case: Case, skeleton: Skeleton | None = None, bones: Literal["follow", "spline"] = "follow"
-) -> dict[str, RigidMotion]:
+) -> NamedMotions:
     """How each bone of a case moves rigidly, known ones first; see `bone_motions` and `given_motions`.
 
     Args:
@@ -205,9 +205,7 @@ def motions_of(
         bones: `spline` for bones without landmarks that are all carried by the spline.
     """
     before, after = case.landmarks_before.points[None], case.planned_landmarks.points[None]
-    return {
-        bone: motion[0] for bone, motion in motions_of_sets(case, before, after, skeleton, bones=bones).items()
-    }
+    return motions_of_sets(case, before, after, skeleton, bones=bones).at(0)
 
 
 def motions_of_sets(
@@ -217,7 +215,7 @@ def motions_of_sets(
     skeleton: Skeleton | None = None,
     features: SpineFeatures | None = None,
     bones: Literal["follow", "spline"] = "follow",
-) -> dict[str, RigidMotion]:
+) -> NamedMotions:
     """`motions_of` the case with other landmarks, in many sets at once, shape (sets,) each.
 
     Args:
@@ -230,9 +228,8 @@ def motions_of_sets(
     """
     skeleton = skeleton or Skeleton(case.bones, case.landmarks_before)
     if case.landmarks_after is None:  # no bone follows landmarks
-        still = RigidMotion.identity(len(before))
-        return {bone: motion * still for bone, motion in given_motions(skeleton, case.given_motions).items()}
-    motions = bone_motions(
+        return given_motions(skeleton, case.given_motions, len(before))
+    return bone_motions(
         skeleton,
         before,
         after,
@@ -241,4 +238,3 @@ def motions_of_sets(
         pose=case.study.pose,
         features=features,
     )
-    return {bone: motions.last(number) for number, bone in enumerate(skeleton.names)}

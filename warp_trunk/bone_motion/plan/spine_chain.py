@@ -14,6 +14,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.measures.trunk_shift import SacralLine, sacral_line, top_of_spine
 
+from ..vertebra_motion import attitudes
+
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
 
@@ -179,11 +181,5 @@ def _polar(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _frames(angles: np.ndarray) -> np.ndarray:
     """A turn about z, then a lean, then a tilt [degrees], shape (..., 3) -> (..., 3, 3)."""
-    radians = np.moveaxis(np.radians(angles), -1, 0)
-    (ca, cb, ct), (sa, sb, st) = np.cos(radians), np.sin(radians)
-    rows = [
-        [ca * ct - sa * sb * st, -ca * st - sa * sb * ct, sa * cb],
-        [cb * st, cb * ct, sb],
-        [-sa * ct - ca * sb * st, sa * st - ca * sb * ct, ca * cb],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    tilt, lean, turn = np.moveaxis(np.radians(angles), -1, 0)
+    return attitudes(tilt, -lean, turn)
