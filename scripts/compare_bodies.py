@@ -3,7 +3,7 @@
     python scripts/compare_bodies.py ANATOMY BODIES > table.md
     python scripts/compare_bodies.py ANATOMY BODIES --known
     python scripts/compare_bodies.py ANATOMY BODIES --precision float64
-    python scripts/compare_bodies.py ANATOMY BODIES --patients 60
+    python scripts/compare_bodies.py ANATOMY BODIES --patients 60 --jobs 8
 
 ANATOMY holds skin.ply and bones/ of a straight trunk, BODIES a folder of such folders. Without `--patients` each
 body gets the mean thoracic, thoracolumbar and double major curve and plans of 65 % and 40 %; with it, bodies,
@@ -15,19 +15,22 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import tyro
-from synthetic_patient import Drawn, curve_of, draw
+from synthetic_patient import curve_of, draw
 
 from warp_trunk import InputError, RunOptions, SpineCurve, make_case, read_surface
 from warp_trunk.bone_motion.plan import CurvePlan, Plan, plan_surgery
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case
+from warp_trunk.engine.parallel import choose_threads
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.geometry.surface import Surface
@@ -65,6 +68,10 @@ GIVEN_BACK = 0.6
 AGREES = 2.5
 """A change of the back that differs by less from that of the cross-section agrees with it [degrees]; the standard
 error of the cross-section is about 1.5."""
+CORRECTIONS = (0.65, 0.4)
+"""Parts of the Cobb angle that plans take away."""
+MOST_DRAWS = 100
+"""Curves that are drawn for one patient at most, where the trunk cannot take them."""
 DEROTATION = 0.4 / 0.65
 """Part of the apical rotation that is taken away, over that of the Cobb angle."""
 
@@ -89,6 +96,10 @@ class Options:
     """Tetrahedra of each mesh."""
     increments: int = 4
     """Parts in which a correction is applied."""
+    device: str = "auto"
+    """Where to compute: auto, cpu, or cuda:0."""
+    jobs: int = 1
+    """Processes that share the work, each with its part of the cores."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +122,8 @@ class Outcome:
     """Cobb angle of each curve after surgery between the same vertebrae [degrees]."""
     warned: bool
     """Whether the predicted skin is warned of."""
+    released: int
+    """Nodes of the tissue that came off the bone."""
 
     @property
     def side(self) -> float:
@@ -169,64 +182,107 @@ def main(options: Options) -> None:
 
 
 def _bodies(folders: list[Path], options: Options) -> None:
-    print("| body | curve | plan [%] | hump / Cobb | shoulders [mm] | T12, L1, L2 less expected | inverted |")
-    print("|---|---|---|---|---|---|---|")
-    found: list[Outcome] = []
-    for folder in folders:
-        skin, bones = read_trunk(folder)
-        for kind, cobb in CURVES.items():
-            curve = SpineCurve(kind=kind, cobb=cobb, kyphosis=24.0)
-            case = make_case(skin, bones, curve, 0.65)
-            patient = patient_of(case, _run(options))
-            for correction in (0.65, 0.4):
-                known = make_case(skin, bones, curve.corrected(correction), 0.0) if options.known else None
-                one = operated(patient, plan_for(kind, correction), known)
-                found.append(one)
-                shoulders = [side.difference for m in (one.before, one.after) if (side := m.shoulders)]
-                off = ", ".join(f"{one.off[level]:+.1f}" for level in ("T12", "L1", "L2"))
-                status = "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
-                print(
-                    f"| {folder.name} | {kind} {cobb:.0f} | {100 * correction:.0f} | {one.hump_over_cobb:.2f} "
-                    f"| {shoulders[0]:.0f} to {shoulders[1]:.0f} | {off}{status} | {one.inverted} |",
-                    flush=True,
-                )
-    after = np.array([one.after.shoulders.difference for one in found if one.after.shoulders])
-    humps = np.array([one.hump_over_cobb for one in found])
-    kinds = np.array([kind for _ in folders for kind in CURVES for _ in range(2)])
-    by_kind = "; ".join(
-        f"{kind} {part.mean():.2f} ± {part.std():.2f}, 0.48 to 0.68 in {(np.abs(part - 0.58) <= 0.1).sum()} rows"
-        for kind, part in ((kind, humps[kinds == kind]) for kind in CURVES)
+    print(
+        "| body | curve | plan [%] | hump / Cobb | shoulders [mm] | T12, L1, L2 less expected | freed | inverted |"
     )
+    print("|---|---|---|---|---|---|---|---|")
+    found: list[Outcome] = []
+    tasks: list[tuple[Path, Kind]] = [(folder, kind) for folder in folders for kind in CURVES]
+    for (folder, kind), outcomes in zip(tasks, _each(_curve, tasks, options), strict=True):
+        for correction, one in zip(CORRECTIONS, outcomes, strict=True):
+            found.append(one)
+            shoulders = [side.difference for m in (one.before, one.after) if (side := m.shoulders)]
+            off = ", ".join(f"{one.off[level]:+.1f}" for level in ("T12", "L1", "L2"))
+            status = "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
+            print(
+                f"| {folder.name} | {kind} {CURVES[kind]:.0f} | {100 * correction:.0f} | {one.hump_over_cobb:.2f} "
+                f"| {shoulders[0]:.0f} to {shoulders[1]:.0f} | {off}{status} | {one.released} | {one.inverted} |",
+                flush=True,
+            )
+    after = np.array([one.after.shoulders.difference for one in found if one.after.shoulders])
     off = np.array([list(one.off.values()) for one in found])
     differences = ", ".join(
         f"{level} {mean:+.1f} ± {sd:.1f}"
         for level, mean, sd in zip(CROSS_SECTION, off.mean(axis=0), off.std(axis=0), strict=True)
     )
     print(f"""
-- rows: {len(found)}, converged: {sum(one.status is RelaxStatus.CONVERGED for one in found)}
-- rows with inverted tetrahedra: {sum(one.inverted > 0 for one in found)}
 - shoulders after: {after.mean():.1f} mm in the mean, {np.abs(after).max():.1f} at most
-- hump over Cobb: {by_kind}
 - change of the back less that of the cross-section of patients: {differences} degrees
-- rows within {AGREES} degrees of it at all of these levels: {(np.abs(off) <= AGREES).all(axis=1).sum()}
-- rows that are warned of: {sum(one.warned for one in found)}""")
+- rows within {AGREES} degrees of it at all of these levels: {(np.abs(off) <= AGREES).all(axis=1).sum()}""")
+    _print_ends(found, [kind for _, kind in tasks for _ in CORRECTIONS])
+
+
+def _curve(task: tuple[Path, Kind], options: Options) -> list[Outcome]:
+    """The plans for one body with one curve."""
+    skin, bones = read_trunk(task[0])
+    curve = SpineCurve(kind=task[1], cobb=CURVES[task[1]], kyphosis=24.0)
+    patient = patient_of(make_case(skin, bones, curve, 0.65), _run(options))
+    return [
+        operated(
+            patient,
+            plan_for(task[1], correction),
+            make_case(skin, bones, curve.corrected(correction), 0.0) if options.known else None,
+        )
+        for correction in CORRECTIONS
+    ]
 
 
 def _cohort(folders: list[Path], options: Options) -> None:
-    random = np.random.default_rng(options.seed)
-    trunks = [read_trunk(folder) for folder in folders]
-    found: list[Outcome] = []
-    while len(found) < options.patients:
-        skin, bones = trunks[random.integers(len(trunks))]
+    tasks = [(number, folders) for number in range(options.patients)]
+    found, kinds, refused = zip(*_each(_drawn, tasks, options), strict=True)
+    _print_cohort(found)
+    _print_ends(found, kinds)
+    print(f"- curves that were refused and drawn again: {sum(refused)}")
+
+
+def _drawn(task: tuple[int, list[Path]], options: Options) -> tuple[Outcome, Kind, int]:
+    """One patient, her kind of curve, and how many were refused before her."""
+    number, folders = task
+    random = np.random.default_rng((options.seed, number))
+    for refused in range(MOST_DRAWS):
+        skin, bones = read_trunk(folders[random.integers(len(folders))])
         drawn = draw(random, cobb=(45.0, 75.0), truth={}, bending=False)
         try:
-            found.append(_drawn(drawn, skin, bones, options))
+            case = make_case(skin, bones, curve_of(drawn), drawn.correction)
+            patient = patient_of(case, _run(options))
+            return operated(patient, plan_for(drawn.kind, drawn.correction)), drawn.kind, refused
         except InputError as error:
+            if not str(error).startswith("curve:"):
+                raise
             print(f"drawn again: {error}", file=sys.stderr, flush=True)
-    _print_cohort(found)
+    raise SystemExit(f"patient {number}: {MOST_DRAWS} curves were refused")
 
 
-def _print_cohort(found: list[Outcome]) -> None:
+def _each(work: Callable[[Any, Options], Any], tasks: list[Any], options: Options) -> Iterator[Any]:
+    """The results of tasks in their order, which `jobs` processes share."""
+    if options.jobs == 1:
+        yield from (work(task, options) for task in tasks)
+        return
+    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(work, tasks, [options] * len(tasks))
+
+
+def _print_ends(found: Sequence[Outcome], kinds: Sequence[Kind]) -> None:
+    """How the simulations ended, and how much of the hump went."""
+    of_kinds = np.array(kinds)
+    humps = np.array([one.hump_over_cobb for one in found])
+    parts = ((kind, humps[of_kinds == kind]) for kind in CURVES)
+    by_kind = "; ".join(
+        f"{kind} {part.mean():.2f} ± {part.std():.2f}, {sum(abs(part - 0.58) <= 0.1)} of {len(part)} in the bar"
+        for kind, part in parts
+        if len(part)
+    )
+    released = [one.released for one in found if one.released]
+    nodes = f"{min(released)} to {max(released)} nodes" if released else "no node"
+    mild = [one.warned for one in found if one.cobb[0] <= 55.0]
+    print(f"""- hump over Cobb: {by_kind} (0.58 ± 0.10)
+- simulations: {len(found)}, converged: {sum(one.status is RelaxStatus.CONVERGED for one in found)}
+- with inverted tetrahedra: {sum(one.inverted > 0 for one in found)}
+- with tissue released from bone: {len(released)}, at {nodes}
+- warned of: {sum(one.warned for one in found)}; of curves up to 55 degrees {sum(mild)} of {len(mild)}""")
+
+
+def _print_cohort(found: Sequence[Outcome]) -> None:
     """The drawn patients beside published ones; docs/bodies.md has the sources (a) to (f)."""
     rows: dict[str, tuple[list[tuple[float, float]], str]] = {
         "Cobb angle [degrees]": ([one.cobb for one in found], "54.6 ± 9.5 to 14.5 ± 7.5 (a)"),
@@ -254,15 +310,7 @@ def _print_cohort(found: list[Outcome]) -> None:
         change = f"{100.0 * (mean[1] / mean[0] - 1.0):.0f}" if abs(mean[0]) > 1.0 else ""
         cells = [f"{m:.1f} ± {d:.1f}" for m, d in zip(mean, deviation, strict=True)]
         print(f"| {name} | {cells[0]} | {cells[1]} | {change} | {published} |")
-    print(
-        f"\n{sum(one.status is RelaxStatus.CONVERGED for one in found)} of {len(found)} converged; "
-        f"{sum(one.warned for one in found)} are warned of."
-    )
-
-
-def _drawn(drawn: Drawn, skin: Surface, bones: dict[str, Surface], options: Options) -> Outcome:
-    case = make_case(skin, bones, curve_of(drawn), drawn.correction)
-    return operated(patient_of(case, _run(options)), plan_for(drawn.kind, drawn.correction))
+    print()
 
 
 def operated(patient: PreparedPatient, plan: Plan, known: Case | None = None) -> Outcome:
@@ -295,6 +343,7 @@ def operated(patient: PreparedPatient, plan: Plan, known: Case | None = None) ->
         (apical[0], apical[1]),
         all_left,
         bool(skin_quality(case.skin, skin, landmarks).faults),
+        prediction.released,
     )
 
 
@@ -331,7 +380,7 @@ def _rib_vertebra_angles(case: Case, apex: str, convex: str) -> tuple[float, flo
     return found[0], found[1]
 
 
-def _to_convex(found: list[Outcome]) -> Iterator[tuple[float, float]]:
+def _to_convex(found: Sequence[Outcome]) -> Iterator[tuple[float, float]]:
     for one in found:
         if one.before.shoulders and one.after.shoulders:
             yield one.side * one.before.shoulders.difference, one.side * one.after.shoulders.difference
@@ -355,6 +404,8 @@ def _run(options: Options) -> RunOptions:
         mesh=MeshOptions(tets=options.tets),
         simulation=SimulationOptions(increments=options.increments),
         precision=options.precision,
+        device=options.device,
+        threads=0 if options.jobs == 1 else max(1, choose_threads(0) // options.jobs),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from warp_trunk import Case, Landmarks, SpineCurve, Surface
 from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.rib_coupling import LIMITS, RANGES, RibCoupling
 from warp_trunk.case.study import Pose
 from warp_trunk.preparation.deformity.published_curves import (
     KYPHOSIS,
@@ -42,6 +43,8 @@ BENT = 0.5
 """Part of what surgery takes of her curve that goes when she bends to its convex side; assumed."""
 LEAN = (15.0, 3.0)
 """How far T1 leans to that side against the pelvis then [degrees]; assumed."""
+REVERSIBLE = (RibCoupling().reversible_part, 0.5 * (RANGES["reversible_part"][1] - RANGES["reversible_part"][0]))
+"""Part of the ribs' turn that surgery takes back: the default, and its spread over bodies (docs/ribs.md)."""
 MONTHS = (3.0, 24.0)
 """Months from surgery to the scan; uniform, assumed."""
 
@@ -80,7 +83,7 @@ def draw(
     constants = {
         "poisson_ratio": float(random.uniform(0.32, 0.47)),
         "fat.youngs_modulus": float(2.5 * 1.5 ** random.standard_normal()),
-        "ribs.reversible_part": float(random.uniform(0.55, 0.95)),
+        "ribs.reversible_part": float(np.clip(random.normal(*REVERSIBLE), *LIMITS["reversible_part"])),
     }
     thoracic = kind == "thoracic"
     kyphosis = float(np.clip(random.normal(*KYPHOSIS), 0.0, 60.0))
