@@ -71,16 +71,18 @@ def waist_of(skin: Surface, spine: Spine, line: SacralLine, pelvis: float) -> Wa
         return None
     aside, z = (skin.vertices[:, :2] - line.point) @ line.across, skin.vertices[:, 2]
     start, end = np.concatenate([skin.faces[:, [0, 1]], skin.faces[:, [1, 2]], skin.faces[:, [2, 0]]]).T
-    near = (np.maximum(z[start], z[end]) >= heights[0]) & (np.minimum(z[start], z[end]) <= heights[-1])
-    start, end = start[near], end[near]
-    widths = np.empty((len(heights), 2))
-    for row, height in enumerate(heights):
-        cut = (z[start] <= height) != (z[end] <= height)
-        a, b = start[cut], end[cut]
-        if not len(a):
-            return None
-        there = aside[a] + (height - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
-        widths[row] = there.max(), -there.min()
+    above = np.searchsorted(heights, z)  # the first height that is not below each vertex
+    low, high = np.minimum(above[start], above[end]), np.maximum(above[start], above[end])
+    cut = np.flatnonzero(low < high)
+    count = (high - low)[cut]
+    edge = np.repeat(cut, count)
+    row = np.repeat(low[cut] - np.cumsum(count) + count, count) + np.arange(count.sum())
+    if len(np.unique(row)) < len(heights):
+        return None
+    a, b = start[edge], end[edge]
+    there = aside[a] + (heights[row] - z[a]) / (z[b] - z[a]) * (aside[b] - aside[a])
+    widths = np.full((len(heights), 2), -np.inf)
+    np.maximum.at(widths, row, np.column_stack([there, -there]))
     gaps = np.transpose([_hull(heights, width) - width for width in widths.T])
     weights = np.square(gaps).sum(axis=0)
     left, right = np.divide((heights - pelvis) @ np.square(gaps), weights, out=np.zeros(2), where=weights > 0.0)

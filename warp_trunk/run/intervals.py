@@ -179,11 +179,14 @@ def _solve(prediction: Prediction, sources: Sequence[ErrorSource], normals: np.n
     )
     adjoints, followed = linear.adjoints_and_follow(on_nodes(trunk, numbers), drawn.bones, drawn.force_derivatives)
     solved = numbers, adjoints, linear.position_derivatives(adjoints)
-    found = apart = from_adjoints(prediction, response, solved=solved, force_derivatives=force_derivatives)
+    follow = landmark_derivative(prediction)
+    found = apart = from_adjoints(
+        prediction, response, solved=solved, by_landmarks=follow, force_derivatives=force_derivatives
+    )
     if prediction.options.bones == "follow" and given.landmark_sd:
         # the motions of vertebrae are smoothed against errors of landmarks
         held, error = solved[2][:, trunk.prescribed], math.sqrt(2.0) * given.landmark_sd
-        there, here = (np.array(landmark_derivative(prediction, one)(held)) for one in (error, None))
+        there, here = (np.array(one(held)) for one in (landmark_derivative(prediction, error), follow))
         apart = tuple(
             replace(
                 one, landmarks_before=one.landmarks_before + before, landmarks_after=one.landmarks_after + after

@@ -84,7 +84,11 @@ def sensitivities(
     solved = numbers, adjoints, linear.position_derivatives(adjoints)
     response = spline_response(prediction.case.landmarks_before.points, trunk.nodes)
     return from_adjoints(
-        prediction, response, solved=solved, force_derivatives=force_derivatives_of(prediction, linear)
+        prediction,
+        response,
+        solved=solved,
+        by_landmarks=landmark_derivative(prediction),
+        force_derivatives=force_derivatives_of(prediction, linear),
     )
 
 
@@ -122,6 +126,7 @@ def from_adjoints(
     response: np.ndarray,
     *,
     solved: tuple[Mapping[tuple[str, str], Derivative], Adjoints, np.ndarray],
+    by_landmarks: PathDerivative,
     force_derivatives: Mapping[str, np.ndarray],
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of numbers.
@@ -133,11 +138,12 @@ def from_adjoints(
         prediction: of a case, relaxed.
         response: what each landmark adds to the displacement of each node by the spline (`spline_response`).
         solved: the numbers, their adjoints, and their `Linearization.position_derivatives`.
+        by_landmarks: how the nodes on bone follow the landmarks (`landmark_derivative`).
         force_derivatives: what constants add to forces (`force_derivatives_of`).
     """
     numbers, adjoints, places = solved
     held = prediction.trunk.prescribed
-    before, after = landmark_derivative(prediction)(places[:, held])
+    before, after = by_landmarks(places[:, held])
     carried = np.tensordot(places[:, ~held], response[~held], axes=(1, 0)).transpose(0, 2, 1)
     by_bones = np.where(held[:, None], places, 0.0)
     return tuple(
