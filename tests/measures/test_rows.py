@@ -5,8 +5,8 @@ import pytest
 from support.known_spine import known_spine
 from support.trunk_shapes import flat_back, rotation, tube
 from warp_trunk.measures import measure
-from warp_trunk.measures.quantities import QUANTITIES
-from warp_trunk.measures.rows import MeasureRow, level_rows, measure_rows
+from warp_trunk.measures.quantities import QUANTITIES, MeasureTable
+from warp_trunk.measures.rows import STATES, MeasureRow, level_rows, measure_rows
 from warp_trunk.report.sentences import sentences
 from warp_trunk.report.style import BEFORE, PREDICTED, TrunkState
 
@@ -30,9 +30,13 @@ def poses(before, planned, turned=(12.0, 4.0), **options):
     ]
 
 
+def table_of(states):
+    return MeasureTable.of(dict(zip(STATES, (state.measures for state in states), strict=True)))
+
+
 def compared(states):
     """The compared cells of every row, by title."""
-    groups = measure_rows([state.measures for state in states])
+    groups = measure_rows(table_of(states), states[0].measures)
     return {row.title: row.compared_cells()[1:] for rows in groups.values() for row in rows}
 
 
@@ -46,14 +50,17 @@ def test_a_left_curve_and_a_left_hump_that_improve_become_less():
     ]
     assert len(improved) == 6
     assert all(change.startswith("−") for change in improved)
-    levels = level_rows([state.measures for state in left])
+    levels = level_rows(table_of(left))
     assert all(row.compared_cells()[3].startswith("−") for row in levels)
-    assert "left side of the back still stands further back, by 4 degrees" in sentences(left, None)["What stays"]
+    assert (
+        "left side of the back still stands further back, by 4 degrees"
+        in sentences(table_of(left), ())["What stays"]
+    )
 
 
 def test_every_curve_is_followed_between_the_same_vertebrae():
     both = poses(THORACIC, scaled(THORACIC, 0.3))
-    groups = measure_rows([state.measures for state in both])
+    groups = measure_rows(table_of(both), both[0].measures)
     curves = {"T1 to T5": (40.0, 12.0), "T5 to T12": (60.0, 18.0), "T12 to L4": (30.0, 9.0)}
     assert [name.split(",")[0] for name in groups if name.startswith("Curve")] == [
         f"Curve {ends}" for ends in curves

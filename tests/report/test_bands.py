@@ -21,7 +21,7 @@ BANDS = FOUND.bands
 
 def test_every_measure_with_a_band_has_its_row(tmp_path: Path) -> None:
     read = read_result(write_small_result(tmp_path, found=FOUND))
-    table = band_table(read.summary)
+    table = band_table(read.table, BANDS)
     rows = {row[0]: row[1:] for row in table}
     assert rows["Rotation of the back (BSR) at T4 [°]"] == [
         "12 right",

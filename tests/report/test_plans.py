@@ -12,6 +12,8 @@ from support.trunk_shapes import flat_back, rotation, tube
 from warp_trunk.cli import main
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
+from warp_trunk.measures.quantities import MeasureTable
+from warp_trunk.measures.rows import measure_rows
 from warp_trunk.report.plans import apart_of, apart_table, differences
 from warp_trunk.report.style import BEFORE, PLANS, TrunkState
 from warp_trunk.report.writing import write_comparison
@@ -33,6 +35,12 @@ def three():
     return pose(BEFORE, 1.0, 12.0), [pose(PLANS[0], 0.3, 7.0), pose(PLANS[1], 0.5, 6.0)]
 
 
+def apart_between(before, plans, effects):
+    states = {pose.look.title: pose.measures for pose in (before, *plans)}
+    groups = measure_rows(MeasureTable.of(states), before.measures, [*states])
+    return apart_of(groups, [*states], effects)
+
+
 def effects_of(shift):
     """Effects of one plan: an error that both plans share, and one by which they differ."""
     names = [["max_thoracic_bsr_deg", ""], ["max_hump_mm", ""], ["cobb_deg", "T5-T12"]]
@@ -44,7 +52,7 @@ def effects_of(shift):
 
 def test_what_differs_is_told_with_each_plan_and_the_rest_is_alike(three):
     before, plans = three
-    apart = apart_of([before, *plans], [effects_of(0.5), effects_of(1.5)])
+    apart = apart_between(before, plans, [effects_of(0.5), effects_of(1.5)])
     told = differences([before, *plans], apart)
     assert "Cobb angle T5 to T12: 18° with plan A and 30° with plan B." in told
     *_, alike = told
@@ -63,7 +71,7 @@ def test_what_differs_is_told_with_each_plan_and_the_rest_is_alike(three):
 
 def test_plans_within_the_interval_of_their_difference_are_alike(three):
     before, plans = three
-    apart = apart_of([before, *plans], [effects_of(0.0), effects_of(8.0)])
+    apart = apart_between(before, plans, [effects_of(0.0), effects_of(8.0)])
     assert not any(one.differs for one in apart if one.row.quantity.key == "cobb_deg" and one.low is not None)
     cells = {row[0]: row[1] for row in apart_table(apart)}
     assert re.fullmatch(r"\[−12 \(−28 to \+3.\d\)\]", cells["Cobb angle T5 to T12 [°]"])

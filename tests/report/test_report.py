@@ -15,9 +15,8 @@ from support.small_trunk import small_case
 from warp_trunk.cli import main
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.quantities import Measured
-from warp_trunk.report.page import rotation_table
+from warp_trunk.report.page import STATES, rotation_table
 from warp_trunk.report.sentences import _tile, interval_text
-from warp_trunk.report.writing import poses_of
 from warp_trunk.results import read_result
 
 PICTURES = [
@@ -84,7 +83,7 @@ def test_page_needs_nothing_and_reaches_for_nothing(plain):
 
 def test_numbers_of_the_prediction_are_the_angles_that_were_imposed(plain):
     """The box is turned by 14 degrees over 420 mm, evenly with height; clockwise from above is positive."""
-    rows = rotation_table(poses_of(read_result(plain[0])))
+    rows = rotation_table(read_result(plain[0]).table, STATES[:2])
     heights = {"T4": 360.0, "T8": 280.0, "T12": 200.0, "L3": 120.0}
     for level, before, predicted, change in rows:
         assert before == "0.0"
@@ -101,7 +100,7 @@ def test_actual_skin_brings_its_error(compared):
     assert "predicted rotation is 3.0 degrees on average, no less than the 2.5 degrees" in words
     assert re.search(r"Rotation of the back, mean absolute error T3-L5 \[°\]\s*3\.0\d ± 0\.0", words)
     assert "actual, after surgery" in words
-    rows = {row[0]: row[1:] for row in rotation_table(poses_of(read_result(compared[0])))}
+    rows = {row[0]: row[1:] for row in rotation_table(read_result(compared[0]).table, STATES)}
     assert [float(row[-1]) for row in rows.values() if row[-1] != "–"] == pytest.approx([3.0] * 3, abs=0.05)
     assert rows["T8"] == ["–"] * 5  # a level that was not measured
 

@@ -124,7 +124,7 @@ def _row(case: Case, folder: Path, result: Result) -> CaseRow:
     write_measures(result.folder / MEASURES, found.words, found.table.rows)
     summary, study = result.summary, case.study
     main = max(summary.curves[BEFORE], key=lambda curve: curve.angle, default=None)
-    left = None if main is None else result.table.value(PREDICTED, "cobb_deg", f"{main.upper}-{main.lower}")
+    left = None if main is None else result.table.value(PREDICTED, "cobb_deg", main.ends)
     of_errors = [row for row in found.table.rows if row.state == "error"]
     if case.has_spine:
         of_errors += _carried(case)
@@ -153,4 +153,4 @@ def _carried(case: Case) -> list[Measured]:
     """The skin before surgery where the spline of the landmarks carries it: no tissue, no relaxation."""
     carry = fit_spline(case.landmarks_before.points, case.planned_landmarks.points)
     skin = Surface(carry(case.skin.vertices), case.skin.faces)
-    return measured("spline", measure(skin, case.planned_landmarks), skin_only=True)
+    return measured("spline", measure(skin, case.planned_landmarks), of="skin")

@@ -1,6 +1,6 @@
 """The table that follows the sliders, and the status over it, as HTML; all that comes from files is escaped."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -10,6 +10,7 @@ from warp_trunk.case import Case
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.points import follow_points
+from warp_trunk.measures.quantities import MeasureTable, measured
 from warp_trunk.measures.rows import MISSING, number, skin_rows, spine_rows
 from warp_trunk.measures.table import as_html
 from warp_trunk.report.style import BEFORE, PLANS
@@ -19,6 +20,8 @@ from .sliders import MotionPlan
 
 NOTE = "A research simulation, not for clinical use."
 UNSURE = "How sure the prediction is, <code>simulate --bands</code> computes."
+_STATES = ("before", "plan", "kept")
+"""States of the table; a kept plan has any title."""
 _BARS, _ROW = 210, 17
 """Of the drawing of back surface rotation [px]."""
 _STATUS = 78
@@ -97,22 +100,27 @@ def numbers_html(
         kept: name and view of the plan to compare with.
     """
     stale = measures is not None and measures is not view.measures
-    others = [] if kept is None else [kept[1]]
+    views = [(view, measures), *([] if kept is None else [(kept[1], kept[1].measures)])]
     titles = ["before", "plan", *([] if kept is None else [kept[0]])]
-    back = [before, measures, *(other.measures for other in others)]
+    states, numbers = _STATES[: len(titles)], measured(_STATES[0], before)
+    for state, (each, of_skin) in zip(states[1:], views, strict=True):
+        if of_skin is not None:
+            numbers += measured(state, of_skin, of="skin")
+        if isinstance(each.surgery, PlannedSurgery):
+            spine = measure_spine(each.surgery.landmarks_after)
+            numbers += measured(state, spine, before.cobb, of="spine")
+    table = MeasureTable(numbers)
     part = "The back" if before.tangents else "The skin"
-    groups = {part + ", of the skin relaxed last" * stale: skin_rows(back)}
-    views = [view, *others]
-    plans = [each.surgery for each in views if isinstance(each.surgery, PlannedSurgery)]
-    if plans:
-        groups |= spine_rows([before, *(measure_spine(plan.landmarks_after) for plan in plans)])
-    rows = _point_rows(case, views)
+    groups = {part + ", of the skin relaxed last" * stale: skin_rows(table, states)}
+    groups |= spine_rows(table, before, states)
+    rows = _point_rows(case, [each for each, _ in views])
     for heading, group in groups.items():
         shown = [row.cells() for row in group if row.short or row.values[0] is None]  # what plans are chosen by
         rows += [[heading], *shown] if shown else []
     look = "".join(_box("#b25d00", f"<b>Look:</b> {escape(warning)}") for warning in view.warnings)
-    table = as_html(["", *titles], rows, "Numbers of the plan", "numbers")
-    return f"<div style='padding:0 16px 12px 4px'>{_TABLE}{look}{table}{_rotation(back, titles, stale)}</div>"
+    cells = as_html(["", *titles], rows, "Numbers of the plan", "numbers")
+    bars = _rotation(table, dict(zip(states, titles, strict=True)), stale)
+    return f"<div style='padding:0 16px 12px 4px'>{_TABLE}{look}{cells}{bars}</div>"
 
 
 def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
@@ -132,20 +140,21 @@ def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
     return rows
 
 
-def _rotation(back: Sequence[TrunkMeasures | None], titles: Sequence[str], stale: bool) -> str:
+def _rotation(table: MeasureTable, titles: Mapping[str, str], stale: bool) -> str:
     """Back surface rotation by level: bars from the middle to the side that stands further back."""
-    known = [(title, m, colour) for title, m, colour in zip(titles, back, _COLOURS, strict=False) if m is not None]
-    levels = list(known[0][1].bsr)
+    columns = {state: table.values(state, "bsr_deg") for state in titles}
+    known = [(state, colour) for state, colour in zip(titles, _COLOURS, strict=False) if columns[state]]
+    levels = list(columns[_STATES[0]])
     if not levels:
         return ""
-    most = max([5.0, *(abs(a) for _, m, _ in known for a in m.bsr.values() if a is not None)])
+    most = max([5.0, *(abs(a) for column in columns.values() for a in column.values() if a is not None)])
     middle, scale, thick = 30 + _BARS / 2, _BARS / 2 / most, (_ROW - 4) / len(known)
     height = _ROW * len(levels)
     drawn = [f"<line x1='{middle}' x2='{middle}' y1='0' y2='{height}' stroke='currentColor'/>"]
     for row, level in enumerate(levels):
         drawn.append(_text(0, row, level))
-        for place, (_, measures, colour) in enumerate(known):
-            angle = measures.bsr.get(level)
+        for place, (state, colour) in enumerate(known):
+            angle = columns[state].get(level)
             if angle is None:
                 continue
             left, wide, top = middle + min(0.0, angle * scale), abs(angle) * scale, _ROW * row + 2 + place * thick
@@ -154,9 +163,9 @@ def _rotation(back: Sequence[TrunkMeasures | None], titles: Sequence[str], stale
                 f"<rect x='{left:.1f}' y='{top:.1f}' width='{wide:.1f}' height='{thick:.1f}' fill='{colour}' "
                 f"style='{faint}'/>"
             )
-        shown = known[min(1, len(known) - 1)][1].bsr.get(level)
+        shown = columns[known[min(1, len(known) - 1)][0]].get(level)
         drawn.append(_text(34 + _BARS, row, number(None if shown is None else abs(shown))))
-    legend = " ".join(f"<span style='color:{colour}'>■</span> {escape(title)}" for title, _, colour in known)
+    legend = " ".join(f"<span style='color:{colour}'>■</span> {escape(titles[state])}" for state, colour in known)
     return (
         f"<div style='font-size:13px;padding-top:9px;{_BROKEN}'><b>Rotation of the back by level [°]</b><br>"
         f"{legend}<br>to the right: the right side stands further back</div>"

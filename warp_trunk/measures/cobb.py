@@ -33,6 +33,11 @@ class CobbAngle:
     convex: Literal["left", "right"]
     """The patient's side to which the curve bulges."""
 
+    @property
+    def ends(self) -> str:
+        """Its level in tables: both end vertebrae, such as T5-T12."""
+        return f"{self.upper}-{self.lower}"
+
 
 def cobb_angles(landmarks: Landmarks) -> tuple[CobbAngle, ...]:
     """Every curve of at least `LEAST_CURVE` degrees, top to bottom.

@@ -80,7 +80,7 @@ def _apical(measures: TrunkMeasures, curves: Sequence[CobbAngle], what: str) -> 
 
 def _cobb(measures: TrunkMeasures, curves: Sequence[CobbAngle]) -> Values:
     angles = angles_between(curves, measures.spine)
-    return {f"{curve.upper}-{curve.lower}": angle for curve, angle in zip(curves, angles, strict=True)}
+    return {curve.ends: angle for curve, angle in zip(curves, angles, strict=True)}
 
 
 def _flank(what: str) -> Callable[[TrunkMeasures, Sequence[CobbAngle]], Values]:
@@ -196,7 +196,11 @@ COLUMNS = ("state", "level", "quantity", "value", "low", "high")
 
 
 def measured(
-    state: str, measures: TrunkMeasures, curves: Sequence[CobbAngle] | None = None, *, skin_only: bool = False
+    state: str,
+    measures: TrunkMeasures,
+    curves: Sequence[CobbAngle] | None = None,
+    *,
+    of: Literal["skin", "spine"] | None = None,
 ) -> list[Measured]:
     """The rows of one state of a trunk, for every quantity.
 
@@ -204,13 +208,13 @@ def measured(
         state: its name.
         measures: what `measure` found.
         curves: those that the spine had before surgery; its own when left out.
-        skin_only: whether the spine of this state is not known.
+        of: what is known of this state; both when left out.
     """
     curves = measures.cobb if curves is None else curves
     return [
         Measured(state, level, quantity.key, value)
         for quantity in _DEFINED
-        if quantity.of_skin or not skin_only
+        if of is None or quantity.of_skin == (of == "skin")
         for level, value in quantity.function(measures, curves).items()
     ]
 
@@ -221,6 +225,12 @@ class MeasureTable:
     def __init__(self, rows: Iterable[Measured]) -> None:
         self.rows = tuple(rows)
         """Every row, in order."""
+
+    @classmethod
+    def of(cls, states: Mapping[str, TrunkMeasures]) -> MeasureTable:
+        """Every quantity of some states of a trunk, by name; curves are those of the first."""
+        curves = next(iter(states.values())).cobb
+        return cls(row for name, measures in states.items() for row in measured(name, measures, curves))
 
     @cached_property
     def _columns(self) -> dict[tuple[str, str], dict[str, Measured]]:
@@ -241,6 +251,11 @@ class MeasureTable:
         """A single value; None where it is missing or not in the table."""
         row = self.column(state, quantity).get(level)
         return None if row is None else row.value
+
+    def largest(self, state: str, quantity: str) -> str | None:
+        """The level at which a quantity has its largest size; None where it is known at none."""
+        sizes = {level: abs(value) for level, value in self.values(state, quantity).items() if value is not None}
+        return max(sizes, key=sizes.__getitem__, default=None)
 
     def with_rows(self, known: Iterable[Measured]) -> MeasureTable:
         """The table with other rows in place of those of the same state, level and quantity, or after all."""

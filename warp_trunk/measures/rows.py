@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .quantities import Quantity, Values, quantities_of
+from .quantities import BEFORE, PREDICTED, MeasureTable, Quantity, quantities_of
 
 if TYPE_CHECKING:
     from .apical import ApicalVertebra
     from .cobb import CobbAngle
     from .measures import TrunkMeasures
 
-    States = Sequence[TrunkMeasures | None]
+STATES = BEFORE, PREDICTED
+"""The states that are shown side by side where nothing else is asked for."""
 
 MISSING = "–"
 WORSE = "▲"
@@ -84,33 +85,34 @@ class MeasureRow:
         return cells
 
 
-def measure_rows(states: States) -> dict[str, list[MeasureRow]]:
+def measure_rows(
+    table: MeasureTable, before: TrunkMeasures, states: Sequence[str] = STATES
+) -> dict[str, list[MeasureRow]]:
     """Every measure of the whole trunk, by heading; those that no state has are left out.
 
     Args:
-        states: the measures before surgery and of every state after it; None for a state that is not measured.
+        table: the numbers.
+        before: the trunk before surgery, whose curves the headings name.
+        states: the states to show, before surgery first.
     """
-    return {"The back": skin_rows(states)} | spine_rows(states)
+    return {"The back": skin_rows(table, states)} | spine_rows(table, before, states)
 
 
-def skin_rows(states: States) -> list[MeasureRow]:
+def skin_rows(table: MeasureTable, states: Sequence[str] = STATES) -> list[MeasureRow]:
     """The measures of the skin."""
-    return _rows(quantities_of("back"), states)
+    return _rows("back", table, states)
 
 
-def spine_rows(states: States) -> dict[str, list[MeasureRow]]:
+def spine_rows(
+    table: MeasureTable, before: TrunkMeasures, states: Sequence[str] = STATES
+) -> dict[str, list[MeasureRow]]:
     """The measures of the spine, by heading: each curve before surgery, then the spine as a whole."""
-    before = states[0]
-    if before is None:
-        return {}
-    of_curves = _rows(quantities_of("curve"), states, before.cobb)
+    of_curves = _rows("curve", table, states)
     groups = {
-        curve_heading(curve, apex): [
-            row for row in of_curves if row.level in (f"{curve.upper}-{curve.lower}", curve.apex)
-        ]
+        curve_heading(curve, apex): [row for row in of_curves if row.level in (curve.ends, curve.apex)]
         for curve, apex in zip(before.cobb, before.apices, strict=True)
     }
-    groups["The spine as a whole"] = _rows(quantities_of("spine"), states)
+    groups["The spine as a whole"] = _rows("spine", table, states)
     return {heading: rows for heading, rows in groups.items() if rows}
 
 
@@ -121,22 +123,20 @@ def curve_heading(curve: CobbAngle, apex: ApicalVertebra) -> str:
     return f"{words}, neutral {neutral}" if neutral else words
 
 
-def level_rows(states: States) -> list[MeasureRow]:
+def level_rows(table: MeasureTable, states: Sequence[str] = STATES) -> list[MeasureRow]:
     """The rotation of the back at every vertebra, also where no state has it."""
-    return _rows(quantities_of("level")[:1], states, known=False)
+    return [row for row in _rows("level", table, states, known=False) if row.quantity.key == "bsr_deg"]
 
 
-def _rows(
-    quantities: Iterable[Quantity], states: States, curves: Sequence[CobbAngle] = (), *, known: bool = True
-) -> list[MeasureRow]:
-    """The rows of some quantities, those that no state has left out where only what is known is asked for."""
+def _rows(group: str, table: MeasureTable, states: Sequence[str], *, known: bool = True) -> list[MeasureRow]:
+    """The rows of a group of quantities; those that no state has are left out where only what is known counts."""
     found = []
-    for quantity in quantities:
-        values: list[Values] = [{} if state is None else quantity.function(state, curves) for state in states]
-        for level in dict.fromkeys(level for each in values for level in each):
-            row = tuple(each.get(level) for each in values)
-            if not known or any(value is not None for value in row):
-                found.append(MeasureRow(quantity=quantity, level=level, values=row))
+    for quantity in quantities_of(group):
+        columns = [table.values(state, quantity.key) for state in states]
+        for level in dict.fromkeys(level for column in columns for level in column):
+            values = tuple(column.get(level) for column in columns)
+            if not known or any(value is not None for value in values):
+                found.append(MeasureRow(quantity=quantity, level=level, values=values))
     return found
 
 

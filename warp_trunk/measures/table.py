@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from .quantities import DETECTABLE
+from .quantities import BEFORE, DETECTABLE, MeasureTable
 from .rows import MISSING, measure_rows, number, sided
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def measures_text(measures: TrunkMeasures) -> str:
     """Every measure of one skin: the whole trunk, then by level, then what is missing and why."""
     whole = [
         line
-        for title, rows in measure_rows([measures]).items()
+        for title, rows in measure_rows(MeasureTable.of({BEFORE: measures}), measures, (BEFORE,)).items()
         for line in ([title], *(row.cells() for row in rows))
     ]
     by_level = (measures.bsr, measures.axial_rotation, measures.hump_height)

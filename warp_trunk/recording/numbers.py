@@ -9,7 +9,7 @@ import rerun as rr
 
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
-from warp_trunk.measures.quantities import Measured
+from warp_trunk.measures.quantities import Measured, MeasureTable
 from warp_trunk.measures.rows import measure_rows, sided
 from warp_trunk.measures.table import RESEARCH, as_markdown
 
@@ -134,7 +134,8 @@ def table(
         "actual": "Actual: the skin after surgery as it was scanned.",
         "target": "Target: the planned bones, with the skin where their path alone carries it.",
     }
-    groups = measure_rows([before, now, target])
+    numbers = MeasureTable.of({"before": before, "now": now, target_name: target})
+    groups = measure_rows(numbers, before, ("before", "now", target_name))
     shown = [row for group in groups.values() for row in group if row.short]
     rows = [[f"{r.short[0].upper()}{r.short[1:]} [{r.quantity.unit}]", *r.cells()[1:]] for r in shown]
     head = ["", "before", f"now, {100.0 * load_factor:.0f} %", target_name]

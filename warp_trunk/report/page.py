@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, plan_of_text, plan_words
-from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.geometry.normals import corner_areas
 from warp_trunk.geometry.surface_checks import crossings
-from warp_trunk.measures import SkinComparison
+from warp_trunk.measures import SkinComparison, TrunkMeasures
 from warp_trunk.measures.part import agreement_rows, swept_volumes
 from warp_trunk.measures.points import FollowedPoint, profile
-from warp_trunk.measures.quantities import DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
+from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 from warp_trunk.measures.table import as_html
@@ -29,10 +28,12 @@ from .style import TrunkState
 from .turning import Turning, script
 
 if TYPE_CHECKING:
-    from warp_trunk.results import Summary
+    from warp_trunk.results import Result, Summary
     from warp_trunk.results.bands import Bands
 
 
+STATES = (BEFORE, PREDICTED, ACTUAL)
+"""States of a result that its page compares, as far as they are known."""
 _OPTIONAL = (
     "bare_front",
     "bare_side",
@@ -49,26 +50,23 @@ _OPTIONAL = (
 
 
 def page(
+    result: Result,
     poses: Sequence[TrunkState],
     comparison: SkinComparison | None,
-    summary: Summary,
     drawings: Mapping[str, bytes],
-    plan: str | None = None,
-    trunk: Turning | None = None,
-    fingerprint: str = "",
+    trunk: Turning,
 ) -> str:
     """The text of the page; all that comes from files is escaped.
 
     Args:
+        result: the result.
         poses: before surgery, predicted, and the actual one where it is known.
         comparison: of the predicted skin with the actual one, where that is known.
-        summary: the summary of the result.
         drawings: by name the pictures that the page shows, as SVG or WebP.
-        plan: the text of the plan that made the case, where one did.
         trunk: the trunk to turn.
-        fingerprint: the name of exactly this prediction (`Result.fingerprint`).
     """
-    quality, planned = summary.skin_quality, read_text_of_plan(plan)
+    summary, table, plan = result.summary, result.table, plan_of_result(result)
+    quality, curves, states = summary.skin_quality, summary.curves[BEFORE], STATES[: len(poses)]
     return rendered(
         "page.html",
         drawings,
@@ -77,63 +75,57 @@ def page(
         hatched=quality is not None and bool(quality.faults),
         stretch=f"{LOOK:g}",
         implausible=f"{STRETCH:g}",
-        glance=glance(poses, summary),
-        joined=joined(planned),
-        plan_words="" if planned is None else plan_words(planned),
-        fingerprint=fingerprint,
-        sentences=sentences(poses, comparison, summary, planned),
+        glance=glance(table, curves),
+        joined=joined(plan),
+        plan_words="" if plan is None else plan_words(plan),
+        fingerprint=result.fingerprint,
+        sentences=sentences(table, curves, comparison, summary.bands, plan),
         measure_head=head(poses, "measure"),
-        measure_rows=measure_table(poses),
+        measure_rows=measure_table(table, result.measures_before, states),
         rotation_head=head(poses, "level") + (["19 of 20 between", "and"] if summary.bands else []),
-        rotation_rows=rotation_table(poses, summary),
+        rotation_rows=rotation_table(table, states, bands=summary.bands is not None),
         bands=summary.bands,
         band_head=BAND_HEAD,
-        band_rows=band_table(summary) if summary.bands else [],
+        band_rows=band_table(table, summary.bands) if summary.bands else [],
         source_head=SOURCE_HEAD,
         source_rows=source_table(summary.bands) if summary.bands else [],
         error_rows=error_table(comparison) if comparison else [],
         detectable=DETECTABLE,
-        **_of_run(poses, summary, plan),
+        **_of_run(result, poses),
     )
 
 
 def part_page(
+    result: Result,
     poses: Sequence[TrunkState],
-    summary: Summary,
     drawings: Mapping[str, bytes],
     agreed: Mapping[str, float] | None,
-    plan: str | None,
 ) -> str:
     """The text of the page of a part of the body without a spine; the arguments are those of `page`, and how far
     the prediction is from the actual skin where that is known."""
     return rendered(
         "part.html",
         drawings,
-        change_rows=[*change_table(poses), *profile_table(summary.points)],
+        change_rows=[*change_table(poses), *profile_table(result.summary.points)],
         error_rows=[] if agreed is None else agreement_rows(agreed),
-        **_of_run(poses, summary, plan),
+        **_of_run(result, poses),
     )
 
 
-def _of_run(poses: Sequence[TrunkState], summary: Summary, plan: str | None) -> dict[str, Any]:
+def _of_run(result: Result, poses: Sequence[TrunkState]) -> dict[str, Any]:
     """The data of the run on every page."""
-    status = summary.ending
+    summary, status = result.summary, result.status
     return {
-        "case": summary.case,
-        "plan": plan,
-        "warnings": summary.warnings,
+        "summary": summary,
+        "plan": result.plan,
         "point_rows": point_table(summary.points),
         "ratio_rows": ratio_table(summary.points),
         "chest_rows": [[name, f"{was:.1f}", f"{will:.1f}"] for name, (was, will) in summary.chest.items()],
-        "synthetic": summary.synthetic,
-        "invented": summary.invented,
-        "converged": status is RelaxStatus.CONVERGED,
-        "status": status.name,
+        "converged": result.converged,
         "reason": status.value[:1].upper() + status.value[1:],
         "poses": len(poses),
         "many": "many" if len(poses) > 2 else "",
         "titles": ", ".join(pose.look.title for pose in poses),
-        "increments": len(summary.increments),
         "reached": _reached(summary),
         "modelled": modelled(summary),
         "not_modelled": not_modelled(summary),
@@ -198,51 +190,40 @@ def head(poses: Sequence[TrunkState], name: str) -> list[str]:
     return [name, *titles[:2], "change", *([*titles[2:], "error"] if len(poses) > 2 else [])]
 
 
-def measure_table(poses: Sequence[TrunkState]) -> list[list[str]]:
+def measure_table(table: MeasureTable, before: TrunkMeasures, states: Sequence[str]) -> list[list[str]]:
     """The back, then every curve of the spine and the spine as a whole, as planned."""
-    measures = [pose.measures for pose in poses]
-    planned = [*measures[:2], *[None] * len(poses[2:])]  # an actual skin comes without its spine
-    groups = {"The back": skin_rows(measures)}
-    groups |= {f"{heading}, as planned": rows for heading, rows in spine_rows(planned).items()}
+    groups = {"The back": skin_rows(table, states)}
+    groups |= {f"{heading}, as planned": rows for heading, rows in spine_rows(table, before, states).items()}
     return [line for heading, rows in groups.items() for line in ([heading], *(r.compared_cells() for r in rows))]
 
 
-def rotation_table(poses: Sequence[TrunkState], summary: Summary | None = None) -> list[list[str]]:
-    """The rotation of the back [degrees], one row for each level, with its interval where there is one."""
-    rows, table = level_rows([pose.measures for pose in poses]), []
-    known = {} if summary is None else MeasureTable(summary.measures).column(PREDICTED, "bsr_deg")
-    for row in rows:
-        ends = (
-            [known[row.level].low, known[row.level].high]
-            if summary and summary.bands and row.level in known
-            else []
-        )
-        table.append([row.level, *row.compared_cells()[1:], *map(row.text, ends)])
-    return table
+def rotation_table(table: MeasureTable, states: Sequence[str], *, bands: bool = False) -> list[list[str]]:
+    """The rotation of the back [degrees], one row for each level, with its interval where that is asked for."""
+    known, lines = table.column(PREDICTED, "bsr_deg"), []
+    for row in level_rows(table, states):
+        ends = [row.text(end) for end in (known[row.level].low, known[row.level].high)] if bands else []
+        lines.append([row.level, *row.compared_cells()[1:], *ends])
+    return lines
 
 
-def read_text_of_plan(text: str | None) -> Plan | None:
-    """The plan of a result from its text; None where it has none, or the motions of bones in its place."""
-    if text is None or "uiv" not in text:
+def plan_of_result(result: Result) -> Plan | None:
+    """The plan of a result; None where it has none, or the motions of bones in its place."""
+    if result.plan is None or "uiv" not in result.plan:
         return None
-    return plan_of_text(text, Path("plan.toml"))
+    return plan_of_text(result.plan, Path("plan.toml"))
 
 
-def band_table(summary: Summary) -> list[list[str]]:
+def band_table(table: MeasureTable, bands: Bands) -> list[list[str]]:
     """Every number that has an interval: of the skin, then of the planned spine."""
-    measures, found, nonlinear = (
-        MeasureTable(summary.measures),
-        [],
-        summary.bands.nonlinear if summary.bands else (),
-    )
+    found = []
     for quantity in QUANTITIES.values():
-        for level, row in measures.column(PREDICTED, quantity.key).items():
+        for level, row in table.column(PREDICTED, quantity.key).items():
             if row.low is None:
                 continue
-            met = measures.column(EXACT, quantity.key).get(level)
+            met = table.column(EXACT, quantity.key).get(level)
             line = MeasureRow(quantity=quantity, level=level, values=(row.value, row.low, row.high))
             value, low, high = map(line.text, line.values)
-            linear = "no" if (quantity.key, level) in nonlinear else "yes" if quantity.of_skin else ""
+            linear = "no" if (quantity.key, level) in bands.nonlinear else "yes" if quantity.of_skin else ""
             found.append([line.title, value, number(row.sd), low, high, number(met and met.sd), linear])
     return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,8 @@ from warp_trunk.bone_motion.plan import Plan, plan_words
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure
-from warp_trunk.measures.quantities import DETECTABLE, LENGTH, PREDICTED, SPINE_ANGLE, WIDTH
+from warp_trunk.measures.quantities import BEFORE as BEFORE_SURGERY
+from warp_trunk.measures.quantities import DETECTABLE, LENGTH, PREDICTED, SPINE_ANGLE, WIDTH, MeasureTable
 from warp_trunk.measures.rows import MISSING, MeasureRow, measure_rows, number
 
 from .page import rendered
@@ -71,7 +72,19 @@ def plan_poses(results: Sequence[Result]) -> list[TrunkState]:
     return poses
 
 
+def plans_table(poses: Sequence[TrunkState], results: Sequence[Result]) -> MeasureTable:
+    """The numbers before surgery and predicted with each plan; states are called as the poses are."""
+    states = [(BEFORE_SURGERY, results[0]), *((PREDICTED, result) for result in results)]
+    return MeasureTable(
+        replace(row, state=pose.look.title)
+        for pose, (state, result) in zip(poses, states, strict=True)
+        for row in result.table.rows
+        if row.state == state
+    )
+
+
 def plans_page(
+    table: MeasureTable,
     poses: Sequence[TrunkState],
     results: Sequence[Result],
     plans: Sequence[Plan | None],
@@ -81,7 +94,9 @@ def plans_page(
     """The text of the page; all that comes from files is escaped."""
     named = [(pose.look.heading, result) for pose, result in zip(poses[1:], results, strict=True)]
     words = ["" if plan is None else plan_words(plan) for plan in plans]
-    apart = apart_of(poses, [result.effects for result in results])
+    states = [pose.look.title for pose in poses]
+    groups = measure_rows(table, results[0].measures_before, states)
+    apart = apart_of(groups, states, [result.effects for result in results])
     unbanded = [title for title, result in named if result.effects is None]
     return rendered(
         "plans.html",
@@ -89,7 +104,7 @@ def plans_page(
         trunk=trunk,
         panels=len(poses),
         synthetic=any(result.summary.synthetic for result in results),
-        titles=", ".join(pose.look.title for pose in poses),
+        titles=", ".join(states),
         plans=[
             (title, result.summary.case, result.folder.resolve().name, words[number], result.plan)
             for number, (title, result) in enumerate(named)
@@ -102,8 +117,8 @@ def plans_page(
         warnings=[f"{title}: {warning}" for title, result in named for warning in result.summary.warnings],
         differs=differences(poses, apart),
         unbanded=listed(unbanded),
-        numbers_head=["", *(pose.look.title for pose in poses)],
-        numbers_rows=numbers_table(poses, results),
+        numbers_head=["", *states],
+        numbers_rows=numbers_table(groups, table, states),
         apart_head=["", *dict.fromkeys(one.title for one in apart)],
         apart_rows=apart_table(apart),
     )
@@ -131,19 +146,20 @@ class Apart:
         return seen and (self.low is None or self.high is None or self.low * self.high > 0.0)
 
 
-def apart_of(poses: Sequence[TrunkState], effects: Sequence[Effects | None]) -> list[Apart]:
+def apart_of(
+    groups: Mapping[str, Sequence[MeasureRow]], states: Sequence[str], effects: Sequence[Effects | None]
+) -> list[Apart]:
     """The difference of every measure by which plans are chosen between each two plans.
 
     The plans are of one patient, so that they share the errors of landmarks, of the model and of the surgery: the
     interval of a difference comes from the difference of the effects of each (`Effects.difference_sd`).
     """
-    groups = measure_rows([pose.measures for pose in poses])
     rows = [row for group in groups.values() for row in group if row.short]
     found = []
     for one, other in combinations(range(len(effects)), 2):
         a, b = effects[one], effects[other]
         sds = {} if a is None or b is None else a.difference_sd(b)
-        title = " − ".join(poses[1 + number].look.title.removeprefix("plan ") for number in (one, other))
+        title = " − ".join(states[1 + number].removeprefix("plan ") for number in (one, other))
         for row in rows:
             first, second = row.values[1 + one], row.values[1 + other]
             if first is not None and second is not None:
@@ -164,15 +180,17 @@ def apart_table(apart: Sequence[Apart]) -> list[list[str]]:
     return [[name, *(cells.get(title, MISSING) for title in titles)] for name, cells in table.items()]
 
 
-def numbers_table(poses: Sequence[TrunkState], results: Sequence[Result]) -> list[list[str]]:
+def numbers_table(
+    groups: Mapping[str, Sequence[MeasureRow]], table: MeasureTable, states: Sequence[str]
+) -> list[list[str]]:
     """Every measure before surgery and with each plan, with its interval where that was computed."""
     lines = []
-    for heading, rows in measure_rows([pose.measures for pose in poses]).items():
+    for heading, rows in groups.items():
         lines.append([heading])
         for row in rows:
             title, *cells = row.cells()
-            for place, result in enumerate(results, start=1):
-                known = result.table.column(PREDICTED, row.quantity.key).get(row.level)
+            for place, state in enumerate(states):
+                known = table.column(state, row.quantity.key).get(row.level)
                 text = interval_text(known, sided=row.quantity.side)
                 cells[place] += f" ({text})" if text else ""
             lines.append([title, *cells])

@@ -13,37 +13,40 @@ from warp_trunk.engine.simulation import ON_THE_WAY
 from warp_trunk.measures.rows import sided
 
 from .relief import in_pelvis
-from .style import FAINT, INK, PREDICTED, TrunkState, new_figure
+from .style import FAINT, INK, PREDICTED, Look, TrunkState, new_figure
 
 if TYPE_CHECKING:
-    from warp_trunk.measures.quantities import Measured
+    from warp_trunk.measures.quantities import MeasureTable
     from warp_trunk.results import Summary
 
 
-def rotation_plot(poses: Sequence[TrunkState], bands: Mapping[str, Measured] | None = None) -> Figure:
-    """The angle of every pose at every level, top to bottom; a level that was not measured leaves a gap.
+def rotation_plot(table: MeasureTable, looks: Mapping[str, Look], *, bands: bool = True) -> Figure:
+    """The angle of every state at every level, top to bottom; a level that was not measured leaves a gap.
 
-    Where it is known how sure the prediction is, whiskers reach as far as it lies in 19 of 20 cases.
+    Args:
+        table: the numbers.
+        looks: the states, before surgery first, and how each looks.
+        bands: whether whiskers reach as far as a number lies in 19 of 20 cases, where that is known.
     """
-    levels = list(poses[0].measures.bsr)
+    levels = list(table.column(next(iter(looks)), "bsr_deg"))
     figure = new_figure(6.4, 1.4 + 0.2 * max(len(levels), 8), "constrained")
     axes = figure.subplots()
     axes.axvline(0.0, color=INK, linewidth=0.8)
-    for pose in poses:
-        angles = [pose.measures.bsr.get(level) for level in levels]
+    for state, look in looks.items():
+        rows = [table.column(state, "bsr_deg").get(level) for level in levels]
         axes.plot(
-            [float("nan") if angle is None else angle for angle in angles],
+            [float("nan") if row is None or row.value is None else row.value for row in rows],
             range(len(levels)),
-            color=pose.look.colour,
-            marker=pose.look.marker,
-            linestyle=pose.look.line,
+            color=look.colour,
+            marker=look.marker,
+            linestyle=look.line,
             markersize=5.0,
             linewidth=1.3,
-            label=pose.look.title,
+            label=look.title,
         )
-    for level, band in (bands or {}).items():
-        if level in levels and band.low is not None and band.high is not None:
-            axes.plot([band.low, band.high], [levels.index(level)] * 2, "|-", color=PREDICTED.colour, alpha=0.5)
+        for place, row in enumerate(rows):
+            if bands and row is not None and row.low is not None and row.high is not None:
+                axes.plot([row.low, row.high], [place] * 2, "|-", color=look.colour, alpha=0.5)
     axes.set_yticks(range(len(levels)), levels)
     axes.set_ylim(len(levels) - 0.4, -0.6)
     least, most = axes.get_xlim()
@@ -51,7 +54,7 @@ def rotation_plot(poses: Sequence[TrunkState], bands: Mapping[str, Measured] | N
     axes.grid()
     axes.set_xlabel("← left side further back      back surface rotation [degrees]      right side further back →")
     axes.set_ylabel("vertebra")
-    figure.legend(loc="outside upper center", ncols=len(poses))
+    figure.legend(loc="outside upper center", ncols=len(looks))
     return figure
 
 

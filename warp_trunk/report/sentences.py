@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from warp_trunk.bone_motion.plan import Plan, fused_levels
-from warp_trunk.measures import SkinComparison, TrunkMeasures
-from warp_trunk.measures.followed_curves import FollowedCurve, followed_curves, main_curves
-from warp_trunk.measures.quantities import DETECTABLE, PREDICTED, QUANTITIES, Measured, MeasureTable, Quantity
-from warp_trunk.measures.waist import Waist
-
-from .style import TrunkState
+from warp_trunk.measures import CobbAngle, SkinComparison
+from warp_trunk.measures.quantities import BEFORE, DETECTABLE, PREDICTED, QUANTITIES, Measured, MeasureTable
 
 if TYPE_CHECKING:
-    from warp_trunk.results import Summary
+    from warp_trunk.results.bands import Bands
+
+MAIN = 0.8
+"""A curve of at least this part of the largest is a main curve too: a double major has two."""
+Pair = tuple[float | None, float | None]
+"""A number before surgery and predicted."""
 
 
 @dataclass(frozen=True)
@@ -33,29 +34,34 @@ class Tile:
 
 
 def sentences(
-    poses: Sequence[TrunkState],
-    comparison: SkinComparison | None,
-    summary: Summary | None = None,
+    table: MeasureTable,
+    curves: Sequence[CobbAngle],
+    comparison: SkinComparison | None = None,
+    bands: Bands | None = None,
     plan: Plan | None = None,
 ) -> dict[str, str]:
     """Sentences on the plan, the changes, the rest and the certainty, by these headings.
 
     Args:
-        poses: before surgery and predicted.
+        table: the numbers of the result.
+        curves: those of the spine before surgery.
         comparison: of the predicted skin with the actual one, where that is known.
-        summary: of the result, with its intervals where it has them.
+        bands: the sources of the intervals, where there are some.
         plan: the plan that was simulated, where that is known.
     """
-    before, predicted = poses[0].measures, poses[1].measures
-    curves = _known_curves(before, predicted)
-    several = len(main_curves(curves)) > 1
-    sure = ["" if summary is None else band_sentence(summary, before.worst_level or ""), _trust(comparison)]
+    followed = _followed(table, curves)
+    sure = [band_sentence(table, bands), _trust(comparison)]
     return {
-        "What is planned": _plan(curves),
-        "What changes": " ".join(filter(None, [_change(before, predicted, several), _bearing(before, predicted)])),
-        "What stays": f"{_rest(before, predicted)} {_stiff(plan)}",
-        "How sure this is": " ".join(filter(None, sure)),
+        "What is planned": _plan(followed),
+        "What changes": " ".join(filter(None, [_change(table, len(_main(followed)) > 1), _bearing(table)])),
+        "What stays": f"{_rest(table)} {_stiff(plan)}",
+        "How sure this is": " ".join(sure),
     }
+
+
+def pair(table: MeasureTable, key: str, level: str = "") -> Pair:
+    """A number before surgery and predicted."""
+    return table.value(BEFORE, key, level), table.value(PREDICTED, key, level)
 
 
 def joined(plan: Plan | None) -> str:
@@ -80,36 +86,33 @@ _SIDES = {
 """Sides in words, by quantity."""
 
 
-def glance(poses: Sequence[TrunkState], summary: Summary | None = None) -> list[Tile]:
+def glance(table: MeasureTable, curves: Sequence[CobbAngle]) -> list[Tile]:
     """The few numbers that a patient asks for first: before and after, with side and interval."""
-    before, predicted = poses[0].measures, poses[1].measures
-    table = MeasureTable([] if summary is None else summary.measures)
+    worst = table.largest(BEFORE, "bsr_deg") or ""  # the same one after surgery, where another may be the largest
+    asked = [
+        ("cobb_deg", f"curve of the spine, {_ends(curve)}, to the {curve.convex}", curve.ends)
+        for curve, _ in _main(_followed(table, curves))
+    ]
+    asked += [
+        ("bsr_deg", f"rotation of the back at {worst}", worst),
+        ("max_hump_mm", "hump", ""),
+        ("shoulder_difference_mm", "shoulders", ""),
+        ("waist_depth_mm", "waist", ""),
+        ("trunk_shift_mm", "top of the spine beside the pelvis", ""),
+    ]
     tiles = []
-    for curve in main_curves(_known_curves(before, predicted)):
-        level = f"{curve.before.upper}-{curve.before.lower}"
-        name = f"curve of the spine, {curve.ends}, to the {curve.before.convex}"
-        row = table.column(PREDICTED, "cobb_deg").get(level)
-        tiles.append(_tile("cobb_deg", name, curve.before.angle, curve.angle_after, row))
-    worst = before.worst_level  # the same one after surgery, where another may be the largest
-    for key, name, level, pair in (
-        ("bsr_deg", f"rotation of the back at {worst}", worst or "", _rotations(before, predicted)),
-        ("max_hump_mm", "hump", "", (before.max_hump, predicted.max_hump)),
-        ("shoulder_difference_mm", "shoulders", "", (_shoulders(before), _shoulders(predicted))),
-        ("waist_depth_mm", "waist", "", (_waist(before), _waist(predicted))),
-        ("trunk_shift_mm", "top of the spine beside the pelvis", "", (_shift(before), _shift(predicted))),
-    ):
-        was, will = pair
+    for key, name, level in asked:
+        was, will = pair(table, key, level)
         if was is not None and will is not None:
-            tiles.append(_tile(key, name, was, will, table.column(PREDICTED, key).get(level)))
-    gained = _height_gained(before, predicted)
-    if gained is not None:
-        tiles.append(Tile("height of the spine", _minus(f"{gained:+z.0f} mm"), "", ""))
+            tiles.append(_tile(key, name, was, will, table.column(PREDICTED, key)[level]))
+    was, will = pair(table, "spine_height_mm")
+    if was is not None and will is not None:
+        tiles.append(Tile("height of the spine", _minus(f"{will - was:+z.0f} mm"), "", ""))
     return tiles
 
 
-def _tile(key: str, name: str, was: float, will: float | None, row: Measured | None) -> Tile:
-    """A number before and after; `will` is known."""
-    assert will is not None
+def _tile(key: str, name: str, was: float, will: float, row: Measured) -> Tile:
+    """A number before and after."""
     quantity, words = QUANTITIES[key], _SIDES.get(key)
     unit = "°" if quantity.unit == "°" else " mm"
     sides = [_side(value) if round(value) else "" for value in (was, will)]
@@ -121,15 +124,17 @@ def _tile(key: str, name: str, was: float, will: float | None, row: Measured | N
     if flips:
         value = f"{first} {sides[0]} → {last} {sides[1]}{unit if unit == '°' else ''}"
         name += "" if unit == "°" else " [mm]"
-    return Tile(name, _minus(value), _warning(quantity, was, will, flips), interval_text(row, sided=bool(words)))
+    return Tile(
+        name, _minus(value), _warning(was, will, quantity.detectable, flips), interval_text(row, sided=bool(words))
+    )
 
 
-def _warning(quantity: Quantity, was: float, will: float, flips: bool) -> str:
+def _warning(was: float, will: float, detectable: float, flips: bool) -> str:
     """A warning of another side, or of more than before; empty for neither."""
     more = abs(round(will)) - abs(round(was))
     words = ["changes its side"] if flips else []
     if more > 0:
-        small = more < quantity.detectable
+        small = more < detectable
         words.append("more than before" + (", but hardly to be seen" if small else ""))
     return " and ".join(words)
 
@@ -145,12 +150,12 @@ def interval_text(row: Measured | None, *, sided: bool) -> str:
     return f"{abs(low):.0f} left to {high:.0f} right"
 
 
-def band_sentence(summary: Summary, level: str) -> str:
-    """How sure the rotation at a level is; states where that was not computed."""
-    band = MeasureTable(summary.measures).column(PREDICTED, "bsr_deg").get(level)
+def band_sentence(table: MeasureTable, bands: Bands | None) -> str:
+    """How sure the rotation at the level of the largest one is; states where that was not computed."""
+    level = table.largest(BEFORE, "bsr_deg") or ""
+    band = table.column(PREDICTED, "bsr_deg").get(level)
     if band is None or band.low is None or band.high is None:
         return "How far these numbers may be wrong was not computed for this prediction."
-    nonlinear = summary.bands is not None and ("bsr_deg", level) in summary.bands.nonlinear
     least, most = sorted((abs(band.low), abs(band.high)))
     between = f"between {least:.0f} and {most:.0f} degrees"
     if round(band.low) * round(band.high) < 0:
@@ -158,6 +163,7 @@ def band_sentence(summary: Summary, level: str) -> str:
             f"between {abs(band.low):.0f} degrees with the left side further back and {band.high:.0f} with the "
             "right side"
         )
+    nonlinear = bands is not None and ("bsr_deg", level) in bands.nonlinear
     rough = " That is a rough figure: small errors have uneven effects there." if nonlinear else ""
     return (
         f"In 19 of 20 such operations the rotation at {level} would be {between}, if the bones are seen and moved "
@@ -165,43 +171,35 @@ def band_sentence(summary: Summary, level: str) -> str:
     )
 
 
-def _known_curves(before: TrunkMeasures, after: TrunkMeasures) -> list[FollowedCurve]:
-    return [curve for curve in followed_curves(before, after) if curve.angle_after is not None]
+Followed = Sequence[tuple[CobbAngle, float]]
+"""Curves before surgery, each with the angle between the same vertebrae after it."""
 
 
-def _rotations(before: TrunkMeasures, after: TrunkMeasures) -> tuple[float | None, float | None]:
-    """The rotation of the back before and after, both at the level where it is largest before."""
-    level = before.worst_level
-    return (None, None) if level is None else (before.bsr[level], after.bsr.get(level))
+def _followed(table: MeasureTable, curves: Sequence[CobbAngle]) -> Followed:
+    after = table.values(PREDICTED, "cobb_deg")
+    return [(curve, angle) for curve in curves if (angle := after.get(curve.ends)) is not None]
 
 
-def _height_gained(before: TrunkMeasures, after: TrunkMeasures) -> float | None:
-    was, will = before.spine_height, after.spine_height
-    return None if was is None or will is None else will.height - was.height
+def _main(curves: Followed) -> Followed:
+    """The curves that a spine is named after, top to bottom."""
+    largest = max((curve.angle for curve, _ in curves), default=0.0)
+    return [one for one in curves if one[0].angle >= MAIN * largest]
 
 
-def _shoulders(measures: TrunkMeasures) -> float | None:
-    return measures.shoulders and measures.shoulders.difference
-
-
-def _waist(measures: TrunkMeasures) -> float | None:
-    return measures.waist and measures.waist.depth_difference
-
-
-def _shift(measures: TrunkMeasures) -> float | None:
-    return measures.trunk_shift and measures.trunk_shift.lateral
+def _ends(curve: CobbAngle) -> str:
+    return f"{curve.upper} to {curve.lower}"
 
 
 def _minus(text: str) -> str:
     return text.replace("-", "−")
 
 
-def _plan(curves: Sequence[FollowedCurve]) -> str:
+def _plan(curves: Followed) -> str:
     if not curves:
         return "The spine has no curve of 10 degrees or more."
-    main = main_curves(curves)
-    rest = [curve for curve in curves if curve not in main]
-    verb = "straighten" if all(abs(c.angle_after or 0.0) <= c.before.angle for c in curves) else "change"
+    main = _main(curves)
+    rest = [one for one in curves if one not in main]
+    verb = "straighten" if all(abs(after) <= curve.angle for curve, after in curves) else "change"
     text = (
         f"The operation is planned to {verb} the main curve{'s' * (len(main) > 1)} of the spine {_listed(main)}."
     )
@@ -211,11 +209,11 @@ def _plan(curves: Sequence[FollowedCurve]) -> str:
     return text
 
 
-def _listed(curves: Sequence[FollowedCurve]) -> str:
+def _listed(curves: Followed) -> str:
     """The Cobb angles of each curve before and after."""
     each = [
-        _minus(f"from {c.before.angle:.0f} to {c.angle_after:.0f} degrees ({c.ends}, to the {c.before.convex})")
-        for c in curves
+        _minus(f"from {curve.angle:.0f} to {after:.0f} degrees ({_ends(curve)}, to the {curve.convex})")
+        for curve, after in curves
     ]
     return listed(each)
 
@@ -225,11 +223,12 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
-def _change(before: TrunkMeasures, predicted: TrunkMeasures, several: bool) -> str:
-    was, will = _rotations(before, predicted)
-    if was is None:
+def _change(table: MeasureTable, several: bool) -> str:
+    level = table.largest(BEFORE, "bsr_deg")
+    was, will = pair(table, "bsr_deg", level or "")
+    if level is None or was is None:
         return "The rotation of the back could not be measured."
-    most = f"The rotation of the back is largest at vertebra {before.worst_level}"
+    most = f"The rotation of the back is largest at vertebra {level}"
     if will is None:
         return f"{most}, {abs(was):.0f} degrees; the prediction could not be measured there."
     text = f"{most}: {abs(will):.0f} degrees are predicted there instead of {abs(was):.0f}"
@@ -238,37 +237,38 @@ def _change(before: TrunkMeasures, predicted: TrunkMeasures, several: bool) -> s
             f"{most}: it is predicted to change from {abs(was):.0f} degrees with the {_side(was)} side further "
             f"back to {abs(will):.0f} degrees with the {_side(will)} side further back"
         )
-    lumbar, after = before.max_lumbar_bsr, predicted.max_lumbar_bsr
-    if several and str(before.worst_level).startswith("T") and lumbar is not None and after is not None:
+    lumbar, after = pair(table, "max_lumbar_bsr_deg")
+    if several and level.startswith("T") and lumbar is not None and after is not None:
         text += f", and in the lower back {abs(after):.0f} instead of {abs(lumbar):.0f}"
     return f"{text}."
 
 
-def _bearing(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
+def _bearing(table: MeasureTable) -> str:
     """Shoulders, waist, balance and height; empty where none is known."""
     parts = []
-    was, will = _shoulders(before), _shoulders(predicted)
+    was, will = pair(table, "shoulder_difference_mm")
     if was is not None and will is not None:
         parts.append(f"the shoulders differ in height by {_higher(will)} instead of {_higher(was)}")
-    if before.waist is not None and predicted.waist is not None:
-        was, will = before.waist, predicted.waist
+    waists = [pair(table, key) for key in ("waist_depth_left_mm", "waist_depth_right_mm", "waist_height_mm")]
+    (left, left_will), (right, right_will), (height, height_will) = waists
+    if left is not None and right is not None and left_will is not None and right_will is not None:
         parts.append(
-            f"the waist is {will.left_depth:.0f} mm deep on the left and {will.right_depth:.0f} on the right "
-            f"instead of {was.left_depth:.0f} and {was.right_depth:.0f}, and {_waist_height(will)} instead of "
-            f"{_waist_height(was)}"
+            f"the waist is {left_will:.0f} mm deep on the left and {right_will:.0f} on the right instead of "
+            f"{left:.0f} and {right:.0f}, and {_waist_height(height_will)} instead of {_waist_height(height)}"
         )
-    was, will = _shift(before), _shift(predicted)
+    was, will = pair(table, "trunk_shift_mm")
     if was is not None and will is not None:
         parts.append(f"the top of the spine stands {_beside(will)} instead of {_beside(was)}")
-    gained = _height_gained(before, predicted)
-    if gained is not None and abs(gained) >= 0.5:
+    was, will = pair(table, "spine_height_mm")
+    if was is not None and will is not None and abs(gained := will - was) >= 0.5:
         parts.append(f"the spine is {abs(gained):.0f} mm {'taller' if gained > 0.0 else 'shorter'}")
     return " ".join(f"{part[:1].upper()}{part[1:]}." for part in parts)
 
 
-def _waist_height(waist: Waist) -> str:
-    height = waist.height_difference
-    return "level" if abs(height) < 0.5 else f"{abs(height):.0f} mm higher on the {_side(height)}"
+def _waist_height(height: float | None) -> str:
+    if height is None or abs(height) < 0.5:
+        return "level"
+    return f"{abs(height):.0f} mm higher on the {_side(height)}"
 
 
 def _beside(shift: float) -> str:
@@ -281,9 +281,9 @@ def _higher(difference: float) -> str:
     return f"{abs(difference):.0f} mm{side}"
 
 
-def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
-    level = predicted.worst_level
-    angle = predicted.bsr.get(level or "")
+def _rest(table: MeasureTable) -> str:
+    level = table.largest(PREDICTED, "bsr_deg")
+    was, angle = pair(table, "bsr_deg", level or "")
     if level is None or angle is None:
         return "The rotation of the predicted back could not be measured."
     if abs(angle) < DETECTABLE:
@@ -291,7 +291,7 @@ def _rest(before: TrunkMeasures, predicted: TrunkMeasures) -> str:
             f"The predicted rotation of the back is below {DETECTABLE:g} degrees at every vertebra, the smallest "
             "difference that such measurements can detect."
         )
-    was, hump, will = before.bsr.get(level), before.max_hump, predicted.max_hump
+    hump, will = pair(table, "max_hump_mm")
     verb = "still stands" if was is not None and abs(was) >= 0.5 and was * angle > 0.0 else "then stands"
     text = (
         f"The {_side(angle)} side of the back {verb} further back, by {abs(angle):.0f} degrees at vertebra {level}"

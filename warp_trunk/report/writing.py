@@ -14,7 +14,6 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from warp_trunk.bone_motion.plan import fused_levels
-from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.folders import make_writable
@@ -28,9 +27,9 @@ from . import skin_pictures as skins
 from .clothing import dressed
 from .hump import hump_on_vertices, hump_palette
 from .hump_picture import hump_limit, hump_picture
-from .page import page, part_page, read_text_of_plan
+from .page import STATES, page, part_page, plan_of_result
 from .part_pictures import change_sections, changed_views, frame_of
-from .plans import check_plans, plan_poses, plans_page
+from .plans import check_plans, plan_poses, plans_page, plans_table
 from .plots import convergence_plot, rotation_plot, section_plots
 from .relief import BEHIND, FRONT, RIGHT, in_pelvis
 from .spine_pictures import spine_picture
@@ -69,7 +68,7 @@ def write_report(result: Result, out: str | Path | None = None, *, bare: bool = 
 
 def _whole(result: Result, folder: Path, bare: bool) -> str:
     """The page of a trunk; its pictures are written."""
-    poses, summary, comparison = poses_of(result), result.summary, None
+    poses, summary, plan, comparison = poses_of(result), result.summary, plan_of_result(result), None
     if result.actual_skin is not None:
         comparison = compare_skins(result.skin, result.actual_skin, result.landmarks_after)
     poses = dressed(poses)
@@ -77,22 +76,18 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     doubtful = None
     if quality is not None and quality.faults:
         doubtful = skins.at_vertices(result.skin, change.doubtful.astype(np.float64))
-    planned, more, hump = (
-        read_text_of_plan(result.plan),
-        [],
-        result.table.column("predicted", "max_hump_mm").get(""),
-    )
-    if result.effects is not None and hump is not None and summary.ending is RelaxStatus.CONVERGED:
+    more, hump = [], result.table.column(STATES[1], "max_hump_mm").get("")
+    if result.effects is not None and hump is not None and result.converged:
         more = _likely(poses[1], result.effects.likely_worse, hump.sd or 0.0)
     figures, trunk = _backs(poses, doubtful, more, bare=bare)
-    fused = [(), () if planned is None else fused_levels(planned)]
+    fused = [(), () if plan is None else fused_levels(plan)]
     figures |= {
         "front": skins.plain_picture(poses, FRONT)[0],
         "side": skins.plain_picture(poses, RIGHT)[0],
         "shoulders": skins.shoulders_picture(poses),
         "spine_behind": spine_picture(poses[:2], BEHIND, fused),
         "spine_side": spine_picture(poses[:2], RIGHT, fused),
-        "rotation": rotation_plot(poses, result.table.column("predicted", "bsr_deg")),
+        "rotation": rotation_plot(result.table, dict(zip(STATES, (pose.look for pose in poses), strict=False))),
         "sure": skins.sure_picture(poses[1], result.skin_sd),
         "stretch_behind": skins.stretch_picture(poses[1], change, BEHIND),
         "stretch_front": skins.stretch_picture(poses[1], change, FRONT)
@@ -106,7 +101,7 @@ def _whole(result: Result, folder: Path, bare: bool) -> str:
     if bare:
         figures["bare_front"] = skins.plain_picture(poses, FRONT, wear="nothing")[0]
         figures["bare_side"] = skins.plain_picture(poses, RIGHT, wear="nothing")[0]
-    return page(poses, comparison, summary, _drawn(figures, folder), result.plan, trunk, result.fingerprint)
+    return page(result, poses, comparison, _drawn(figures, folder), trunk)
 
 
 def _likely(predicted: TrunkState, worse: np.ndarray, sd: float) -> list[TrunkState]:
@@ -141,7 +136,7 @@ def _part(result: Result, folder: Path) -> str:
     if result.actual_skin is not None:
         agreed, distance = agreement(result.skin, result.actual_skin)
         figures["error"] = skins.values_picture(poses[1], distance, views[0], "distance [mm]", signed=True)
-    return part_page(poses, result.summary, _drawn(figures, folder), agreed, result.plan)
+    return part_page(result, poses, _drawn(figures, folder), agreed)
 
 
 def write_comparison(results: Sequence[Result], out: str | Path | None = None, *, bare: bool = False) -> Path:
@@ -165,15 +160,15 @@ def write_comparison(results: Sequence[Result], out: str | Path | None = None, *
     folder, poses = _prepare(out, PLANS_PICTURES), dressed(plan_poses(results))
     with rc_context(RC):
         figures, trunk = _backs(poses, bare=bare)
-        plans = [read_text_of_plan(result.plan) for result in results]
+        plans, table = [plan_of_result(result) for result in results], plans_table(poses, results)
         fused = [(), *(() if plan is None else fused_levels(plan) for plan in plans)]
         figures |= {
             "spine_behind": spine_picture(poses, BEHIND, fused),
             "spine_side": spine_picture(poses, RIGHT, fused),
-            "rotation": rotation_plot(poses),
+            "rotation": rotation_plot(table, {pose.look.title: pose.look for pose in poses}, bands=False),
         }
         drawings = _drawn(figures, folder)
-    return _write(out / PLANS_PAGE, plans_page(poses, results, plans, drawings, trunk).encode())
+    return _write(out / PLANS_PAGE, plans_page(table, poses, results, plans, drawings, trunk).encode())
 
 
 def notebook_html(result: Result) -> str:

@@ -109,7 +109,7 @@ def judged(
         text += ["", *(f"{name}: {value}" for name, value in agreement_rows(agreed))]
     elif actual is not None:
         other, comparison = measure(actual, landmarks), compare_skins(skin, actual, landmarks)
-        table = table.with_rows([*measured(ACTUAL, other, skin_only=True), *comparison_rows(comparison)])
+        table = table.with_rows([*measured(ACTUAL, other, of="skin"), *comparison_rows(comparison)])
         text += ["", "The actual skin", "", measures_text(other), "", comparison_text(comparison)]
     inside = levels_in_band(table)
     if known := [level for level, is_in in inside.items() if is_in is not None]:

@@ -80,9 +80,9 @@ def result_of(
     displacement, last = increments[-1].displacement, increments[-1].relaxation
     skin, planned = predicted_skin(case, trunk, displacement), case.planned_landmarks
     before, after = measures or (measure(case.skin, case.landmarks_before), measure(skin, planned, case.skin))
-    table = MeasureTable([*measured(BEFORE, before), *measured(PREDICTED, after, before.cobb)])
+    table = MeasureTable.of({BEFORE: before, PREDICTED: after})
     if case.actual_skin is not None:
-        actual = measured(ACTUAL, measure(case.actual_skin, planned), skin_only=True)
+        actual = measured(ACTUAL, measure(case.actual_skin, planned), of="skin")
         table = table.with_rows(actual)
     if found is not None:
         table = table.with_rows(found.rows)

@@ -27,7 +27,7 @@ def plain(result: Result, name: str = "") -> str:
     `name` is that of one among several results; then every block begins with it.
     """
     of = f"{name}: " if name else ""
-    folder, summary, before = result.folder, result.summary, result.measures_before
+    folder, summary = result.folder, result.summary
     status = summary.ending
     lines = [
         f"{of}{status.name}: {status.value}",
@@ -43,8 +43,8 @@ def plain(result: Result, name: str = "") -> str:
         for point in summary.points
     ]
     lines += [f"{name}: {was:.1f} before, {will:.1f} predicted" for name, (was, will) in summary.chest.items()]
-    lines += ["", as_text([f"{of}measure", "before", "predicted"], _rows(before, result.measures))]
-    if before.bsr:
+    lines += ["", as_text([f"{of}measure", "before", "predicted"], _rows(result.table, result.measures_before))]
+    if summary.has_spine:
         lines += ["", f"{of}Rotation of the back (BSR) at every vertebra, with the side that stands further back"]
         lines.append(_levels(result.table))
     files = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
@@ -66,19 +66,19 @@ def markdown(
     case: Case, last: Increment, before: TrunkMeasures, after: TrunkMeasures, warnings: Sequence[str]
 ) -> str:
     """The same for the viewer, which reads Markdown."""
-    status = last.relaxation.status
+    status, table = last.relaxation.status, MeasureTable.of({BEFORE: before, PREDICTED: after})
     lines = [f"# {case.name}", "", f"**{status.name}**: {status.value}.", ""]
     lines += [line for warning in warnings for line in (f"**Warning:** {warning}", "")]
-    lines += [as_markdown(["measure", "before", "predicted"], _rows(before, after)), ""]
+    lines += [as_markdown(["measure", "before", "predicted"], _rows(table, before)), ""]
     if before.bsr:
-        rows = [[row.level, *row.cells()[1:]] for row in level_rows([before, after])]
+        rows = [[row.level, *row.cells()[1:]] for row in level_rows(table)]
         lines += [as_markdown(["rotation of the back [°] at", "before", "predicted"], rows), ""]
     return "\n".join([*lines, RESEARCH])
 
 
-def _rows(before: TrunkMeasures, after: TrunkMeasures) -> list[list[str]]:
+def _rows(table: MeasureTable, before: TrunkMeasures) -> list[list[str]]:
     """Every measure of the whole trunk, under headings."""
-    groups = measure_rows([before, after])
+    groups = measure_rows(table, before)
     return [line for heading, rows in groups.items() for line in ([heading], *(row.cells() for row in rows))]
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from warp_trunk.measures.measures import measure_spine
+from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
 from warp_trunk.measures.rows import skin_rows, spine_rows
 from warp_trunk.measures.table import as_text
 
@@ -76,7 +77,8 @@ class PlannedSurgery:
     @cached_property
     def rows(self) -> dict[str, list[MeasureRow]]:
         """The measures of the spine before and after, by heading."""
-        return spine_rows([measure_spine(marks) for marks in (self.landmarks_before, self.landmarks_after)])
+        before, after = (measure_spine(marks) for marks in (self.landmarks_before, self.landmarks_after))
+        return spine_rows(MeasureTable.of({BEFORE: before, PREDICTED: after}), before)
 
     def planned_case(self, case: Case) -> Case:
         """The case with this surgery; what is known of another, actual one is left out."""
@@ -131,5 +133,6 @@ def surgery_record(surgery: PlannedSurgery) -> dict[str, Any]:
 
 def back_text(before: TrunkMeasures, after: TrunkMeasures) -> str:
     """The predicted change of the back: rotation, hump and shoulders before surgery and predicted."""
-    rows = [row.compared_cells() for row in skin_rows([before, after])]
+    table = MeasureTable.of({BEFORE: before, PREDICTED: after})
+    rows = [row.compared_cells() for row in skin_rows(table)]
     return as_text(["back", "before", "predicted", "change"], rows)
