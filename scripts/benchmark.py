@@ -2,8 +2,6 @@
 
     python scripts/benchmark.py prepare CASE --tets 225000 --out problem.npz      mesh and truth, in one file
     python scripts/benchmark.py run problem.npz --out benchmark.json              error against time
-    python scripts/benchmark.py join old.json new.json --out benchmark.json       one file; later curves replace
-    python scripts/benchmark.py plot benchmark.json --out benchmark.png           the curves (needs matplotlib)
     python scripts/benchmark.py table benchmark.json                              Markdown, or --page PAGE
     python scripts/benchmark.py scenes problem.npz                                what each part of a scene costs
     python scripts/benchmark.py scale CASE --tets 150000 225000 500000            growth with the mesh
@@ -18,13 +16,12 @@ import argparse
 import itertools
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from benchmarking import curves, outside, scaling, scenes, tables
-from benchmarking.marked import write_into
-from benchmarking.plot import plot
 from benchmarking.prepare import as_simulated, load_case, mesh_case
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.process import be_quiet, empty_kernel_cache, fresh
@@ -34,8 +31,8 @@ from warp_trunk import InputError, RunOptions
 from warp_trunk.engine.energies.by_name import EnergyName
 from warp_trunk.engine.parallel import choose_device
 
-Add = Callable[[str, object, str], argparse.ArgumentParser]
-"""Adds a command: its name, what it calls with what is given, and what it does in words."""
+Add = Callable[..., argparse.Action]
+"""Adds an option to a command."""
 PRECISIONS = ("float32", "float64")
 METHODS = ("newton", "gradient", outside.OUTSIDE)
 
@@ -68,6 +65,7 @@ def run(given: argparse.Namespace) -> None:
     problem = read_problem(given.problem)
     problem.errors(problem.bone_path().displacement)  # says now if there is no truth
     records: list[Record] = []
+    older = read_records(given.out) if Path(given.out).exists() else []
     compiled: dict[tuple[str, str], float] = {}
     settings = choose_settings(given, problem)
 
@@ -77,22 +75,14 @@ def run(given: argparse.Namespace) -> None:
             if given.compile and at not in compiled:
                 compiled[at] = fresh(curves.measure_compilation, given.problem, setting)
             records.extend(fresh(curves.measure_curve, given.problem, setting, given.limit, compiled.get(at)))
-            write_records(given.out, records)
+            write_records(given.out, tables.latest([older, records]))
 
-    if given.compile:
-        with empty_kernel_cache():
-            measure_all()
-    else:
+    with empty_kernel_cache() if given.compile else nullcontext():
         measure_all()
     print(
         f"{problem.name}, {len(problem.trunk.tets)} tets; no run is begun that would take over {given.limit:g} s\n"
     )
     print_tables(records)
-
-
-def join(given: argparse.Namespace) -> None:
-    """Writes the records of all files into one; a later curve replaces an earlier one of the same setting."""
-    write_records(given.out, tables.latest([read_records([path]) for path in given.records]))
 
 
 def table(given: argparse.Namespace) -> None:
@@ -101,7 +91,7 @@ def table(given: argparse.Namespace) -> None:
     if given.page is None:
         print_tables(records)
     else:
-        write_into(given.page, "benchmark", tables.short_table(records))
+        given.page.write_text(tables.replaced(given.page.read_text(), tables.short_table(records)))
 
 
 def choose_settings(given: argparse.Namespace, problem: Problem) -> list[Setting]:
@@ -141,6 +131,11 @@ def print_tables(records: Sequence[Record]) -> None:
         print(text)
 
 
+def scene_costs(given: argparse.Namespace) -> None:
+    """Prints the table of what each part of a scene costs."""
+    print(scenes.scenes_table(read_problem(given.problem), _setting(given)))
+
+
 def scale(given: argparse.Namespace) -> None:
     """Prints the tables of mesh sizes and of increments."""
     measured = scaling.sizes(given.what, given.tets, _setting(given))
@@ -161,74 +156,41 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def add(name: str, command: object, words: str) -> argparse.ArgumentParser:
+    def add(name: str, command: object, words: str, first: str, of_first: str, **more: Any) -> Add:
         added = commands.add_parser(name, help=words, description=words, allow_abbrev=False)
         added.set_defaults(command=command)
-        return added
+        added.add_argument(first, help=of_first, **more)
+        return added.add_argument
 
-    _add_curves(add)
-    _add_records(add)
-    _add_scenes(add)
+    problem = "a file made by prepare"
+    option = add("prepare", prepare, "mesh a case and solve it to 1e-6 mm", "case", "a case folder, or phantom")
+    option("--tets", type=int, default=225_000, help="number of tetrahedra (default %(default)s)")
+    option("--bone-edge-length", type=float, default=0.0, help="of the bone surface [mm]; 0 chooses it")
+    option("--bones", choices=("follow", "spline"), default="spline", help="how bones are carried")
+    option("--energy", choices=get_args(EnergyName), help="of the tissue; left out as simulate has it")
+    option("--no-truth", dest="truth", action="store_false", help="mesh only, for scale")
+    option("--out", required=True, help="the file, .npz")
+
+    option = add("run", run, "measure error against time", "problem", problem)
+    option("--out", default="benchmark.json", help="records; the same curves in it are replaced")
+    option("--devices", nargs="+", default=["cpu"], help="cpu, cuda:0 (default cpu)")
+    option("--methods", nargs="+", choices=METHODS, default=METHODS)
+    option("--threads", nargs="+", type=int, default=[1, 2], help="CPU threads (default 1 2)")
+    option("--precisions", nargs="+", choices=PRECISIONS, default=PRECISIONS)
+    option("--limit", type=float, default=20.0, help="longest run of a method [s] (default %(default)g)")
+    option("--no-compile", dest="compile", action="store_false", help="do not measure compilation")
+
+    option = add("table", table, "print the tables of run again", "records", "a file made by run")
+    option("--page", type=Path, help="write the short one between its two marks in this page")
+
+    scene = add("scenes", scene_costs, "what each part of a scene costs", "problem", problem)
+    size = add("scale", scale, "growth with the mesh", "what", f"a case folder, phantom, or {problem}", nargs="+")
+    size("--tets", nargs="+", type=int, default=[150_000, 225_000, 500_000, 1_000_000])
+    for option in (scene, size):
+        option("--device", default="cpu", help="cpu or cuda:0 (default %(default)s)")
+        option("--threads", type=int, default=2, help="CPU threads (default %(default)s)")
+        option("--precision", choices=PRECISIONS, default="float32")
     return parser
-
-
-def _add_curves(add: Add) -> None:
-    """The commands that measure error against time."""
-    one = add("prepare", prepare, "mesh a case and solve it to 1e-6 mm, into one file")
-    one.add_argument("case", help="a case folder, or phantom")
-    one.add_argument("--tets", type=int, default=225_000, help="number of tetrahedra (default %(default)s)")
-    one.add_argument("--bone-edge-length", type=float, default=0.0, help="of the bone surface [mm]; 0 chooses it")
-    one.add_argument("--bones", choices=("follow", "spline"), default="spline", help="how bones are carried")
-    one.add_argument("--energy", choices=get_args(EnergyName), help="of the tissue; left out as simulate has it")
-    one.add_argument("--no-truth", dest="truth", action="store_false", help="mesh only, for scale")
-    one.add_argument("--out", required=True, help="the file, .npz")
-
-    one = add("run", run, "measure error against time")
-    one.add_argument("problem", help="a file made by prepare")
-    one.add_argument("--out", default="benchmark.json", help="records (default %(default)s)")
-    one.add_argument("--devices", nargs="+", default=["cpu"], help="cpu, cuda:0 (default cpu)")
-    one.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
-    one.add_argument("--threads", nargs="+", type=int, default=[1, 2], help="CPU threads (default 1 2)")
-    one.add_argument("--precisions", nargs="+", choices=PRECISIONS, default=PRECISIONS)
-    one.add_argument("--limit", type=float, default=20.0, help="longest run of a method [s] (default %(default)g)")
-    one.add_argument("--no-compile", dest="compile", action="store_false", help="do not measure compilation")
-
-
-def _add_records(add: Add) -> None:
-    """Those that show what was measured."""
-    one = add(
-        "join", join, "one file of several; a curve of a later file replaces the same one of an earlier file"
-    )
-    one.add_argument("records", nargs="+", help="files made by run, the oldest first")
-    one.add_argument("--out", required=True, help="the file, which may be one of them")
-
-    one = add("plot", lambda given: plot(given.out, read_records(given.records), given.title), "draw the curves")
-    one.add_argument("records", nargs="+", help="files made by run")
-    one.add_argument("--out", default="benchmark.png", help="the picture (default %(default)s)")
-    one.add_argument("--title", default="", help="above the plot")
-
-    one = add("table", table, "print the tables of run again, or put the short one into a page")
-    one.add_argument("records", nargs="+", help="files made by run")
-    one.add_argument("--page", type=Path, help="page with the two marks between which the short table stands")
-
-
-def _add_scenes(add: Add) -> None:
-    """Those that measure one more thing of the default method, on one device."""
-
-    def add_place(one: argparse.ArgumentParser) -> None:
-        one.add_argument("--device", default="cpu", help="cpu or cuda:0 (default %(default)s)")
-        one.add_argument("--threads", type=int, default=2, help="CPU threads (default %(default)s)")
-        one.add_argument("--precision", choices=PRECISIONS, default="float32")
-
-    one = add("scenes", lambda given: print(scenes.scenes_table(read_problem(given.problem), _setting(given))),
-              "what each part of a scene costs")  # fmt: skip
-    one.add_argument("problem", help="a file made by prepare")
-    add_place(one)
-
-    one = add("scale", scale, "growth of time and memory with the mesh, and the mesh's error")
-    one.add_argument("what", nargs="+", help="a case folder, phantom, or files made by prepare")
-    one.add_argument("--tets", nargs="+", type=int, default=[150_000, 225_000, 500_000, 1_000_000])
-    add_place(one)
 
 
 if __name__ == "__main__":

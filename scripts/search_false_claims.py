@@ -12,7 +12,6 @@ claim is judged, those of increments on the way too. Ends with status 1 if one w
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections import Counter
@@ -20,9 +19,10 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import tyro
 import warp as wp
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import Delaunay
@@ -34,7 +34,7 @@ from warp_trunk.engine.build import build_model
 from warp_trunk.engine.newton import Relaxer
 from warp_trunk.engine.relaxation import Relaxation, RelaxOptions, RelaxStatus
 from warp_trunk.engine.simulation import SimulationOptions, simulate
-from warp_trunk.engine.trunk_mesh import TrunkMesh
+from warp_trunk.engine.trunk_mesh import TrunkMesh, oriented, tet_volumes
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
@@ -120,10 +120,8 @@ def random_block(rng: np.random.Generator) -> TrunkMesh:
         grid = np.stack(np.meshgrid(*[np.arange(n) for n in cells], indexing="ij"), axis=-1).reshape(-1, 3)
         nodes = edge * (grid + rng.uniform(0.05, 0.35) * rng.uniform(-1.0, 1.0, size=grid.shape))
         tets = Delaunay(nodes).simplices.astype(np.int32)
-        p = nodes[tets]
-        volume = np.linalg.det(p[:, 1:] - p[:, :1]) / 6.0
-        tets[volume < 0.0] = tets[volume < 0.0][:, [1, 0, 2, 3]]
-        tets = tets[np.abs(volume) > 0.01 * edge**3]
+        volume = tet_volumes(nodes, tets)
+        tets = oriented(nodes, tets[np.abs(volume) > 0.01 * edge**3])
         used = np.unique(tets)
         bone = np.full(len(nodes), -1, dtype=np.int32)
         bone[grid[:, 2] == 0] = 0
@@ -241,28 +239,37 @@ def table(results: list[tuple[Draw, list[Claim]]]) -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The cases that are drawn."""
+
+    cases: tyro.conf.Positional[int] = 2000
+    """How many."""
+    seed: int = 0
+    """The first seed."""
+    energy: Literal["itmsm", "neo-hookean"] | None = None
+    """One only; else they take turns."""
+    processes: int = 1
+    """How many cases are judged at once."""
+    json: Path | None = None
+    """Where to write every claim."""
+
+
+def main(options: Options) -> int:
     """Draws the cases and prints what was found."""
-    parser = argparse.ArgumentParser(description="Search for claims of CONVERGED that are false.")
-    parser.add_argument("cases", nargs="?", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=0, help="the first seed")
-    parser.add_argument("--energy", choices=ENERGIES, help="one only; else they take turns")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--json", type=Path, help="where to write every claim")
-    given = parser.parse_args()
-    seeds = range(given.seed, given.seed + given.cases)
+    seeds = range(options.seed, options.seed + options.cases)
     results = []
-    with ProcessPoolExecutor(given.processes) as pool:
-        for done, result in enumerate(pool.map(judge, seeds, [given.energy] * len(seeds)), start=1):
+    with ProcessPoolExecutor(options.processes) as pool:
+        for done, result in enumerate(pool.map(judge, seeds, [options.energy] * len(seeds)), start=1):
             results.append(result)
             for claim in result[1]:
                 if claim.false:
                     print(f"FALSE {claim}\n      {result[0]}", flush=True)
             if done % 100 == 0:
                 print(f"{done} of {len(seeds)}", file=sys.stderr, flush=True)
-    if given.json:
+    if options.json:
         rows = [asdict(d) | {"claims": [asdict(c) for c in claims]} for d, claims in results]
-        given.json.write_text(json.dumps(rows))
+        options.json.write_text(json.dumps(rows))
     print(f"seeds {seeds[0]} to {seeds[-1]}")
     print(dict(Counter(claims[-1].status for _, claims in results)))
     print(table(results))
@@ -270,4 +277,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(tyro.cli(Options, description=__doc__)))

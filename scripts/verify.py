@@ -15,7 +15,7 @@ import itertools
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,15 +81,7 @@ def main(options: Options) -> None:
         "([anatomy](anatomy.md)); the curves are imposed by `make-case`. No number on this page compares "
         "a prediction with a patient.",
     ]
-    sections: tuple[Callable[[Trunk, Options], Iterator[str]], ...] = (
-        equilibria,
-        intervals,
-        landmarks,
-        import_,
-        plans,
-        ribs,
-    )
-    for section in sections:
+    for section in (equilibria, intervals, landmarks, import_, plans, ribs):
         print(section.__name__, file=sys.stderr, flush=True)
         page += ["\n".join(section(trunk, options))]
         options.out.write_text("\n\n".join(page) + "\n", encoding="utf-8")
@@ -113,14 +105,11 @@ def equilibria(trunk: Trunk, options: Options) -> Iterator[str]:
         patient = ready(soft, tets, skin_rigidity=0.0)
         solid = Solid(patient.trunk.nodes, patient.trunk.tets, 1e-3 * soft.tissue.youngs_modulus, ratio)
         last = relaxed(patient, soft)
-        found = last.displacement
-        true = equilibrium(solid, found, patient.trunk.prescribed, tolerance=1e-6)
-        yield row(f"Poisson's ratio {ratio}", "float32", "scikit-fem", reported(last), f"{apart(found, true):.1g}")
+        true = equilibrium(solid, last.displacement, patient.trunk.prescribed, tolerance=1e-6)
+        yield row(f"Poisson's ratio {ratio}", "float32", "scikit-fem", *reported_and_true(last, true))
     rough = relaxed(ready(case, tets), case)
     fine = relaxed(ready(case, tets, precision="float64", tolerance=1e-5), case)
-    yield row(
-        "default", "float32", "float64", reported(rough), f"{apart(rough.displacement, fine.displacement):.1g}"
-    )
+    yield row("default", "float32", "float64", *reported_and_true(rough, fine.displacement))
 
 
 def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
@@ -133,9 +122,11 @@ def intervals(trunk: Trunk, options: Options) -> Iterator[str]:
     random, draws = np.random.default_rng(1), options.either(12, 60)
     values: dict[str, list[float]] = {level: [] for level in bands}
     for _ in range(draws):
-        before, after = (noisy(marks, errors.landmark_sd, random) for marks in marks_of(case))
+        before, after = (
+            noisy(marks, errors.landmark_sd, random) for marks in (case.landmarks_before, case.planned_landmarks)
+        )
         drawn = dataclasses.replace(case, landmarks_before=before, landmarks_after=after)
-        skin = skin_of(drawn, patient, relaxed(patient, drawn))
+        skin = predicted_skin(drawn, patient.trunk, relaxed(patient, drawn).displacement)
         for level, angle in measure(skin, after, case.skin).bsr.items():
             if level in values and angle is not None:
                 values[level].append(angle)
@@ -170,14 +161,16 @@ def landmarks(trunk: Trunk, options: Options) -> Iterator[str]:
         case = imposed(trunk, kind)
         found = find_landmarks(case.bones).complete()
         distance = np.linalg.norm(found.points - case.landmarks_before.points, axis=1)
-        angles = [f"{largest(case.skin, marks):.1f}" for marks in (found, case.landmarks_before)]
-        yield row(name_of(kind), f"{distance.mean():.1g}", f"{distance.max():.1g}", *angles)
+        angles = [
+            f"{max(curve.angle for curve in measure(case.skin, marks).cobb):.1f}"
+            for marks in (found, case.landmarks_before)
+        ]
+        yield row(kind.replace("_", " "), f"{distance.mean():.1g}", f"{distance.max():.1g}", *angles)
 
 
 def import_(trunk: Trunk, options: Options) -> Iterator[str]:
     """A case from its own label map against itself."""
-    spacing = "1.5"
-    case = imposed(trunk, "thoracic")
+    case, spacing = imposed(trunk, "thoracic"), "1.5"
     with tempfile.TemporaryDirectory() as scratch, redirect_stdout(io.StringIO()):
         folder = Path(scratch)
         write_case(folder / "case", case)
@@ -186,13 +179,10 @@ def import_(trunk: Trunk, options: Options) -> Iterator[str]:
         body = ["--body", str(folder / "body.nii.gz"), "--out", str(folder / "imported")]
         command(["import", str(folder / "labels.nii.gz"), *body])
         imported = read_case(folder / "imported")
-    own = {name: imported.landmarks_before.point(name) for name in imported.landmarks_before.names}
-    distance = np.array([np.linalg.norm(own[name] - case.landmarks_before.point(name)) for name in own])
+    found, known = imported.landmarks_before, case.landmarks_before
+    distance = np.linalg.norm(found.points - [known.point(name) for name in found.names], axis=1)
     skins = compare_skins(imported.skin, case.skin, case.landmarks_before)
-    here, there = (
-        measure(case.skin, case.landmarks_before).bsr,
-        measure(imported.skin, imported.landmarks_before).bsr,
-    )
+    here, there = (measure(one.skin, one.landmarks_before).bsr for one in (case, imported))
     angles = [abs(a - b) for level in here if (a := here[level]) is not None and (b := there[level]) is not None]
     yield "## Import of a label map\n"
     yield f"A thoracic curve of {CURVES['thoracic']:g}° as voxels of {spacing} mm, imported again.\n"
@@ -220,7 +210,9 @@ def plans(trunk: Trunk, options: Options) -> Iterator[str]:
         assert left is not None
         asked = (1.0 - CORRECTION) * curves[first].angle
         stretch = np.abs(discs(after) - discs(case.landmarks_before)).max()
-        yield row(name_of(kind), f"{curves[first].angle:.1f}", f"{asked:.1f}", f"{left:.1f}", f"{stretch:.0e}")
+        yield row(
+            kind.replace("_", " "), f"{curves[first].angle:.1f}", f"{asked:.1f}", f"{left:.1f}", f"{stretch:.0e}"
+        )
 
 
 def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
@@ -246,7 +238,7 @@ def ribs(trunk: Trunk, options: Options) -> Iterator[str]:
             ]
             yield row(
                 body.replace("_", " "),
-                name_of(kind),
+                kind.replace("_", " "),
                 f"{one.cobb[0]:.0f} to {one.cobb[1]:.0f}",
                 f"{one.hump_over_cobb:.2f}",
                 f"{shoulders[0]:z.0f} to {shoulders[1]:z.0f}",
@@ -292,24 +284,10 @@ def relaxed(patient: PreparedPatient, case: Case) -> Increment:
     return last
 
 
-def skin_of(case: Case, patient: PreparedPatient, last: Increment) -> Surface:
-    """The predicted skin."""
-    return predicted_skin(case, patient.trunk, last.displacement)
-
-
-def reported(last: Increment) -> str:
-    """Estimated distance from the equilibrium."""
-    return f"{last.relaxation.estimated_error:.1g}"
-
-
-def apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest distance of two states of the nodes [mm]."""
-    return float(np.linalg.norm(one - other, axis=1).max())
-
-
-def marks_of(case: Case) -> tuple[Landmarks, Landmarks]:
-    """Landmarks before and after surgery."""
-    return case.landmarks_before, case.planned_landmarks
+def reported_and_true(last: Increment, truth: np.ndarray) -> tuple[str, str]:
+    """Largest distance of a node from the equilibrium, as estimated and from a reference [mm]."""
+    true = np.linalg.norm(last.displacement - truth, axis=1).max()
+    return f"{last.relaxation.estimated_error:.1g}", f"{true:.1g}"
 
 
 def noisy(marks: Landmarks, sd: float, random: np.random.Generator) -> Landmarks:
@@ -319,22 +297,10 @@ def noisy(marks: Landmarks, sd: float, random: np.random.Generator) -> Landmarks
 
 def discs(marks: Landmarks) -> np.ndarray:
     """Distance between the facing endplate centres of neighbouring vertebrae [mm]."""
-    levels = marks.vertebrae()
-    pairs = [
-        (marks.point(f"{upper}_inferior_endplate"), marks.point(f"{lower}_superior_endplate"))
-        for upper, lower in itertools.pairwise(levels)
-    ]
-    return np.array([np.linalg.norm(a - b) for a, b in pairs])
-
-
-def largest(skin: Surface, marks: Landmarks) -> float:
-    """The largest Cobb angle [degrees]."""
-    return max(curve.angle for curve in measure(skin, marks).cobb)
-
-
-def name_of(kind: str) -> str:
-    """A kind of curve in words."""
-    return kind.replace("_", " ")
+    upper, lower = zip(*itertools.pairwise(marks.vertebrae()), strict=True)
+    above = np.array([marks.point(f"{level}_inferior_endplate") for level in upper])
+    below = np.array([marks.point(f"{level}_superior_endplate") for level in lower])
+    return np.linalg.norm(above - below, axis=1)
 
 
 def row(*cells: object) -> str:

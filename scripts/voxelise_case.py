@@ -8,7 +8,7 @@ Writes OUT/labels.nii.gz, OUT/masks/vertebrae_T8.nii.gz and so on (with a body.n
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -56,10 +56,12 @@ def voxelise(surface: Surface, affine: np.ndarray, shape: tuple[int, int, int]) 
     return box, distance.on_grid(grid, box, wanted, 1.5) < 0.0
 
 
-def label_map(surfaces: Mapping[int, Surface], affine: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
-    """Surfaces by their labels; where two overlap, the first has the voxel. uint8."""
+def label_map(
+    surfaces: Iterable[tuple[int, Surface]], affine: np.ndarray, shape: tuple[int, int, int]
+) -> np.ndarray:
+    """Surfaces with their labels; where two overlap, the first has the voxel. uint8."""
     labels = np.zeros(shape, dtype=np.uint8)
-    for value, surface in surfaces.items():
+    for value, surface in surfaces:
         box, inside = voxelise(surface, affine, shape)
         labels[box][inside & (labels[box] == 0)] = value
     return labels
@@ -123,27 +125,18 @@ def main() -> None:
     a, b, c = given.spacing
     affine, shape = grid_around(skin, (a, b, c), turn)
     numbers = {name: number for number, name in TABLES["totalsegmentator-v2"].items()}
-    surfaces: dict[int, Surface] = {}
-    for name, bone in bones.items():
-        number = numbers[theirs(name)]
-        surfaces[number] = together(surfaces[number], bone) if number in surfaces else bone
-    labels = label_map(surfaces, affine, shape)
+    surfaces = [(numbers[theirs(name)], bone) for name, bone in bones.items()]
+    labels, present = label_map(surfaces, affine, shape), dict(surfaces)
     names = TABLES["totalsegmentator-v2"]
     write_labels(given.out / "labels.nii.gz", labels, affine, names)
-    for number in surfaces:
+    for number in present:
         write_labels(given.out / "masks" / f"{names[number]}.nii.gz", (labels == number).astype(np.uint8), affine)
     box, inside = voxelise(skin, affine, shape)
     body = np.zeros(shape, dtype=np.uint8)
     body[box] = inside
     for folder in (given.out, given.out / "masks"):
         write_labels(folder / "body.nii.gz", body, affine)
-    print(f"{len(surfaces)} labels on {' x '.join(map(str, shape))} voxels written to {given.out}")
-
-
-def together(one: Surface, other: Surface) -> Surface:
-    """Two surfaces with one label, as all costal cartilages have."""
-    faces = np.vstack([one.faces, other.faces + len(one.vertices)])
-    return Surface(np.vstack([one.vertices, other.vertices]), faces)
+    print(f"{len(present)} labels on {' x '.join(map(str, shape))} voxels written to {given.out}")
 
 
 if __name__ == "__main__":

@@ -108,11 +108,10 @@ def solve_truth(problem: Problem) -> np.ndarray:
 
 
 def write_problem(path: str | Path, problem: Problem) -> None:
-    """Writes a problem as a compressed npz without pickle; integers are stored as differences, which pack well."""
+    """Writes a problem as a compressed npz without pickle."""
     trunk, tissue = problem.trunk, problem.tissue
-    arrays = {name: np.asarray(getattr(trunk, name)) for name in _MESH if name not in ("tets", "bone_names")}
+    arrays = {name: np.asarray(getattr(trunk, name)) for name in _MESH if name != "bone_names"}
     arrays["bone_names"] = np.array(trunk.bone_names, dtype=str)
-    arrays["tets"] = _differences(trunk.tets)
     arrays["name"] = np.array(problem.name)
     arrays["energy"] = np.array(problem.energy)
     arrays["tissue"] = np.array([getattr(tissue, name) for name in _TISSUE])
@@ -146,7 +145,6 @@ def read_problem(path: str | Path) -> Problem:
     if missing:
         raise InputError(f"{path}: '{missing[0]}' is missing; make the file again with 'prepare'")
     mesh = {name: stored[name] for name in _MESH if name != "bone_names"}
-    mesh["tets"] = _sums(mesh["tets"])
     names = tuple(str(name) for name in stored["landmark_names"])
     energy: EnergyName = str(stored["energy"])  # pyright: ignore[reportAssignmentType]  (build_model checks it)
     return Problem(
@@ -168,18 +166,3 @@ def _path(stored: dict[str, np.ndarray]) -> PrescribedMotion | None:
         return None
     rigid = {field.name: stored[f"rigid_{field.name}"] for field in fields(RigidBones)}
     return PrescribedMotion(stored["path"], RigidBones(**rigid))
-
-
-def _differences(tets: np.ndarray) -> np.ndarray:
-    """The first corner less that of the tetrahedron before, the others less the first."""
-    result = tets.astype(np.int32).copy()
-    result[:, 1:] -= tets[:, :1]
-    result[1:, 0] = np.diff(tets[:, 0])
-    return result
-
-
-def _sums(differences: np.ndarray) -> np.ndarray:
-    tets = differences.copy()
-    tets[:, 0] = np.cumsum(differences[:, 0])
-    tets[:, 1:] += tets[:, :1]
-    return tets

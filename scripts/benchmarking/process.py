@@ -8,34 +8,29 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from typing import ParamSpec, TypeVar
+from typing import Any, TypeVar
+from unittest.mock import patch
 
-Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 CACHE = "WARP_CACHE_PATH"
 """Where Warp looks for compiled kernels."""
 
 
-def fresh(function: Callable[Parameters, Result], *args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+def fresh(function: Callable[..., Result], *args: Any) -> Result:
     """The function's result from a process of its own."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=context, initializer=be_quiet) as pool:
-        return pool.submit(function, *args, **kwargs).result()
+        return pool.submit(function, *args).result()
 
 
 @contextmanager
 def empty_kernel_cache() -> Iterator[None]:
     """Processes begun inside find no compiled kernels but those of processes begun inside before."""
-    before = os.environ.get(CACHE)
-    with tempfile.TemporaryDirectory(prefix="warp-trunk-benchmark-") as folder:
-        os.environ[CACHE] = folder
-        try:
-            yield
-        finally:
-            if before is None:
-                del os.environ[CACHE]
-            else:
-                os.environ[CACHE] = before
+    with (
+        tempfile.TemporaryDirectory(prefix="warp-trunk-benchmark-") as folder,
+        patch.dict(os.environ, {CACHE: folder}),
+    ):
+        yield
 
 
 def be_quiet() -> None:

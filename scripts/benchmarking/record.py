@@ -120,17 +120,14 @@ def write_records(path: str | Path, records: Iterable[Record]) -> None:
     os.replace(making, path)
 
 
-def read_records(paths: Iterable[str | Path]) -> list[Record]:
-    """The records of one or more files, in their order.
+def read_records(path: str | Path) -> list[Record]:
+    """The records of a file.
 
     Raises:
-        InputError: a file is missing or holds something else.
+        InputError: the file is missing or holds something else.
     """
-    records: list[Record] = []
-    for path in paths:
-        try:
-            stored: list[dict[str, Any]] = json.loads(Path(path).read_text())
-            records += [Record(**record) for record in stored]
-        except (OSError, ValueError, TypeError) as error:
-            raise InputError(f"{path}: cannot be read as records of 'run' ({error})") from error
-    return records
+    try:
+        stored: list[dict[str, Any]] = json.loads(Path(path).read_text())
+        return [Record(**record) for record in stored]
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: cannot be read as records of 'run' ({error})") from error

@@ -8,8 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from warp_trunk import InputError, Landmarks, Surface
 from warp_trunk.engine.relaxation import RelaxOptions
 
@@ -125,29 +123,4 @@ def size_table(measured: Sequence[Size]) -> str:
             ]
         )
     header = ["tets", "nodes", "seconds", "set-up [s]", "steps", "linear iterations", "MB"]
-    return markdown([*header, "skin max [mm]", "skin mean [mm]", "BSR [degrees]"], rows) + slopes(measured)
-
-
-def slopes(measured: Sequence[Size]) -> str:
-    """Exponents of growth with the number of tetrahedra, of a line through the logarithms."""
-    if len({size.tets for size in measured}) < 2:
-        return ""
-    parts = [
-        f"{words} {exponent([s.tets for s in measured], [getattr(s, name) for s in measured]):.2f}"
-        for name, words in (
-            ("seconds", "time"),
-            ("setup_seconds", "set-up"),
-            ("linear_iterations", "linear iterations"),
-            ("peak_memory_mb", "memory"),
-        )
-    ]
-    first, last = measured[0], measured[-1]
-    each = (last.peak_memory_mb - first.peak_memory_mb) * 1e6 / (last.tets - first.tets)
-    return (
-        f"\nGrowth with the number of tets to the power of: {', '.join(parts)}; {each:.0f} bytes for each tet.\n"
-    )
-
-
-def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
-    """The power of size with which values grow, by least squares of the logarithms."""
-    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
+    return markdown([*header, "skin max [mm]", "skin mean [mm]", "BSR [degrees]"], rows)

@@ -118,6 +118,21 @@ def long_table(records: Iterable[Record]) -> str:
     return markdown(header, rows)
 
 
+BEGIN, END = "<!-- begin benchmark: written by a script -->", "<!-- end benchmark -->"
+"""Lines of a page before and after the table."""
+
+
+def replaced(page: str, table: str) -> str:
+    """The page with the table between its marks.
+
+    Raises:
+        ValueError: the marks are not there, once each and in their order.
+    """
+    if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(BEGIN) > page.index(END):
+        raise ValueError(f"the page needs the lines '{BEGIN}' and '{END}', once each and in this order")
+    return f"{page.split(BEGIN)[0]}{BEGIN}\n\n{table.strip()}\n\n{END}{page.split(END)[1]}"
+
+
 def number(value: float) -> str:
     """Three digits, without an exponent where it reads well."""
     if value == 0.0:

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarking.curves import curve
-from benchmarking.marked import replaced
 from benchmarking.outside import OUTSIDE
 from benchmarking.problem import Problem, read_problem, solve_truth, write_problem
 from benchmarking.record import Record, Setting, read_records, write_records
-from benchmarking.scaling import measure_size, size_table, slopes
+from benchmarking.scaling import measure_size, size_table
 from benchmarking.scenes import scenes_table
-from benchmarking.tables import short_table
+from benchmarking.tables import replaced, short_table
 
 from support.small_trunk import small_case
 from support.there import there
@@ -94,7 +93,7 @@ def test_records_are_complete_and_can_be_stored(method: str, tmp_path: Path) -> 
         assert record.tets == len(problem().trunk.tets)
         assert record.steps <= record.evaluations
         assert record.peak_memory_mb > 0.0
-    assert read_records([tmp_path / "benchmark.json"]) == records
+    assert read_records(tmp_path / "benchmark.json") == records
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
@@ -109,8 +108,9 @@ def test_newton_comes_nearer_with_the_tolerance(precision: str) -> None:
     assert records[-1].tolerance_mm == min(there(record.tolerance_mm) for record in records)
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("method", ["newton", "gradient"])
+@pytest.mark.parametrize(
+    ("method", "precision"), [("newton", "float32"), ("newton", "float64"), ("gradient", "float32")]
+)
 def test_no_record_claims_less_than_half_its_error(method: str, precision: str) -> None:
     for record in measured(method, precision):
         assert record.estimated_error_mm is not None
@@ -120,7 +120,7 @@ def test_no_record_claims_less_than_half_its_error(method: str, precision: str) 
 def test_the_page_shows_what_was_measured() -> None:
     docs = SCRIPTS.parent / "docs"
     page = (docs / "performance.md").read_text()
-    assert replaced(page, "benchmark", short_table(read_records([docs / "benchmark.json"]))) == page
+    assert replaced(page, short_table(read_records(docs / "benchmark.json"))) == page
 
 
 def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
@@ -129,9 +129,7 @@ def test_sizes_are_compared_with_the_finest(tmp_path: Path) -> None:
     size = measure_size(tmp_path / "problem.npz", setting)
     assert size.converged
     assert np.abs(size.skin.vertices - problem().skin(there(problem().truth)).vertices).max() < 2e-3
-    larger = replace(size, tets=4 * size.tets, seconds=8.0 * size.seconds, skin=replace(size.skin))
-    assert "time 1.50" in slopes([size, larger])
-    moved = replace(larger, skin=replace(size.skin, vertices=size.skin.vertices + np.array([0.0, 0.0, 0.25])))
+    moved = replace(size, skin=replace(size.skin, vertices=size.skin.vertices + np.array([0.0, 0.0, 0.25])))
     assert "0.25 | 0.25 |" in size_table([size, moved])
 
 
@@ -163,7 +161,7 @@ def test_run_needs_numpy_scipy_and_warp_alone(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
     done = subprocess.run([*command, *options], capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
-    assert [record.max_error_mm for record in read_records([out])] == [
+    assert [record.max_error_mm for record in read_records(out)] == [
         record.max_error_mm for record in measured("newton")
     ]
     assert "| newton | 1 thread | float32 |" in done.stdout

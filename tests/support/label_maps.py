@@ -56,7 +56,7 @@ def grid(spacing: tuple[float, float, float], mirrored: bool = False, oblique: b
 def labels() -> tuple[np.ndarray, np.ndarray]:
     """The bones on voxels of 1.5 mm with the numbers of TotalSegmentator v2, and the affine."""
     affine, shape = grid((1.5, 1.5, 1.5))
-    return label_map({NUMBERS[theirs(name)]: bone for name, bone in bones().items()}, affine, shape), affine
+    return label_map([(NUMBERS[theirs(name)], bone) for name, bone in bones().items()], affine, shape), affine
 
 
 def body() -> tuple[np.ndarray, np.ndarray]:
