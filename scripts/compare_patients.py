@@ -5,14 +5,15 @@
 
 PATIENTS holds a folder for each patient: back.ply (points), spine_line.csv (vertebral bodies), spinous_line.csv
 and markers.csv, in mm and LPS. ANATOMY and BODIES are those of compare_bodies.py; the body nearest in the length
-of the spine gets the spine. Vertebrae stand at their usual heights, and turn with their sideways way. Nothing is
+of the spine gets the spine. Vertebrae stand at their usual heights, and turn with their sideways way. The twist of
+a trunk that faces the scanner above a pelvis that does not is no part of a spine's line, and is added. Nothing is
 simulated: this compares the imposed back, not a prediction.
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,9 @@ LEVELS = ("T4", "T6", "T8", "T10", "T12", "L1", "L2", "L3", "L4")
 UPPER = ("T4", "T5", "T6", "T7")
 """Those of the shoulder girdle."""
 MEASURES = ("dual tangent", "slope")
+TWIST = np.linspace(1.0, 0.0, len(VERTEBRAE))
+"""The part of a pelvis' turn by which a back is turned against it, T1 to L5: shoulders face the scanner, and the
+spine between twists evenly. The scanner faces as pelvises do in the mean."""
 CURVE = 20.0
 """A curve of fewer degrees makes no patient a member of a group."""
 Body = tuple[Surface, dict[str, Surface], Landmarks]
@@ -65,7 +69,10 @@ class Patient:
     real: np.ndarray
     """Dual tangent and slope of the scan [degrees], shape (2, 17); NaN where missing."""
     imposed: np.ndarray
-    """The same of the imposed back."""
+    """The same of the imposed back, without the twist of the trunk."""
+    pelvis: float
+    """How far her pelvis is turned in the axes of the scan, positive where its left side stands further back
+    [degrees]."""
     thoracic: float
     """Cobb angle of the largest thoracic curve, positive where it is convex to the right [degrees]."""
     lumbar: float
@@ -91,11 +98,14 @@ def main(options: Options) -> None:
             found.append(compared(folder, bodies, options.turn))
         except InputError as error:
             print(f"left out: {error}", file=sys.stderr, flush=True)
+    facing = float(np.mean([one.pelvis for one in found]))
+    twisted = [replace(one, imposed=one.imposed + (one.pelvis - facing) * TWIST) for one in found]
     for number, measure in enumerate(MEASURES):
-        print(f"\n{measure}, {len(found)} patients\n\n{table(found, number)}")
-    print(f"\n{groups(found)}")
+        print(f"\n{measure}, {len(found)} patients\n\n{table(twisted, number)}")
+        print(table(found, number).splitlines()[-1].replace("levels", "levels without the twist"))
+    print(f"\n{groups(twisted)}")
     if options.figure is not None:
-        draw(found, options.figure)
+        draw(twisted, options.figure)
 
 
 def read_body(folder: Path) -> Body:
@@ -129,7 +139,9 @@ def compared(folder: Path, bodies: list[Body], turn: float) -> Patient:
         np.array([[np.nan if value is None else value for value in row[2:]] for row in one.rows()]).T
         for one in (real, imposed)
     ]
-    return Patient(way, angles[0], angles[1], curves["T"], curves["L"])
+    across = pelvis_axis(markers)[1]
+    pelvis = float(np.degrees(np.arctan2(across[1], across[0])))
+    return Patient(way, angles[0], angles[1], pelvis, curves["T"], curves["L"])
 
 
 def spine_of_patient(folder: Path, markers: Landmarks, turn: float) -> tuple[MeasuredSpine, np.ndarray]:
