@@ -67,6 +67,7 @@ class Relaxer:
         watch: Callable[[RelaxStep, State], None] | None = None,
         *,
         confirm: bool = True,
+        confirm_inverted: bool = True,
         near: bool = False,
         reuse: bool = False,
         meanwhile: Callable[[], None] | None = None,
@@ -77,7 +78,8 @@ class Relaxer:
         unless the energy rights inverted ones, and the number of steps is bounded. `watch` is called after each
         accepted step, when its distance is known, with the state, to read and not to change. Without `confirm` it
         ends, NEAR, as soon as the distance before the last step is estimated to be below the tolerance: increments
-        on the way need not be known so well. `near` promises that the state is likely some tolerances from its
+        on the way need not be known so well; nor need an end with inverted tetrahedra where `confirm_inverted` is
+        not set, because the caller changes the model there. `near` promises that the state is likely some tolerances from its
         end, which saves work where it is so; `reuse`, that it is near the one whose Hessian was assembled last.
         `meanwhile` is called while a device is at work."""
         run = Run(
@@ -107,6 +109,7 @@ class Relaxer:
         if work is None:
             return history.end(RelaxStatus.CONVERGED, 0.0)
         run.floor = work.floor()
+        run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
         for _step in range(self.options.max_steps):
             # Solve: the direction to the equilibrium, and how far that is.
             action, iterations = find_direction(work, run, planned)
@@ -128,11 +131,12 @@ class Relaxer:
             if trial is not None:
                 work.accept()
                 history.add(trial)
-            if not confirm and run.known and run.distance <= run.tolerance:
+                run.confirm = confirm and (confirm_inverted or not history.inverted_tets)
+            if not run.confirm and run.known and run.distance <= run.tolerance:
                 return history.end(RelaxStatus.NEAR, run.distance)
             if not searched(run, trial and trial.length):
                 return history.end(RelaxStatus.STALLED, math.inf)
-            planned = plan(run, work.norm() if confirm and run.whole and run.phase is Phase.TRUE else math.inf)
+            planned = plan(run, work.norm() if run.confirm and run.whole and run.phase is Phase.TRUE else math.inf)
             begin(work, planned)
         return history.end(RelaxStatus.STEP_LIMIT, math.inf)
 

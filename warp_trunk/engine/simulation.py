@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Protocol
 
@@ -108,13 +108,14 @@ def simulate(
     watch: Callable[[RelaxStep, State], None] | None = None,
     *,
     relaxer: Relaxer | None = None,
+    confirm_inverted: bool = True,
 ) -> Iterator[Increment]:
     """Moves the trunk along the path of its bones and yields it after every increment.
 
     Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
     (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to
     `ON_THE_WAY` tolerances, by an estimate, and end NEAR; that of the last is confirmed. `watch` is called after
-    every accepted step of every relaxation, see `Relaxer.relax`. By the method `gradient` each ends STOPPED, where
+    every accepted step of every relaxation, see `Relaxer.relax`, as for `confirm_inverted`. By the method `gradient` each ends STOPPED, where
     the energy no longer falls. `relaxer` is one that an earlier simulation of this model used, for another plan
     for the same patient: its set-up is most of what a simulation costs beside its increments, and changes nothing
     in them. It serves one simulation at a time: one that is not at its end when another begins to use it cannot go
@@ -153,6 +154,7 @@ def simulate(
                     options.relax.tolerance * (1.0 if final else ON_THE_WAY),
                     watch,
                     confirm=final,
+                    confirm_inverted=confirm_inverted,
                     near=near,
                     meanwhile=None if final else partial(predictor.stage, (number + 1) / options.increments),
                 )
@@ -163,16 +165,28 @@ def simulate(
         yield Increment(model, number, load_factor, displacement, relaxation, seconds=seconds)
 
 
-def continued(last: Increment, bone_path: PrescribedPath, relaxer: Relaxer) -> Increment:
-    """An increment relaxed further by the relaxer of another model of its mesh: in float64, or with more free."""
+def continued(
+    last: Increment, bone_path: PrescribedPath, relaxer: Relaxer, *, confirm_inverted: bool = True
+) -> Increment:
+    """An increment relaxed further by the relaxer of another model of its mesh: in float64, or with more free.
+
+    Its steps and iterations are added to those before."""
     start, model = time.perf_counter(), relaxer.model
     displacement, bones = last.displacement.copy(), model.order[model.prescribed]
     displacement[bones] = bone_path.at(last.load_factor)[bones]  # they were rounded to float32
     with ENGINE:
         relaxer.state.set_displacement(displacement)
-        relaxation = relaxer.relax()
+        relaxation = relaxer.relax(confirm_inverted=confirm_inverted)
         from_rest = wp.clone(relaxer.state.displacement)
-    seconds = last.seconds + time.perf_counter() - start
+    seconds, before = last.seconds + time.perf_counter() - start, last.relaxation
+    relaxation = replace(
+        relaxation,
+        steps=before.steps + relaxation.steps,
+        linear_iterations=before.linear_iterations + relaxation.linear_iterations,
+        evaluations=before.evaluations + relaxation.evaluations,
+        history=before.history
+        + tuple(replace(step, seconds=last.seconds + step.seconds) for step in relaxation.history),
+    )
     return Increment(model, last.number, last.load_factor, from_rest, relaxation, seconds=seconds)
 
 

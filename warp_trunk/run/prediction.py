@@ -91,14 +91,26 @@ class Prediction:
             The prediction itself.
         """
 
-        options, patient, self.increments = self.options, self.patient, []
-        for increment in simulate(patient.model, self.path, options.simulation, relaxer=patient.relaxer):
-            if increment.number == options.simulation.increments and options.simulation.relax.method == "newton":
+        options, patient, self.increments = self.options.simulation, self.patient, []
+        increments = simulate(
+            patient.model,
+            self.path,
+            options,
+            relaxer=patient.relaxer,
+            confirm_inverted=not self._releases,  # else the tissue comes off the bone first
+        )
+        for increment in increments:
+            if increment.number == options.increments and options.relax.method == "newton":
                 increment = self._finished(increment, message)
             self.increments.append(increment)
             for observer in observers:
                 observer(increment)
         return self
+
+    @property
+    def _releases(self) -> int:
+        """How often nodes on bone are released at most: never from bones that the spline bends."""
+        return RELEASES if self.options.bones == "follow" else 0
 
     def _finished(self, last: Increment, message: Callable[[str], None]) -> Increment:
         """The last increment relaxed further, where tetrahedra are inside out or float32 cannot confirm its end.
@@ -106,21 +118,23 @@ class Prediction:
         Where bones slide along each other the tissue between them is pressed flat, and its tetrahedra with corners
         on bone may end inside out. There the tissue comes off the bone: those corners become free.
         """
-        releases = RELEASES if self.options.bones == "follow" else 0
+        releases = self._releases
         while True:
-            settled = last.relaxation.status is not RelaxStatus.STEP_LIMIT
-            folded = settled and releases and last.relaxation.inverted_tets
+            status = last.relaxation.status
+            folded = releases and last.relaxation.inverted_tets and status is not RelaxStatus.STEP_LIMIT
             pinched = _pinched(self.trunk, last) if folded else np.empty(0, dtype=np.int64)
             if len(pinched):
                 releases -= 1
                 message(f"tissue comes off the bones at {len(pinched)} nodes, where it would end inside out")
                 self.patient, self.released = self.patient.released(pinched), self.released + len(pinched)
-            elif last.relaxation.status is RelaxStatus.STALLED and self.options.precision == "float32":
+            elif status is RelaxStatus.STALLED and self.options.precision == "float32":
                 message("float32 cannot confirm the equilibrium; the relaxation continues in float64")
                 self.patient = self.patient.in_float64()
-            else:
+            elif status is not RelaxStatus.NEAR:
                 return last
-            last = continued(last, self.path, self.patient.relaxer)
+            else:  # nothing can be released: what is inverted stays so, and is confirmed
+                releases = 0
+            last = continued(last, self.path, self.patient.relaxer, confirm_inverted=not releases)
 
     @property
     def converged(self) -> bool:
