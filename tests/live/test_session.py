@@ -5,14 +5,23 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from support.meshes import block_with_bone, with_skin
 from support.part_phantom import part_case
 from support.small_patient import APEX, small_patient
+from support.small_trunk import small_case
 from warp_trunk.bone_motion.plan import PlannedSurgery
+from warp_trunk.bone_motion.prescribed_motion import rigid_path
 from warp_trunk.case.motions import Motion
+from warp_trunk.engine.build import build_model
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.geometry.rigid import RigidMotion
+from warp_trunk.geometry.surface import Surface
+from warp_trunk.live import relaxation
 from warp_trunk.live.relaxation import Interrupted, LiveRelaxation, Relaxed
 from warp_trunk.live.session import Latest, PlanView, Session
 from warp_trunk.live.sliders import MotionSliders, Sliders, SliderState, SpineSliders, first_state, with_handles
@@ -20,7 +29,7 @@ from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.meshing import MeshOptions
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import PreparedPatient, patient_of
-from warp_trunk.run.prediction import prepare_plan
+from warp_trunk.run.prediction import Prediction, prepare_plan
 
 WAIT = 60.0
 
@@ -205,3 +214,25 @@ def test_the_latest_is_taken_and_the_end_wakes_who_waits() -> None:
     assert taken == [0, None]
     place.put(1)
     assert place.take() is None  # what was not taken before the end is not done
+
+
+def test_tissue_comes_off_bones_as_in_a_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bones pass through each other, as in `tests/run/test_prediction.py`."""
+    trunk = with_skin(block_with_bone((5, 5, 5), 8.0, holes=((1, 2, 2), (3, 2, 2))))
+    motions = {
+        "bone 0": RigidMotion.identity(),
+        "bone 1": RigidMotion(np.eye(3), np.array([-10.0, 0.0, 0.0])),
+    }
+    case = replace(small_case()[0], skin=Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces))
+    options = RunOptions(device="cpu", simulation=SimulationOptions(increments=2))
+    patient = PreparedPatient(case, options, trunk, build_model(trunk, device="cpu"))
+    monkeypatch.setattr(relaxation, "find_path", lambda *_: rigid_path(trunk, motions))
+    monkeypatch.setattr(relaxation, "motions_of", lambda *_: motions)
+    tissue = LiveRelaxation(patient)
+    tissue.go(case)
+    found = tissue.relax(0.1, confirm=True, newer=lambda: False)
+    simulated = Prediction(patient, case, rigid_path(trunk, motions)).relax()
+    assert simulated.released > 0
+    np.testing.assert_array_equal(found.skin, simulated.skin.vertices)
+    assert found.warnings[0].startswith("Tissue comes off the bones at ")
+    assert tissue.relax(0.1, confirm=True, newer=lambda: False) is found

@@ -78,10 +78,10 @@ class Relaxer:
         unless the energy rights inverted ones, and the number of steps is bounded. `watch` is called after each
         accepted step, when its distance is known, with the state, to read and not to change. Without `confirm` it
         ends, NEAR, as soon as the distance before the last step is estimated to be below the tolerance: increments
-        on the way need not be known so well; nor need an end with inverted tetrahedra where `confirm_inverted` is
-        not set, because the caller changes the model there. `near` promises that the state is likely some tolerances from its
-        end, which saves work where it is so; `reuse`, that it is near the one whose Hessian was assembled last.
-        `meanwhile` is called while a device is at work."""
+        on the way need not be known so well. Without `confirm_inverted` an end with inverted tetrahedra is not
+        confirmed either: the caller changes the model there. `near` promises that the state is likely some
+        tolerances from its end, which saves work where it is so; `reuse`, that it is near the one whose Hessian
+        was assembled last. `meanwhile` is called while a device is at work."""
         run = Run(
             self.options.tolerance if tolerance is None else tolerance,
             confirm,

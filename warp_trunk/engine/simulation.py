@@ -114,12 +114,12 @@ def simulate(
 
     Displacements are from the mesh before surgery, which is at rest or where gravity pulls the rest state
     (`sag_free`); the rest state stays the same over all increments. All increments but the last are relaxed to
-    `ON_THE_WAY` tolerances, by an estimate, and end NEAR; that of the last is confirmed. `watch` is called after
-    every accepted step of every relaxation, see `Relaxer.relax`, as for `confirm_inverted`. By the method `gradient` each ends STOPPED, where
-    the energy no longer falls. `relaxer` is one that an earlier simulation of this model used, for another plan
-    for the same patient: its set-up is most of what a simulation costs beside its increments, and changes nothing
-    in them. It serves one simulation at a time: one that is not at its end when another begins to use it cannot go
-    on.
+    `ON_THE_WAY` tolerances, by an estimate, and end NEAR; that of the last is confirmed. By the method `gradient`
+    each ends STOPPED, where the energy no longer falls. `watch` is called after every accepted step of every
+    relaxation; for it and `confirm_inverted` see `Relaxer.relax`. `relaxer` is one that an earlier simulation of
+    this model used, for another plan for the same patient: its set-up is most of what a simulation costs beside
+    its increments, and changes nothing in them. It serves one simulation at a time: one that is not at its end
+    when another begins to use it cannot go on.
 
     Raises:
         InputError: the path does not belong to the model's mesh, `relaxer` is of another model or other
@@ -166,7 +166,12 @@ def simulate(
 
 
 def continued(
-    last: Increment, bone_path: PrescribedPath, relaxer: Relaxer, *, confirm_inverted: bool = True
+    last: Increment,
+    bone_path: PrescribedPath,
+    relaxer: Relaxer,
+    watch: Callable[[RelaxStep, State], None] | None = None,
+    *,
+    confirm_inverted: bool = True,
 ) -> Increment:
     """An increment relaxed further by the relaxer of another model of its mesh: in float64, or with more free.
 
@@ -176,7 +181,7 @@ def continued(
     displacement[bones] = bone_path.at(last.load_factor)[bones]  # they were rounded to float32
     with ENGINE:
         relaxer.state.set_displacement(displacement)
-        relaxation = relaxer.relax(confirm_inverted=confirm_inverted)
+        relaxation = relaxer.relax(watch=watch, confirm_inverted=confirm_inverted)
         from_rest = wp.clone(relaxer.state.displacement)
     seconds, before = last.seconds + time.perf_counter() - start, last.relaxation
     relaxation = replace(

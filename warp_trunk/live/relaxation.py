@@ -10,9 +10,9 @@ import warp as wp
 
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, colliding_bones, rigid_displacement
 from warp_trunk.engine.relaxation import RelaxStatus
-from warp_trunk.engine.simulation import simulate
 from warp_trunk.engine.state import State
 from warp_trunk.run.patient import find_path, motions_of
+from warp_trunk.run.prediction import Prediction
 from warp_trunk.run.warnings import ending_warnings
 
 from .image import InitialGuess
@@ -45,7 +45,7 @@ class Relaxed:
     status: RelaxStatus
     """Why the relaxation ended."""
     warnings: tuple[str, ...]
-    """Sentences on a relaxation that did not converge."""
+    """Sentences on bones that collide, and on a relaxation that did not converge."""
 
 
 class LiveRelaxation:
@@ -54,7 +54,7 @@ class LiveRelaxation:
     It starts from where the spline of the landmarks carries it and the extrapolated relaxation
     (`InitialGuess`), bones from where they go: a small change of a plan takes a step. The equilibrium is that of a
     simulation from before surgery as far as there is only one; where tetrahedra end inside out or no equilibrium
-    is found, all increments from before surgery are taken.
+    is found, the plan is predicted from before surgery as `simulate` does (`Prediction`).
     """
 
     def __init__(self, patient: PreparedPatient) -> None:
@@ -64,13 +64,14 @@ class LiveRelaxation:
         patient.carried(before)  # so that the spline's matrix is made now, not at the first drag
         still = np.zeros(patient.trunk.nodes.shape, self._scalar)
         self._added = InitialGuess(before.points, still)
-        self._case, self._carried, self._bones, self._lost = patient.case, still, still, False
+        self._case, self._carried, self._bones = patient.case, still, still
+        self._predicted: Relaxed | None = None
         self._state.set_displacement(still)
 
     def go(self, case: Case) -> None:
         """Takes the bones to where a plan has them, tissue with them; nothing is relaxed yet."""
         self._case, landmarks = case, case.planned_landmarks
-        self._lost = False  # it starts from where plans before were found, wherever the last one ended
+        self._predicted = None
         self._carried = self._patient.carried(landmarks)
         start = self._carried + self._added.at(landmarks.points)
         self._bones = self._carried
@@ -89,30 +90,40 @@ class LiveRelaxation:
         Raises:
             Interrupted: `newer` said so after a step; the tissue stays where that led.
         """
-        patient, watch = self._patient, _watch(newer)
-        relaxation = None
-        if not self._lost:
-            relaxation = patient.relaxer.relax(tolerance, watch, confirm=confirm, near=confirm, reuse=not confirm)
-            self._lost = _is_lost(relaxation)
-        if relaxation is None or self._lost:
-            options = patient.options.simulation
-            *_, last = simulate(patient.model, self._path(), options, watch, relaxer=patient.relaxer)
-            relaxation = last.relaxation
-            self._lost = _is_lost(relaxation)
-        displacement = self._state.host_displacement()
-        if not self._lost:
+
+        def watch(step: RelaxStep, state: State) -> None:
+            if newer():
+                raise Interrupted
+
+        if self._predicted is None:
+            relaxation = self._patient.relaxer.relax(
+                tolerance, watch, confirm=confirm, confirm_inverted=False, near=confirm, reuse=not confirm
+            )
+            if not _is_lost(relaxation):
+                return self._learned(relaxation, self._state.host_displacement(), [], collide=confirm)
+            said: list[str] = []
+            prediction = Prediction(self._patient, self._case, self._path())
+            last = prediction.relax(message=said.append, watch=watch).last
+            notes = [f"{note[0].upper()}{note[1:]}." for note in said]
+            self._predicted = self._learned(last.relaxation, last.displacement, notes, collide=True)
+        return self._predicted
+
+    def _learned(
+        self, relaxation: Relaxation, displacement: np.ndarray, notes: list[str], *, collide: bool
+    ) -> Relaxed:
+        """The skin of a displacement from before surgery [mm], shape (nodes, 3); the next plan starts from it."""
+        patient = self._patient
+        if not _is_lost(relaxation):
             added = displacement.astype(self._scalar) - self._carried
             added[patient.trunk.prescribed] = 0.0
             self._added.learn(self._case.planned_landmarks.points, added)
-        held = colliding_bones(patient.trunk, PrescribedMotion(self._bones)) if confirm or self._lost else []
+        held = colliding_bones(patient.trunk, PrescribedMotion(self._bones)) if collide else []
+        notes += [f"{place}; tissue cannot follow there" for place in held[:1]]
         return Relaxed(
             patient.case.skin.vertices + displacement[patient.trunk.skin_nodes],
             relaxation.estimated_error,
             relaxation.status,
-            (
-                *(f"{place}; tissue cannot follow there" for place in held[:1]),
-                *ending_warnings(relaxation, held, []),
-            ),
+            (*notes, *ending_warnings(relaxation, held, [])),
         )
 
     def _path(self) -> PrescribedMotion:
@@ -128,11 +139,3 @@ def _is_lost(relaxation: Relaxation) -> bool:
     """Whether nothing good can be gone on from."""
     arrived = relaxation.status in (RelaxStatus.CONVERGED, RelaxStatus.NEAR)
     return bool(relaxation.inverted_tets) or not arrived
-
-
-def _watch(newer: Callable[[], bool]) -> Callable[[RelaxStep, State], None]:
-    def watch(step: RelaxStep, state: State) -> None:
-        if newer():
-            raise Interrupted
-
-    return watch

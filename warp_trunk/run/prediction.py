@@ -23,6 +23,8 @@ from .progress import stage_of
 if TYPE_CHECKING:
     from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion
     from warp_trunk.case import Case
+    from warp_trunk.engine.relaxation import RelaxStep
+    from warp_trunk.engine.state import State
 
     from .progress import Progress
 
@@ -80,12 +82,18 @@ class Prediction:
         """The measures of the skin after an increment, with the landmarks that go with it."""
         return measure(self.skin_at(increment), self.case.landmarks_at(increment.load_factor), self.case.skin)
 
-    def relax(self, *observers: Observer, message: Callable[[str], None] = lambda why: None) -> Prediction:
+    def relax(
+        self,
+        *observers: Observer,
+        message: Callable[[str], None] = lambda why: None,
+        watch: Callable[[RelaxStep, State], None] | None = None,
+    ) -> Prediction:
         """Apply the correction increment by increment; observers see each of them.
 
         Args:
             observers: called with every increment.
             message: called with the reason before the last relaxation continues.
+            watch: called after every step, see the engine's `simulate`.
 
         Returns:
             The prediction itself.
@@ -96,12 +104,13 @@ class Prediction:
             patient.model,
             self.path,
             options,
+            watch,
             relaxer=patient.relaxer,
             confirm_inverted=not self._releases,  # else the tissue comes off the bone first
         )
         for increment in increments:
             if increment.number == options.increments and options.relax.method == "newton":
-                increment = self._finished(increment, message)
+                increment = self._finished(increment, message, watch)
             self.increments.append(increment)
             for observer in observers:
                 observer(increment)
@@ -112,7 +121,12 @@ class Prediction:
         """How often nodes on bone are released at most: never from bones that the spline bends."""
         return RELEASES if self.options.bones == "follow" else 0
 
-    def _finished(self, last: Increment, message: Callable[[str], None]) -> Increment:
+    def _finished(
+        self,
+        last: Increment,
+        message: Callable[[str], None],
+        watch: Callable[[RelaxStep, State], None] | None,
+    ) -> Increment:
         """The last increment relaxed further, where tetrahedra are inside out or float32 cannot confirm its end.
 
         Where bones slide along each other the tissue between them is pressed flat, and its tetrahedra with corners
@@ -134,7 +148,7 @@ class Prediction:
                 return last
             else:  # nothing can be released: what is inverted stays so, and is confirmed
                 releases = 0
-            last = continued(last, self.path, self.patient.relaxer, confirm_inverted=not releases)
+            last = continued(last, self.path, self.patient.relaxer, watch, confirm_inverted=not releases)
 
     @property
     def converged(self) -> bool:
