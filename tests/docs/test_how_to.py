@@ -36,10 +36,22 @@ FINE = "--tets 150000"
 PROGRAM = """#!/bin/sh
 case "$1 $*" in
     simulate*|demo*|cohort*|calibrate*|plan*--aim*) exec {program} "$@" {small} ;;
-    view*|plan*--live*) timeout -s INT 20 {program} "$@"; [ $? = 124 ] ;;  # it runs until it is ended
+    view*|plan*--live*) exec served {program} "$@" ;;
     *) exec {program} "$@" ;;
 esac
 """
+SERVED = """#!{python}
+import signal, subprocess, sys
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+signal.signal(signal.SIGALRM, lambda *_: process.kill())
+signal.alarm(60)
+for line in process.stdout:
+    print(line, end="", flush=True)
+    if "http://" in line:
+        process.send_signal(signal.SIGINT)
+sys.exit(process.wait() not in (0, 130))
+"""
+"""Runs a program that serves until it is asked to end, which it is at its first address."""
 pytestmark = pytest.mark.slow
 
 
@@ -58,13 +70,18 @@ def run(page: str, folder: Path, small: str = SMALL) -> None:
         "warp-trunk": PROGRAM.format(program=program, small=small),
         "uv": '#!/bin/sh\n[ "$1" = run ] || exit 0\nshift\nexec "$@"\n',
         "pip": "#!/bin/sh\n",
+        "served": SERVED.format(python=sys.executable),
     }
     for name, script in scripts.items():
         (binaries / name).write_text(script)
         (binaries / name).chmod(0o755)
     commands = blocks(page)
     assert commands, f"{page} has no block of commands"
-    environment = {**os.environ, "PATH": f"{binaries}:{os.environ['PATH']}", "BROWSER": "true"}
+    environment = os.environ | {
+        "PATH": f"{binaries}:{os.environ['PATH']}",
+        "BROWSER": "true",
+        "PYTHONUNBUFFERED": "1",
+    }
     ended = subprocess.run(
         ["sh", "-ex"], input=commands, cwd=folder, env=environment, text=True, capture_output=True, check=False
     )

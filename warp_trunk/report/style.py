@@ -111,20 +111,21 @@ def new_figure(width: float, height: float, layout: Literal["constrained"] | Non
 
 
 def file_of(figure: Figure, ending: str, source: str | None = None) -> bytes:
-    """The figure as a file, 'svg', 'png' (with its source) or 'webp'; the same figure gives the same bytes."""
+    """The figure as a file, 'svg' or 'png' (with its source); the same figure gives the same bytes."""
     file = io.BytesIO()
-    how: dict[str, dict[str, Any]] = {
-        "svg": {"metadata": {"Date": None}},
-        "png": {"metadata": {"Software": None, "Source": source}},
-        "webp": {"pil_kwargs": {"quality": 82, "method": 6}},
-    }
-    figure.savefig(file, format=ending, dpi=200, **how[ending])
+    metadata: dict[str, Any] = {"svg": {"Date": None}, "png": {"Software": None, "Source": source}}[ending]
+    figure.savefig(file, format=ending, dpi=200, metadata=metadata)
+    figure.set_layout_engine("none")  # it is laid out, and stays so
     return file.getvalue()
 
 
-def embedded(figure: Figure) -> bytes:
-    """The figure as pages hold it: lines as a short SVG, what is shaded as WebP of a fifth of its size."""
+def embedded(figure: Figure, png: bytes) -> bytes:
+    """The figure, with its PNG, as pages hold it: lines as a short SVG, shades as WebP of a fifth of the size."""
+    from PIL import Image  # heavy
+
     if any(axes.images for axes in figure.axes):
-        return file_of(figure, "webp")
+        file = io.BytesIO()
+        Image.open(io.BytesIO(png)).convert("RGB").save(file, "webp", quality=82, method=6)
+        return file.getvalue()
     short = _PATH.sub(lambda path: _DIGITS.sub(rb"\1", path[0]), file_of(figure, "svg"))
     return _EMPTY.sub(b"", short).replace(b"DejaVuSans", b"f").replace(b"xlink:href", b"href")

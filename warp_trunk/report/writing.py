@@ -236,9 +236,10 @@ def _backs(
 def _drawn(figures: Mapping[str, Figure | None], folder: Path) -> dict[str, bytes]:
     """The figures as pages hold them, by name, each written as PNG too; those that are None are left out."""
     drawn = {name: figure for name, figure in figures.items() if figure is not None}
-    for name, figure in drawn.items():
-        _write(folder / f"{name}.png", file_of(figure, "png", picture_source(name)))
-    return {name: embedded(figure) for name, figure in drawn.items()}
+    pngs = {name: file_of(figure, "png", picture_source(name)) for name, figure in drawn.items()}
+    for name, png in pngs.items():
+        _write(folder / f"{name}.png", png)
+    return {name: embedded(figure, pngs[name]) for name, figure in drawn.items()}
 
 
 def _prepare(out: Path, pictures: str) -> Path:
