@@ -107,8 +107,7 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
             check_order(after, where) + check_shapes(before, after, where) + check_frame(before, after, where)
         )
     if case.actual_skin is not None and spine:
-        bones = [bone.vertices for bone in case.bones.values()]
-        warnings += check_second_skin(case.skin, bones, case.actual_skin, source.name("actual_skin"))
+        warnings += check_second_skin(case, case.actual_skin, source.name("actual_skin"))
     _check_bones_after(case, source)
     check_motions(case, source.name("motions"))
     check_points(case, source.name("points"))

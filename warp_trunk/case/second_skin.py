@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +11,15 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors
 from warp_trunk.geometry.surface import Surface
 
+from .anatomy import rib_of
+
+if TYPE_CHECKING:
+    from .case import Case
+
 MOST_LEFT_OUT = 0.02
-"""Share of the bones' vertices that may lie more than `OUTSIDE` outside a second skin."""
-OUTSIDE = 15.0
-"""[mm]; bones that surgery moves are compared where they were before."""
+"""Share of the bones' vertices that may lie more than `OUTSIDE` outside a second skin: where they were before
+surgery, or where the plan puts them."""
+OUTSIDE = 15.0  # [mm]
 FAR = 25.0
 """A second skin is usually nearer to the first in the mean [mm]; 11 mm between a curve of 55 degrees and none."""
 _TURNED = 0.75
@@ -27,18 +32,18 @@ _POINTS = 3000
 _HALF_TURN = (-1.0, -1.0, 1.0)
 
 
-def check_second_skin(first: Surface, bones: Iterable[np.ndarray], second: Surface, where: str) -> list[str]:
-    """Warnings of a second skin of a patient.
+def check_second_skin(case: Case, second: Surface, where: str) -> list[str]:
+    """Warnings of a second skin of a patient, before or after surgery.
 
     Args:
-        first: her skin before surgery [mm].
-        bones: points of her bones, shape (n, 3) each [mm]; there may be none.
+        case: the patient with her first skin and landmarks of the spine.
         second: the skin that is compared [mm].
         where: what to call it.
 
     Raises:
         InputError: it is turned by half a turn, as a file in RAS that is read as LPS is, or leaves bones outside.
     """
+    first = case.skin
     distance = SurfaceDistance(second)
     low = max(skin.vertices[:, 2].min() for skin in (first, second))
     high = min(skin.vertices[:, 2].max() for skin in (first, second))
@@ -55,21 +60,36 @@ def check_second_skin(first: Surface, bones: Iterable[np.ndarray], second: Surfa
             f"({turned:.1f} mm in the mean, as it is {as_it_is:.1f}); it seems to be in RAS: write SPACE=RAS into "
             "its header, or negate x and y"
         )
-    inside = [every[:: -(-len(every) // _POINTS)] for every in bones if len(every)]
-    if inside:
-        out = distance.at(np.concatenate(inside))
-        share = float((out > OUTSIDE).mean())
-        if share > MOST_LEFT_OUT:
-            raise InputError(
-                f"{where}: does not hold the bones: {100.0 * share:.0f} % of them lie more than {OUTSIDE:g} mm "
-                f"outside, up to {out.max():.0f} mm; give the skin of this patient, registered to her bones"
-            )
+    outside = [distance.at(points) for points in _bones(case)]
+    share, out = min((float((off > OUTSIDE).mean()), float(off.max())) for off in outside)
+    if share > MOST_LEFT_OUT:
+        raise InputError(
+            f"{where}: does not hold the bones: {100.0 * share:.0f} % of them lie more than {OUTSIDE:g} mm "
+            f"outside, up to {out:.0f} mm; give the skin of this patient, registered to her bones"
+        )
     apart = float(np.abs(distance.at(points)).mean())
     if apart > FAR:
         return [
             f"{where}: lies {apart:.0f} mm from the skin before surgery in the mean; register it to the bones."
         ]
     return []
+
+
+def _bones(case: Case) -> list[np.ndarray]:
+    """Points of the bones, or of landmarks where there are none, before surgery and where a plan puts them; bones
+    go with the vertebra that they are or hang on, others stay."""
+    before, after = case.landmarks_before, case.landmarks_after
+    points = {name: bone.vertices[:: -(-len(bone.vertices) // _POINTS)] for name, bone in case.bones.items()}
+    points = points or {name: point[None] for name, point in zip(before.names, before.points, strict=True)}
+    found = [np.concatenate(list(points.values()))]
+    if after is not None:
+        way = {
+            level: after.of_bone(level).points.mean(axis=0) - before.of_bone(level).points.mean(axis=0)
+            for level in before.vertebrae()
+        }
+        level_of = {name: rib.vertebra if (rib := rib_of(name)) else name.partition("_")[0] for name in points}
+        found.append(np.concatenate([every + way.get(level_of[name], 0.0) for name, every in points.items()]))
+    return found
 
 
 def _middle(skin: Surface, low: float, high: float) -> np.ndarray:

@@ -176,8 +176,7 @@ def read_skin(path: Path, case_folder: Path | None, case: Case) -> Surface:
             f"but has z {low[2]:.0f} to {high[2]:.0f}; give it in mm and LPS axes, registered to the case"
         )
     if case.landmarks_before.names:
-        points = [bone.vertices for bone in case.bones.values()] or [case.landmarks_before.points]
-        warnings = check_second_skin(case.skin, points, surface, str(path))
+        warnings = check_second_skin(case, surface, str(path))
         for warning in warnings + arm_warnings(surface, case.landmarks_before, str(path)):
             print(f"warp-trunk: warning: {warning}", file=sys.stderr)
     return surface
