@@ -56,7 +56,7 @@ def drop_damaged_kernels(cache: Path) -> None:
 
     Object files of processors and of CUDA are both ELF, whose header says where its last table ends.
     """
-    for path in (*cache.glob("wp_warp*/*.o"), *cache.glob("wp_warp*/*.cubin")):
+    for path in (*cache.glob("wp_*/*.o"), *cache.glob("wp_*/*.cubin")):
         try:
             with path.open("rb") as file:
                 head = file.read(64)

@@ -224,13 +224,13 @@ def test_a_second_skin_that_does_not_hold_the_bones_is_refused(change, said):
 
 
 def test_a_second_skin_after_a_large_correction_holds_the_bones_where_the_plan_puts_them():
-    """T7, its rib, T12 and L3 go 60 mm to the left, and the skin with them."""
+    """T7, its left rib, T12 and L3 go 60 mm to the right, and the skin with them."""
     case = small_case()
     names, before = case.landmarks_before.names, case.landmarks_before.points
-    way = np.array([60.0 * name.startswith(("T", "L3")) for name in names])[:, None] * [1.0, 0.0, 0.0]
+    way = np.array([-60.0 * name.startswith(("T", "L3")) for name in names])[:, None] * [1.0, 0.0, 0.0]
     planned = replace(case, landmarks_after=Landmarks(names, before + way))
     x, y, z = case.skin.vertices.T
-    moved = x + 60.0 * np.clip((z - before[names.index("asis_left"), 2]) / 60.0, 0.0, 1.0)
+    moved = x - 60.0 * np.clip((z - before[names.index("asis_left"), 2]) / 60.0, 0.0, 1.0)
     second = Surface(np.column_stack([moved, y, z]), case.skin.faces)
     assert all("does not hold" not in warning for warning in check_second_skin(planned, second, "skin"))
     with pytest.raises(InputError, match="does not hold the bones"):

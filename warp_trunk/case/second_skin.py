@@ -76,8 +76,8 @@ def check_second_skin(case: Case, second: Surface, where: str) -> list[str]:
 
 
 def _bones(case: Case) -> list[np.ndarray]:
-    """Points of the bones, or of landmarks where there are none, before surgery and where a plan puts them; bones
-    go with the vertebra that they are or hang on, others stay."""
+    """Points of the bones, or of landmarks where there are none, before surgery and where a plan puts them:
+    vertebrae and their ribs with the landmarks, other bones as they were."""
     before, after = case.landmarks_before, case.landmarks_after
     points = {name: bone.vertices[:: -(-len(bone.vertices) // _POINTS)] for name, bone in case.bones.items()}
     points = points or {name: point[None] for name, point in zip(before.names, before.points, strict=True)}

@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.engine.parallel import choose_threads
+from warp_trunk.kernels.starting import start_warp
 from warp_trunk.meshing.cache import cache_folder
 from warp_trunk.meshing.tetrahedra import mean_ratio, run_tetgen
 from warp_trunk.recording.viewer import WITHOUT_DISPLAY, has_display, viewer_command, viewer_environment
@@ -53,6 +54,7 @@ def examine(results: Path) -> Iterator[Finding]:
         cure = "" if version else f"install it: uv sync, or pip install {name}"
         yield Finding(name, version or "not found", cure, needed=True)
     yield Finding("processor", f"{choose_threads(0)} cores for this process")
+    start_warp()  # which drops kernels that are cut off
     kernels, again = Path(wp.config.kernel_cache_dir or ""), "install it again: uv sync --reinstall-package"
     probes = {
         "graphics processor": (_graphics, False, "if there is an NVIDIA GPU, install its driver (see nvidia-smi)"),
