@@ -24,10 +24,9 @@ PELVIS = (*PELVIC_RING, "coccyx", "femur_left", "femur_right")
 _LEVEL = re.compile(r"([CTL])([1-9]\d?)")
 _RIB = re.compile(r"rib_(left|right)_(0[1-9]|1[0-2])")
 _CARTILAGE = re.compile(r"costal_cartilage_(left|right)_(\d\d)")
-_KNOWN = re.compile(
-    r"[CTL]\d+|sternum|sacrum|coccyx|(rib|costal_cartilage)_(left|right)_\d\d"
-    r"|(hip|femur|scapula|clavicle|humerus)_(left|right)"
-)
+_TRUNK = re.compile(r"[TL]\d+|rib_(left|right)_\d\d|sternum|sacrum|hip_(left|right)")
+_GIRDLE = re.compile(r"(scapula|clavicle)_(left|right)|costal_cartilage_(left|right)_\d\d")
+_OTHERS = re.compile(r"C\d+|coccyx|(femur|humerus)_(left|right)")
 
 
 class Rib(NamedTuple):
@@ -85,9 +84,14 @@ def _words(name: str) -> tuple[str, ...]:
     return tuple(sorted(word for word in words if word not in ("vertebra", "vertebrae")))
 
 
+def of_trunk(bone: str, girdle: bool = False) -> bool:
+    """Whether a case is made of this bone; with the girdle also of shoulder blades, clavicles and cartilages."""
+    return bool(_TRUNK.fullmatch(bone) or (girdle and _GIRDLE.fullmatch(bone)))
+
+
 def is_known(bone: str) -> bool:
     """Whether a name is one of a bone."""
-    return _KNOWN.fullmatch(bone) is not None
+    return of_trunk(bone, girdle=True) or _OTHERS.fullmatch(bone) is not None
 
 
 _PAIRED = [f"{bone}_{side}" for bone in ("hip", "femur", "scapula", "clavicle", "humerus") for side in SIDES]

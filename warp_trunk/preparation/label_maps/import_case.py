@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Container, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from warp_trunk.case import Case
-from warp_trunk.case.anatomy import rib_of
+from warp_trunk.case.anatomy import of_trunk, rib_of
 from warp_trunk.case.header import POSTURES
 from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, VERTEBRAE
 from warp_trunk.case.layers import Layers
@@ -34,10 +34,8 @@ from .skin import body_skin, check_cuts
 from .sources import Source
 from .surfaces import LEAST, BoneShape, bone_shape
 
-_TRUNK = r"[TL]\d+|rib_(left|right)_\d\d|sternum|sacrum|hip_(left|right)"
-"""The bones that a case is made of."""
-_MORE = r"scapula_(left|right)|clavicle_(left|right)|costal_cartilage_(left|right)_\d\d"
-"""Bones that it may have besides."""
+_AT_ARMS = ("humerus", "scapula")
+"""Bones that say where the arms begin, by how their names begin."""
 _COVERED = 0.95
 """Masks of fat that reach less of the skin are named."""
 _EDGE_LENGTHS = (1.0, 0.96, 1.04)
@@ -120,29 +118,29 @@ def import_case(
         with stage("cartilages", "separating costal cartilages"):
             masks, more = _with_cartilages(masks)
             notes += more
-    of_case = re.compile(f"{_TRUNK}|{_MORE}" if options.more_bones else _TRUNK)
-    wanted = re.compile(f"{of_case.pattern}|(humerus|scapula).*")  # the last say where the arms begin
-    few = {n: count for n in masks if wanted.fullmatch(n) and (count := np.count_nonzero(masks[n].inside)) < LEAST}
+    of_case = partial(of_trunk, girdle=options.more_bones)
+    wanted = {n for n in (*masks, *source.surfaces) if of_case(n) or n.startswith(_AT_ARMS)}
+    few = {n: count for n in masks if n in wanted and (count := np.count_nonzero(masks[n].inside)) < LEAST}
     notes += [
         f"{n}: left out, as it has {count} voxels, and {LEAST} are needed; look at this label."
         for n, count in few.items()
     ]
-    labels = sorted(n for n in masks if wanted.fullmatch(n) and n not in few)
-    trunk = [n for n in (*labels, *source.surfaces) if re.fullmatch(_TRUNK, n)]
+    labels = sorted(n for n in masks if n in wanted and n not in few)
+    trunk = [n for n in (*labels, *source.surfaces) if of_trunk(n)]
     if not trunk:
         has = ", ".join(sorted({*labels, *few, *source.surfaces} - {SKIN})[:5])
         raise InputError(f"import: there is no bone of the trunk among the labels ({has}); a case needs vertebrae")
     with stage("bones", f"drawing the surfaces of {len(labels)} bones"):
         drawn = each_over_cores(lambda n: bone_shape(masks[n], n, options.smoothing), labels)
         shapes = dict(zip(labels, drawn, strict=True))
-    surfaces = {n: s for n, s in source.surfaces.items() if wanted.fullmatch(n)}
+    surfaces = {n: s for n, s in source.surfaces.items() if n in wanted}
     surfaces |= {n: shape.surface for n, shape in shapes.items()}
     with stage("skin", "drawing the skin"):
         if body is None:
             skin, made = without_slivers(source.surfaces[SKIN]), ()
         else:
             skin, made = _drawn_skin(body, surfaces, cuts, options.edge_length)
-    bones = {n: s for n, s in surfaces.items() if of_case.fullmatch(n)}
+    bones = {n: s for n, s in surfaces.items() if of_case(n)}
     own = {n: masks[n] for n in bones if n in masks}
     cut = {n for n, mask in own.items() if mask.faces_at_border()}
     turned = wrong_way_round(bones) if {1, 2} & misplaced(bones).keys() else []

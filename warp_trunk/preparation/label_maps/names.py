@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from warp_trunk.case.anatomy import SIDES
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 
@@ -35,7 +36,6 @@ _WHOLE = {
 }
 _NO_BONE = {"implant", "prosthesis", "muscle", "artery", "vein", "vena", "nerve", "disc", "disk", "body", "bodies"}
 """Words that make something else of a bone's name; a vertebra's body is no vertebra."""
-_BOTH = ("left", "right")
 
 
 def known_name(text: str) -> str | None:
@@ -85,8 +85,8 @@ def _vertebra(words: list[str], number: int | None) -> str | None:
 
 
 _SPINE = [f"vertebrae_{region}{n}" for region, most in (("L", 5), ("T", 12), ("C", 7)) for n in range(most, 0, -1)]
-_RIBS = [f"rib_{side}_{n}" for side in _BOTH for n in range(1, 13)]
-_PAIRS = [f"{bone}_{side}" for bone in ("humerus", "scapula", "clavicula", "femur", "hip") for side in _BOTH]
+_RIBS = [f"rib_{side}_{n}" for side in SIDES for n in range(1, 13)]
+_PAIRS = [f"{bone}_{side}" for bone in ("humerus", "scapula", "clavicula", "femur", "hip") for side in SIDES]
 TABLES: dict[str, dict[int, str]] = {
     "totalsegmentator-v1": dict([*enumerate(_SPINE, 18), *enumerate(_RIBS, 58), *enumerate(_PAIRS, 82)])
     | {92: "sacrum"},

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from warp_trunk.case.anatomy import rib_of
+from warp_trunk.case.anatomy import SIDES, rib_of
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.case.orientation import exchanged_pairs, misplaced
 from warp_trunk.geometry.surface import Surface
@@ -82,7 +82,7 @@ def _numbers(bones: Mapping[str, Surface]) -> list[str]:
         for name in sorted(bones)
         if name in ("T13", "L6") or name.endswith("_13")
     ]
-    for side in ("left", "right"):
+    for side in SIDES:
         missing = [str(n) for n in range(1, 13) if f"rib_{side}_{n:02d}" not in bones]
         if 0 < len(missing) < 12:
             what = f"Of the {side} ribs number {', '.join(missing)} has no label"
@@ -157,7 +157,7 @@ def _ribs(bones: Mapping[str, Surface], spine: Mapping[str, Surface]) -> list[st
     from scipy.spatial import KDTree  # heavy
 
     trees = {int(name[1:]): KDTree(bone.vertices) for name, bone in spine.items() if name[0] == "T"}
-    shifts: dict[str, dict[int, int]] = {"left": {}, "right": {}}
+    shifts: dict[str, dict[int, int]] = {side: {} for side in SIDES}
     headless: dict[tuple[str, int], float] = {}
     doubts = []
     for name, found in ((name, rib_of(name)) for name in sorted(bones)):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_trunk.case.anatomy import SIDES
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks
 from warp_trunk.geometry.surface import Surface
 
@@ -94,7 +95,7 @@ def skeleton() -> tuple[dict[str, Surface], Landmarks]:
     bones["sacrum"] = _sacrum(spine["L5"])
     hip = _hip()
     bones["hip_left"], bones["hip_right"] = hip, _mirrored(hip)
-    for side in ("left", "right"):
+    for side in SIDES:
         names.append(f"asis_{side}")
         points.append(bones[f"hip_{side}"].vertices[-1])
     return bones, Landmarks(tuple(names), np.array(points))
