@@ -26,7 +26,7 @@ SKIN = sphere(100.0, (0.0, 0.0, 1300.0))
 BONE = joined(*(sphere(20.0, (x, 0.0, 1300.0), 2) for x in (-40.0, 40.0)))
 
 
-@pytest.mark.parametrize("asked", [5000, 20000, 60000])
+@pytest.mark.parametrize("asked", [5000, 25000])
 def test_asked_number_is_met_and_the_space_between_is_filled(asked):
     made = tetrahedralize(SKIN, BONE, asked)
     assert abs(len(made.tets) - asked) <= 0.15 * asked
@@ -58,7 +58,7 @@ def test_surfaces_that_need_more_than_asked_are_named(asked, runs, monkeypatch):
 SHELLS = [(0, 0, 50.0), (1, 0, 70.0), (2, 1, 50.0), (2, 2, 90.0), (3, 3, 94.0), (4, 2, 50.0), (4, 4, 95.0)]
 
 
-@pytest.mark.parametrize("ratio", [1.2, 2.0, 5.0, 100.0])
+@pytest.mark.parametrize("ratio", [1.2, 100.0])
 @pytest.mark.parametrize(("outer", "inner", "radius"), SHELLS)
 def test_what_is_refused_before_it_is_tried_cannot_be_done(outer, inner, radius, ratio):
     skin, bone = sphere(100.0, subdivisions=outer), sphere(radius, subdivisions=inner)
