@@ -7,7 +7,7 @@
     result = wt.simulate(case, plan, bands=True)
     result.skin, result.measures, result.to_rows()
     result.save("results/t4_l1")
-    result.report()
+    wt.write_report(result)
 
 The public names are listed in `__init__.pyi`; each is imported from its package when it is first used, so that
 `import warp_trunk` costs nothing. The example in the documentation of each is run as a test; there `case` is
@@ -18,6 +18,20 @@ Experts import more from the packages: `engine` (`Model`, `Relaxer`, and the inc
 `bone_motion`, `run` (`prepare`, a `PreparedPatient` for many plans, `sensitivities`), `measures`, `preparation`.
 """
 
+import sys
+from typing import Any
+
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def _notebook_html(result: Any) -> str:
+    from .report.writing import notebook_html  # draws
+
+    return notebook_html(result)
+
+
+if "IPython" in sys.modules and (shell := sys.modules["IPython"].get_ipython()) is not None:
+    html = shell.display_formatter.formatters["text/html"]
+    html.for_type_by_name("warp_trunk.results.result", "Result", _notebook_html)

@@ -15,6 +15,8 @@ from .preparation.landmark_finder import find_landmarks
 from .preparation.phantom import phantom_case
 from .preparation.reconstruction import fit_atlas, register_skin
 from .preparation.scanning import close_skin
+from .recording import view_result
+from .report.writing import write_report
 from .results import Result, read_result
 from .run.best_plan import best_plan
 from .run.options import RunOptions
@@ -50,7 +52,9 @@ __all__ = [
     "read_surface",
     "register_skin",
     "simulate",
+    "view_result",
     "write_case",
     "write_plan",
+    "write_report",
     "write_surface",
 ]

@@ -17,6 +17,7 @@ from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.measures.quantities import Measured
 from warp_trunk.report.page import STATES, rotation_table
 from warp_trunk.report.sentences import _tile, interval_text
+from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
 
 PICTURES = [
@@ -113,7 +114,7 @@ def test_result_that_did_not_converge_says_so_first_and_predicts_nothing(tmp_pat
         row["estimated_error_mm"] = None
     del summary["parameters"]["tolerance"]
     (folder / "summary.json").write_text(json.dumps(summary))
-    text = read_result(folder).report().read_text()
+    text = write_report(read_result(folder)).read_text()
     assert text.index("did not reach its end (STALLED)") < text.index("<img")
     assert "What changes" not in text
     assert RelaxStatus.STALLED.value[1:] in Elements(text).words
@@ -140,7 +141,7 @@ def test_front_is_bare_only_where_that_is_asked_for(plain, tmp_path):
 def test_fused_vertebrae_and_the_fingerprint_of_the_plan_are_on_the_page(tmp_path):
     folder = write_small_result(tmp_path)
     (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L1"\n[[curve]]\napex = "T8"\ncorrection = 0.65\n')
-    words = " ".join(Elements(read_result(folder).report().read_text()).words.split())
+    words = " ".join(Elements(write_report(read_result(folder)).read_text()).words.split())
     assert words.count("The 10 vertebrae from T4 to L1 are joined") == 2  # for the patient, and to sign
     assert "Plan: T4 to L1 joined (10 vertebrae); curve at T8: 65 % of the Cobb angle corrected." in words
     assert "A scar runs along the vertebrae from T4 to L1." in words
@@ -150,7 +151,10 @@ def test_fused_vertebrae_and_the_fingerprint_of_the_plan_are_on_the_page(tmp_pat
     (folder / "plan.toml").write_text('uiv = "T4"\nliv = "L2"\n')
     assert read_result(folder).fingerprint != first
     (folder / "plan.toml").unlink()
-    assert "does not state which vertebrae are joined" in Elements(read_result(folder).report().read_text()).words
+    assert (
+        "does not state which vertebrae are joined"
+        in Elements(write_report(read_result(folder)).read_text()).words
+    )
 
 
 @pytest.mark.parametrize(
@@ -181,7 +185,7 @@ def test_intervals_name_both_sides_where_they_hold_both():
 
 def test_bands_bring_intervals_and_a_better_and_a_worse_back(tmp_path, plain):
     found = small_bands(len(small_case()[0].skin.vertices))
-    page = read_result(write_small_result(tmp_path, found=found)).report()
+    page = write_report(read_result(write_small_result(tmp_path, found=found)))
     words = Elements(page.read_text()).words
     assert "It can turn out better or worse" in words
     assert "19 of 20: " in words

@@ -21,7 +21,7 @@ from warp_trunk.report.relief import BEHIND, RIGHT, Viewpoint
 from warp_trunk.report.skin_pictures import looks
 from warp_trunk.report.style import TrunkState
 from warp_trunk.report.turning import TurningState, script, turning
-from warp_trunk.report.writing import poses_of
+from warp_trunk.report.writing import poses_of, write_report
 from warp_trunk.results import read_result
 
 
@@ -96,7 +96,7 @@ def page(result: Path) -> Iterator[Page]:
         said: list[str] = []
         tab.on("console", lambda message: said.append(message.text))
         tab.on("pageerror", lambda error: said.append(str(error)))
-        tab.goto(read_result(result).report().resolve().as_uri())
+        tab.goto(write_report(read_result(result)).resolve().as_uri())
         tab.wait_for_selector("#turning[data-ready]")
         yield tab
         assert said == []

@@ -1,5 +1,7 @@
 """The viewer of Rerun, as a program and in the browser."""
 
+from __future__ import annotations
+
 import contextlib
 import os
 import socket
@@ -11,12 +13,15 @@ import urllib.request
 import webbrowser
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from warp_trunk.case.folders import other_kind
 from warp_trunk.errors import InputError, as_path
 from warp_trunk.io.atomic_write import partial
 from warp_trunk.io.result_files import RECORDING, SUMMARY
+
+if TYPE_CHECKING:
+    from warp_trunk.results import Result
 
 LOOPBACK = "127.0.0.1"
 WAIT = 60.0
@@ -25,20 +30,26 @@ WITHOUT_DISPLAY = "use `view --web`, or copy the result folder to a machine with
 """The advice if there is no display."""
 
 
-def view_result(result: str | Path, *, web: bool = False) -> int:
-    """Open the recording in a result folder, or a recording itself, and wait for its end.
+def view_result(result: Result | str | Path, *, web: bool = False) -> int:
+    """Open the recording of a result, and wait for its end.
+
+    >>> wt.view_result(result.save(folder / "seen"))  # of wt.simulate(case, record=False)
+    Traceback (most recent call last):
+    warp_trunk.errors.InputError: seen: holds no recording.rrd; give a folder that was simulated with --record
 
     Args:
-        result: a result folder, also one whose simulation was cut short, or a recording.
+        result: a saved result, a result folder, also one whose simulation was cut short, or a recording.
         web: open it in a browser on this machine instead of a window.
 
     Returns:
         The exit status of the viewer.
 
     Raises:
-        InputError: there is no recording, the file is none, or there is no display.
+        InputError: the result is not saved, there is no recording, the file is none, or there is no display.
     """
-    return (view_in_browser if web else view)(find_recording(as_path(result, "view: 'result'")))
+    return (view_in_browser if web else view)(
+        find_recording(as_path(getattr(result, "folder", result), "view: 'result'"))
+    )
 
 
 def find_recording(result: Path) -> Path:

@@ -48,6 +48,9 @@ def write_report(result: Result, out: str | Path | None = None, *, bare: bool = 
     The page is `report.html`; the pictures lie in the folder `report` beside it. An earlier report is replaced,
     the page last.
 
+    >>> wt.write_report(result.save(folder / "demo")).name
+    'report.html'
+
     Args:
         result: a saved result.
         out: the folder to write to; the result folder when left out.

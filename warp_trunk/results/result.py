@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -50,20 +50,18 @@ from warp_trunk.measures.quantities import MeasureTable
 from .bands import Bands, Effects, read_effects, read_skin_sd, write_effects, write_skin_sd
 from .summary import Summary, read_summary, write_summary
 
-if TYPE_CHECKING:
-    pass
-
 LEAST_SPACE = 200e6
 """Free space that a result folder needs [bytes]; the largest results seen take a third of it."""
 AGAIN = "simulate the case again"
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, kw_only=True, repr=False)
 class Result:
     """The trunk predicted by a simulation, with everything that its report needs.
 
-    `simulate` returns one, and `read_result` reads one from its folder. A notebook shows it as a picture of the
-    back before surgery and as predicted.
+    `simulate` returns one, and `read_result` reads one from its folder; `write_report` makes its page, and
+    `view_result` opens its recording. A notebook shows it as a picture of the back before surgery and as
+    predicted.
 
     >>> result.converged  # of wt.simulate(case)
     True
@@ -71,8 +69,6 @@ class Result:
     True
     >>> result.save(folder / "demo").folder.name
     'demo'
-    >>> result.report().name
-    'report.html'
     """
 
     skin_before: Surface
@@ -100,6 +96,9 @@ class Result:
     """Its result folder; None before `save`."""
     recording: Path | None = None
     """Rerun's recording of the simulation; None where none was made."""
+
+    def __repr__(self) -> str:
+        return f"Result({self.summary.case!r}, {self.status.name})"
 
     @property
     def folder(self) -> Path:
@@ -195,31 +194,6 @@ class Result:
             with locked(folder):
                 write_result(folder, self)
         return self
-
-    def report(self, out: str | Path | None = None) -> Path:
-        """Write the report, a page for the browser, into the result folder or another; returns the page.
-
-        Raises:
-            InputError: the result is not saved yet, or the folder cannot be written to.
-        """
-        from warp_trunk.report.writing import write_report  # of the public face alone
-
-        return write_report(self, out)
-
-    def view(self, *, web: bool = False) -> int:
-        """Open the recording in the viewer, or in the browser, and wait for its end; returns its exit status.
-
-        Raises:
-            InputError: the result is not saved yet or has no recording, or there is no display.
-        """
-        from warp_trunk.recording import view_result
-
-        return view_result(self.folder, web=web)
-
-    def _repr_html_(self) -> str:
-        from warp_trunk.report.writing import notebook_html  # draws a picture
-
-        return notebook_html(self)
 
 
 def prepare_folder(folder: str | Path) -> Path:
