@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import repeat
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,7 +38,11 @@ class SpineFeatures:
 
 
 def spine_features(
-    skeleton: Skeleton, before: np.ndarray, after: np.ndarray, expected_error: float | None = None
+    skeleton: Skeleton,
+    before: np.ndarray,
+    after: np.ndarray,
+    expected_error: float | None = None,
+    motions: RigidMotion | None = None,
 ) -> SpineFeatures:
     """The features of one set of landmarks.
 
@@ -47,10 +51,12 @@ def spine_features(
         before: landmarks before, shape (landmarks, 3) [mm].
         after: the same after.
         expected_error: of landmarks that have none yet, see `vertebra_smoothing` [mm].
+        motions: nearest to the landmarks of each vertebra, where they are known.
     """
     same = np.array_equal(before, skeleton.landmarks.points)
     curves = skeleton.curves if same else cobb_angles(Landmarks(skeleton.landmarks.names, before))
-    return SpineFeatures(curves, vertebra_smoothing(skeleton.vertebrae, before, after, expected_error))
+    motions = motions or skeleton.vertebrae.fit(before[None], after[None])[0]
+    return SpineFeatures(curves, vertebra_smoothing(skeleton.vertebrae, motions, before, after, expected_error))
 
 
 def bone_motions(
@@ -69,7 +75,7 @@ def bone_motions(
 
     - A bone whose motion is known.
     - Three or more landmarks of its own, not on one line: the rigid motion nearest to theirs. Where those
-      of vertebrae do not move rigidly, by their errors, these are smoothed along the spine (`smooth_vertebrae`).
+      of vertebrae do not move rigidly, by their errors, these are smoothed along the spine (`vertebra_smoothing`).
     - Pelvis and femurs: one body, by all its landmarks, also by iliac spines whose hip bones are not there. The
       two iliac spines alone leave the turn about the line between them open; it is taken as none.
     - Ribs, sternum and shoulder blades follow the vertebrae by stated shares (`rib_cage.follow`) of what these do
@@ -94,25 +100,32 @@ def bone_motions(
     Raises:
         InputError: landmarks on which no spline can be fitted (see `fit_spline`).
     """
-    bones, known = skeleton.bones, known or {}
+    bones, known, (_, marks) = skeleton.bones, known or {}, skeleton.marked
+    fitted = marks.fit(before, after)
+    vertebrae = fitted.last(slice(len(skeleton.vertebrae.rows)))
     each = (
-        [features] if features else [spine_features(skeleton, *pair) for pair in zip(before, after, strict=True)]
+        [features]
+        if features
+        else [
+            spine_features(skeleton, here, there, motions=motions)
+            for here, there, motions in zip(before, after, vertebrae, strict=True)
+        ]
     )
 
-    def of_each(found: Callable[..., np.ndarray], *stacks: np.ndarray) -> np.ndarray:
+    def of_each(found: Callable[..., np.ndarray], *stacks: Any) -> np.ndarray:
         if len(each) == 1:
             return found(each[0], *stacks)
         return np.concatenate([found(one, *(stack[[i]] for stack in stacks)) for i, one in enumerate(each)])
 
-    def smoothed(one: SpineFeatures, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        return after if one.smoothing is None else one.smoothing.smoothed(skeleton.vertebrae, before, after)
+    def smoothed(one: SpineFeatures, *given: Any) -> np.ndarray:
+        return given[-1] if one.smoothing is None else one.smoothing.smoothed(skeleton.vertebrae, *given)
 
     def coupled_turns(one: SpineFeatures, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         return skeleton.coupled_turns.of(one.curves, before, after)
 
-    smooth = of_each(smoothed, before, after)
+    smooth = of_each(smoothed, vertebrae, before, after)
     motions = NamedMotions(skeleton.names, len(before))
-    pelvis = _put_marked(skeleton, motions, before, smooth)
+    pelvis = _put_marked(skeleton, motions, fitted if smooth is after else marks.fit(before, smooth))
     for bone in known.keys() & bones.keys():
         motions[bone] = known[bone]
     lost = {level: bones[level].vertices for level in skeleton.levels if level not in motions}
@@ -164,16 +177,15 @@ def given_motions(skeleton: Skeleton, given: Mapping[str, RigidMotion], *shape: 
     return motions
 
 
-def _put_marked(skeleton: Skeleton, motions: NamedMotions, before: np.ndarray, after: np.ndarray) -> RigidMotion:
+def _put_marked(skeleton: Skeleton, motions: NamedMotions, fitted: RigidMotion) -> RigidMotion:
     """Sets the motions of bones with landmarks of their own, and returns that of the pelvis, shape (sets,)."""
-    names, marks = skeleton.marked
-    fitted = marks.fit(before, after)
-    own = [name for name in names if name != "pelvis"]
-    motions.put(own, fitted.last(slice(len(own))))
-    if len(own) == len(names):
-        return RigidMotion.identity(len(before))
-    motions.put(skeleton.pelvis, fitted.last([-1]))
-    return fitted.last(-1)
+    numbers = dict(skeleton.marked[0])
+    pelvis = numbers.pop("pelvis", None)
+    motions.put(list(numbers), fitted.last(list(numbers.values())))
+    if pelvis is None:
+        return RigidMotion.identity(*fitted.shape[:-1])
+    motions.put(skeleton.pelvis, fitted.last([pelvis]))
+    return fitted.last(pelvis)
 
 
 def _hold_at_ends(motions: NamedMotions, links: Mapping[str, Link], loose: Iterable[RigidMotion]) -> None:

@@ -18,7 +18,7 @@ from warp_trunk.measures.spine import ENDPLATES
 
 from .rib_cage import RibCage, ends
 from .vertebra_motion import CoupledTurns
-from .vertebra_smoothing import Bodies, vertebrae_of
+from .vertebra_smoothing import Bodies, vertebra_rows, vertebrae_of
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks
@@ -69,15 +69,19 @@ class Skeleton:
         return found
 
     @cached_property
-    def marked(self) -> tuple[tuple[str, ...], Bodies]:
-        """Bones that landmarks of their own hold, and these; `pelvis`, the last, is all of `PELVIS`."""
+    def marked(self) -> tuple[dict[str, int], Bodies]:
+        """Vertebrae, in bones or not, and bones, which landmarks of their own hold, as bodies.
+
+        The first are those of `vertebrae`. The numbers are of bones, and of `pelvis`, which is all of `PELVIS`.
+        """
         owners = np.array([bone_of(name, (*self.names, *PELVIS)) or "" for name in self.landmarks.names])
         rows = {bone: np.flatnonzero(owners == bone) for bone in self.names if bone not in PELVIS}
         rows = {bone: own for bone, own in rows.items() if _hold(self.landmarks.points[own])}
         pelvis = np.flatnonzero(np.isin(owners, PELVIS))
         if len(pelvis):
             rows["pelvis"] = pelvis
-        return tuple(rows), Bodies.of(list(rows.values()))
+        bodies = {**vertebra_rows(self.landmarks), **rows}
+        return {bone: list(bodies).index(bone) for bone in rows}, Bodies.of(list(bodies.values()))
 
     @cached_property
     def pelvis(self) -> tuple[str, ...]:

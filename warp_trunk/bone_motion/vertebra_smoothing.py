@@ -52,16 +52,17 @@ class VertebraSmoothing:
     weights: np.ndarray
     """Weights of the numbers (turn, shift) of all vertebrae in those of each, shape (6, vertebrae, vertebrae)."""
 
-    def smoothed(self, bodies: Bodies, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    def smoothed(self, bodies: Bodies, motions: RigidMotion, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """Sets of landmarks after surgery [mm], each vertebra moved rigidly, its motion smoothed along the spine.
 
         Args:
             bodies: the landmarks of the vertebrae (`vertebrae_of`).
+            motions: nearest to these, shape (sets, bodies).
             before: sets of landmarks before, shape (sets, landmarks, 3) [mm].
             after: the same after.
         """
         middles = bodies.middles(before)
-        numbers = np.einsum("nvw,swn->svn", self.weights, _numbers(bodies.fit(before, after), middles))
+        numbers = np.einsum("nvw,swn->svn", self.weights, _numbers(motions, middles))
         turn = RigidMotion.exp(np.concatenate([numbers[..., :3], np.zeros_like(middles)], axis=-1)).rotation
         here = before[:, bodies.rows] - middles[..., None, :]
         moved = rotated(turn[:, :, None], here) + (middles + numbers[..., 3:])[..., None, :]
@@ -70,35 +71,16 @@ class VertebraSmoothing:
         return found
 
 
-def smooth_vertebrae(before: Landmarks, after: Landmarks) -> Landmarks:
-    """The landmarks after surgery, with each vertebra moved rigidly and its motion smoothed along the spine.
-
-    Six landmarks with errors of 2.1 +- 1.5 mm before and after, as the papers state them, turn a vertebra by 3 to
-    4 degrees (standard deviation, each axis), each independently: vertebrae that move as rigid bodies would cut
-    into each other. The misfit of a rigid motion to the landmarks of a vertebra estimates these errors. Turns and
-    shifts of the vertebrae are then those of a smoothing spline along the spine of the likeliest smoothness: it
-    follows a real kink as far as that exceeds the errors.
-
-    Returns:
-        `after` itself where landmarks move rigidly within 0.05 mm, as those of a plan do, or have too few
-        vertebrae.
-    """
-    bodies = vertebrae_of(before)
-    smoothing = vertebra_smoothing(bodies, before.points, after.points)
-    if smoothing is None:
-        return after
-    return Landmarks(after.names, smoothing.smoothed(bodies, before.points[None], after.points[None])[0])
-
-
 def smoothing_warnings(before: Landmarks, after: Landmarks) -> list[str]:
     """A sentence where vertebrae are smoothed: how large the landmark errors are, and the largest change."""
     bodies = vertebrae_of(before)
-    smoothing = vertebra_smoothing(bodies, before.points, after.points)
+    here, there = before.points[None], after.points[None]
+    rough = bodies.fit(here, there)
+    smoothing = vertebra_smoothing(bodies, rough[0], before.points, after.points)
     if smoothing is None:
         return []
-    here, there = before.points[None], after.points[None]
-    smooth = bodies.fit(here, smoothing.smoothed(bodies, here, there))[0]
-    off = np.degrees((smooth * bodies.fit(here, there)[0].inv()).angle)
+    smooth = bodies.fit(here, smoothing.smoothed(bodies, rough, here, there))
+    off = np.degrees((smooth * rough.inv()).angle[0])
     most = int(off.argmax())
     level = before.names[bodies.rows[most, 0]].split("_")[0]
     return [
@@ -108,22 +90,35 @@ def smoothing_warnings(before: Landmarks, after: Landmarks) -> list[str]:
     ]
 
 
-def vertebrae_of(landmarks: Landmarks) -> Bodies:
-    """The landmarks of each vertebra that has four or more, not on one line."""
-    owned = [
-        np.array([row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")])
+def vertebra_rows(landmarks: Landmarks) -> dict[str, np.ndarray]:
+    """The rows of the landmarks of each vertebra that has four or more, not on one line."""
+    owned = {
+        level: np.array([row for row, name in enumerate(landmarks.names) if name.startswith(f"{level}_")])
         for level in landmarks.vertebrae()
-    ]
-    return Bodies.of([rows for rows in owned if len(rows) >= 4 and not on_line(landmarks.points[rows])])
+    }
+    return {level: own for level, own in owned.items() if len(own) >= 4 and not on_line(landmarks.points[own])}
+
+
+def vertebrae_of(landmarks: Landmarks) -> Bodies:
+    """The same as bodies."""
+    return Bodies.of(list(vertebra_rows(landmarks).values()))
 
 
 def vertebra_smoothing(
-    bodies: Bodies, before: np.ndarray, after: np.ndarray, expected: float | None = None
+    bodies: Bodies, motions: RigidMotion, before: np.ndarray, after: np.ndarray, expected: float | None = None
 ) -> VertebraSmoothing | None:
     """The smoothing that the landmarks of a patient require; None where they require none.
 
+    Six landmarks with errors of 2.1 +- 1.5 mm before and after, as the papers state them, turn a vertebra by 3 to
+    4 degrees (standard deviation, each axis), each independently: vertebrae that move as rigid bodies would cut
+    into each other. The misfit of a rigid motion to the landmarks of a vertebra estimates these errors. Turns and
+    shifts of the vertebrae are then those of a smoothing spline along the spine of the likeliest smoothness: it
+    follows a real kink as far as that exceeds the errors. Landmarks that move rigidly within 0.05 mm, as those of
+    a plan do, or of too few vertebrae, require none.
+
     Args:
         bodies: the landmarks of her vertebrae (`vertebrae_of`).
+        motions: nearest to these, shape (bodies,).
         before: landmarks before, shape (landmarks, 3) [mm].
         after: the same after.
         expected: the error of a landmark, before and after together [mm, each axis], of landmarks that move
@@ -131,7 +126,7 @@ def vertebra_smoothing(
     """
     if len(bodies.rows) < _LEAST:
         return None
-    motions, middles = bodies.fit(before[None], after[None])[0], bodies.middles(before[None])[0]
+    middles = bodies.middles(before[None])[0]
     missed = motions[:, None].apply(before[bodies.rows]) - after[bodies.rows]
     squares, freedom = np.square(missed) * bodies.weights[..., None], 3.0 * bodies.weights.sum(axis=1) - 6.0
     error = float(np.sqrt(squares.sum() / freedom.sum()))
