@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.anatomy import SIDES, rib_of
-from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, nearest_rotation, rotated
+from warp_trunk.geometry.rigid import NamedMotions, RigidMotion, cross_matrix, nearest_rotation, rotated
 
 if TYPE_CHECKING:
     from warp_trunk.case.rib_coupling import RibCoupling
@@ -218,7 +218,7 @@ def _reaching(cage: RibCage, rows: np.ndarray, motions: RigidMotion, sternum: Ri
     goal = sternum.last(None).apply(anchors)
     now = np.linalg.norm(end - goal, axis=-1)
     wanted = np.clip(now, (1.0 - _CARTILAGE) * length, (1.0 + _CARTILAGE) * length)
-    across = np.cross(goal - pin, end - pin)
+    across = rotated(cross_matrix(goal - pin), end - pin)
     size = np.linalg.norm(across, axis=-1)
     # in the plane of the rib and the goal, by the law of cosines; as near as it goes where it cannot reach
     far, long = np.linalg.norm(goal - pin, axis=-1), np.linalg.norm(end - pin, axis=-1)

@@ -121,7 +121,7 @@ class RigidMotion:
 
     def part(self, fraction: float) -> RigidMotion:
         """The same screws, turned by a fraction of their angles and shifted by it of their ways."""
-        return RigidMotion.exp(fraction * self.log())
+        return self if fraction == 1.0 else RigidMotion.exp(fraction * self.log())
 
     def __mul__(self, first: RigidMotion) -> RigidMotion:
         """The motion that is first the other one and then this."""
