@@ -192,17 +192,17 @@ def _bodies(folders: list[Path], options: Options) -> None:
         for correction, one in zip(CORRECTIONS, outcomes, strict=True):
             found.append(one)
             shoulders = [side.difference for m in (one.before, one.after) if (side := m.shoulders)]
-            off = ", ".join(f"{one.off[level]:+.1f}" for level in ("T12", "L1", "L2"))
-            status = "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
+            off = ", ".join(f"{one.off[level]:+z.1f}" for level in ("T12", "L1", "L2"))
+            off += "" if one.status is RelaxStatus.CONVERGED else f" {one.status.name}"
             print(
                 f"| {folder.name} | {kind} {CURVES[kind]:.0f} | {100 * correction:.0f} | {one.hump_over_cobb:.2f} "
-                f"| {shoulders[0]:.0f} to {shoulders[1]:.0f} | {off}{status} | {one.released} | {one.inverted} |",
+                f"| {shoulders[0]:z.0f} to {shoulders[1]:z.0f} | {off} | {one.released} | {one.inverted} |",
                 flush=True,
             )
     after = np.array([one.after.shoulders.difference for one in found if one.after.shoulders])
     off = np.array([list(one.off.values()) for one in found])
     differences = ", ".join(
-        f"{level} {mean:+.1f} ± {sd:.1f}"
+        f"{level} {mean:+z.1f} ± {sd:.1f}"
         for level, mean, sd in zip(CROSS_SECTION, off.mean(axis=0), off.std(axis=0), strict=True)
     )
     print(f"""
@@ -265,18 +265,19 @@ def _each(work: Callable[[Any, Options], Any], tasks: list[Any], options: Option
 def _print_ends(found: Sequence[Outcome], kinds: Sequence[Kind]) -> None:
     """How the simulations ended, and how much of the hump went."""
     of_kinds = np.array(kinds)
-    humps = np.array([one.hump_over_cobb for one in found])
-    parts = ((kind, humps[of_kinds == kind]) for kind in CURVES)
-    by_kind = "; ".join(
-        f"{kind} {part.mean():.2f} ± {part.std():.2f}, {sum(abs(part - 0.58) <= 0.1)} of {len(part)} in the bar"
-        for kind, part in parts
-        if len(part)
-    )
+    numbers = np.array([(*one.hump, one.hump_over_cobb) for one in found])
+    for kind in CURVES:
+        before, after, part = numbers[of_kinds == kind].T
+        if len(part):
+            within = sum(abs(part - 0.58) <= 0.1)
+            print(
+                f"- {kind}: largest rotation {before.mean():.1f} to {after.mean():.1f} degrees, hump over Cobb "
+                f"{part.mean():.2f} ± {part.std():.2f}, {within} of {len(part)} in 0.58 ± 0.10"
+            )
     released = [one.released for one in found if one.released]
     nodes = f"{min(released)} to {max(released)} nodes" if released else "no node"
     mild = [one.warned for one in found if one.cobb[0] <= 55.0]
-    print(f"""- hump over Cobb: {by_kind} (0.58 ± 0.10)
-- simulations: {len(found)}, converged: {sum(one.status is RelaxStatus.CONVERGED for one in found)}
+    print(f"""- simulations: {len(found)}, converged: {sum(one.status is RelaxStatus.CONVERGED for one in found)}
 - with inverted tetrahedra: {sum(one.inverted > 0 for one in found)}
 - with tissue released from bone: {len(released)}, at {nodes}
 - warned of: {sum(one.warned for one in found)}; of curves up to 55 degrees {sum(mild)} of {len(mild)}""")
@@ -308,7 +309,7 @@ def _print_cohort(found: Sequence[Outcome]) -> None:
         values = np.array(pairs)
         mean, deviation = np.nanmean(values, axis=0), np.nanstd(values, axis=0)
         change = f"{100.0 * (mean[1] / mean[0] - 1.0):.0f}" if abs(mean[0]) > 1.0 else ""
-        cells = [f"{m:.1f} ± {d:.1f}" for m, d in zip(mean, deviation, strict=True)]
+        cells = [f"{m:z.1f} ± {d:.1f}" for m, d in zip(mean, deviation, strict=True)]
         print(f"| {name} | {cells[0]} | {cells[1]} | {change} | {published} |")
     print()
 
