@@ -1,7 +1,7 @@
-"""The table that follows the sliders, and the status over it, as HTML; all that comes from files is escaped."""
+"""The table that follows the sliders, and the status over it, as HTML of the template `numbers.html`."""
 
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,30 +12,22 @@ from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.points import follow_points
 from warp_trunk.measures.quantities import MeasureTable, measured
 from warp_trunk.measures.rows import MISSING, number, skin_rows, spine_rows
-from warp_trunk.measures.table import as_html
+from warp_trunk.report.page import environment
 from warp_trunk.report.style import BEFORE, PLANS
 
 from .session import PlanView
 from .sliders import MotionPlan
 
-NOTE = "A research simulation, not for clinical use."
-UNSURE = "How sure the prediction is, <code>simulate --bands</code> computes."
 _STATES = ("before", "plan", "kept")
 """States of the table; a kept plan has any title."""
-_BARS, _ROW = 210, 17
-"""Of the drawing of back surface rotation [px]."""
-_STATUS = 78
-"""Height of the words over the sliders [px]; longer ones are scrolled."""
-_STALE = "opacity:.45"
-_TABLE = (
-    "<style>.numbers{border-collapse:collapse;font-size:13px;width:100%;font-variant-numeric:tabular-nums}"
-    ".numbers th{text-align:left;font-weight:normal;overflow-wrap:anywhere}"
-    ".numbers thead th,.numbers .group th{font-weight:bold;padding-top:7px}"
-    ".numbers td,.numbers thead th+th{text-align:right;padding-left:8px}.numbers td{white-space:nowrap}"
-    ".numbers tr+tr{border-top:1px solid #8883}</style>"
-)
-_BROKEN = "overflow-wrap:anywhere"
-"""Of what may hold a path or the name of a plan: a panel is narrow, and what is wider is not seen."""
+_COLOURS = (BEFORE.colour, PLANS[0].colour, PLANS[1].colour)
+"""Of their bars."""
+_MIDDLE, _HALF, _ROW = 135.0, 105.0, 17.0
+"""Where bars of back surface rotation begin, their largest length and the height of a level [px]."""
+
+
+def _html(macro: str, *values: Any) -> str:
+    return str(getattr(environment("live", "report").get_template("numbers.html").module, macro)(*values))
 
 
 def status_html(view: PlanView | None, refusal: str, *, planning: bool = False) -> str:
@@ -43,44 +35,19 @@ def status_html(view: PlanView | None, refusal: str, *, planning: bool = False) 
 
     Its height does not change with what it says: the sliders below stay under the hand.
     """
-    if view is None:
-        said = _box("#777777", "Making the patient ready ...")
-    elif planning:
-        said = _box("#777777", "<b>Planning ...</b> Shown is the plan before.")
-    elif refusal:
-        reason = escape(refusal[:1].upper() + refusal[1:])
-        said = _box("#b00020", f"<b>Not possible.</b> {reason}. Shown is the last plan that is.")
-    else:
-        said = _box(*_kind(view))
-    note = f"<div style='font-size:11px;padding:2px 8px;opacity:.8'>{NOTE}</div>"
-    return f"<div style='height:{_STATUS}px;overflow:auto'>{said}</div>{note}"
+    error = _size(None if view is None else view.error)
+    return _html("status", view, refusal[:1].upper() + refusal[1:], planning, error)
 
 
 def line_html(text: str) -> str:
     """A line of small text."""
-    return f"<div style='font-size:12px;padding:2px 10px;{_BROKEN}'>{escape(text)}</div>"
-
-
-def _kind(view: PlanView) -> tuple[str, str]:
-    if not view.relaxed:
-        off = "" if view.error is None else "about "
-        return "#c28a00", f"<b>Spline's image</b>, not relaxed yet: off by {off}{_size(view.error)}"
-    if view.settled:
-        return "#00794f", f"<b>Relaxed skin</b>, solved to {_size(view.error)}. {UNSURE}"
-    return "#4c9a2a", f"<b>Relaxed skin</b>, solved to about {_size(view.error)}; refined at rest. {UNSURE}"
+    return _html("line", text)
 
 
 def _size(error: float | None) -> str:
     if error is None:
         return "an unknown way, often 5 to 20 mm"
     return "0.001 mm" if error < 0.001 else f"{error:.2g} mm" if error < 10.0 else f"{error:.0f} mm"
-
-
-def _box(colour: str, text: str) -> str:
-    return (
-        f"<div style='border-left:5px solid {colour};padding:3px 8px;margin:0 0 5px;font-size:13px;"
-        f"line-height:1.35;{_BROKEN}'>{text}</div>"
-    )
 
 
 def numbers_html(
@@ -117,10 +84,9 @@ def numbers_html(
     for heading, group in groups.items():
         shown = [row.cells() for row in group if row.short or row.values[0] is None]  # what plans are chosen by
         rows += [[heading], *shown] if shown else []
-    look = "".join(_box("#b25d00", f"<b>Look:</b> {escape(warning)}") for warning in view.warnings)
-    cells = as_html(["", *titles], rows, "Numbers of the plan", "numbers")
-    bars = _rotation(table, dict(zip(states, titles, strict=True)), stale)
-    return f"<div style='padding:0 16px 12px 4px'>{_TABLE}{look}{cells}{bars}</div>"
+    levels, colours, bars = _rotation(table, states, stale=stale)
+    legend = [(titles[states.index(state)], colour) for state, colour in colours.items()]
+    return _html("numbers", view.warnings, titles, rows, levels, legend, bars)
 
 
 def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
@@ -140,41 +106,22 @@ def _point_rows(case: Case, views: Sequence[PlanView]) -> list[list[str]]:
     return rows
 
 
-def _rotation(table: MeasureTable, titles: Mapping[str, str], stale: bool) -> str:
-    """Back surface rotation by level: bars from the middle to the side that stands further back."""
-    columns = {state: table.values(state, "bsr_deg") for state in titles}
-    known = [(state, colour) for state, colour in zip(titles, _COLOURS, strict=False) if columns[state]]
-    levels = list(columns[_STATES[0]])
-    if not levels:
-        return ""
-    most = max([5.0, *(abs(a) for column in columns.values() for a in column.values() if a is not None)])
-    middle, scale, thick = 30 + _BARS / 2, _BARS / 2 / most, (_ROW - 4) / len(known)
-    height = _ROW * len(levels)
-    drawn = [f"<line x1='{middle}' x2='{middle}' y1='0' y2='{height}' stroke='currentColor'/>"]
-    for row, level in enumerate(levels):
-        drawn.append(_text(0, row, level))
-        for place, (state, colour) in enumerate(known):
-            angle = columns[state].get(level)
-            if angle is None:
-                continue
-            left, wide, top = middle + min(0.0, angle * scale), abs(angle) * scale, _ROW * row + 2 + place * thick
-            faint = _STALE if stale and place == 1 else ""
-            drawn.append(
-                f"<rect x='{left:.1f}' y='{top:.1f}' width='{wide:.1f}' height='{thick:.1f}' fill='{colour}' "
-                f"style='{faint}'/>"
-            )
-        shown = columns[known[min(1, len(known) - 1)][0]].get(level)
-        drawn.append(_text(34 + _BARS, row, number(None if shown is None else abs(shown))))
-    legend = " ".join(f"<span style='color:{colour}'>■</span> {escape(titles[state])}" for state, colour in known)
-    return (
-        f"<div style='font-size:13px;padding-top:9px;{_BROKEN}'><b>Rotation of the back by level [°]</b><br>"
-        f"{legend}<br>to the right: the right side stands further back</div>"
-        f"<svg viewBox='0 0 {70 + _BARS} {height}' style='width:100%;max-width:340px'>{''.join(drawn)}</svg>"
-    )
-
-
-def _text(left: float, row: int, text: str) -> str:
-    return f"<text x='{left}' y='{_ROW * row + 12}' font-size='11' fill='currentColor'>{escape(text)}</text>"
-
-
-_COLOURS = (BEFORE.colour, PLANS[0].colour, PLANS[1].colour)
+def _rotation(
+    table: MeasureTable, states: Sequence[str], *, stale: bool
+) -> tuple[list[tuple[str, str]], dict[str, str], list[tuple[Any, ...]]]:
+    """Levels with the rotation of the plan, the colour of each state that is known, and bars from the middle to
+    the side that stands further back: x, y, width, height, colour and opacity of each."""
+    columns = {state: table.values(state, "bsr_deg") for state in states}
+    known = {state: colour for state, colour in zip(states, _COLOURS, strict=False) if columns[state]}
+    angles = [angle for column in columns.values() for angle in column.values() if angle is not None]
+    scale, thick = _HALF / max([5.0, *map(abs, angles)]), (_ROW - 4.0) / max(len(known), 1)
+    shown = columns[[*known][min(1, len(known) - 1)]] if known else {}
+    levels, bars = [], []
+    for row, level in enumerate(columns[_STATES[0]]):
+        turn = shown.get(level)
+        levels.append((level, number(None if turn is None else abs(turn))))
+        for place, (state, colour) in enumerate(known.items()):
+            if (angle := columns[state].get(level)) is not None:
+                x, y = _MIDDLE + min(0.0, angle * scale), _ROW * row + 2.0 + place * thick
+                bars.append((x, y, abs(angle) * scale, thick, colour, 0.45 if stale and place == 1 else 1.0))
+    return levels, known, bars

@@ -1,9 +1,8 @@
-"""Tables as text for a terminal, as Markdown and as HTML; and every measure of a skin as such tables."""
+"""Tables as text for a terminal and as Markdown; and every measure of a skin as such tables."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from typing import TYPE_CHECKING
 
 from .quantities import BEFORE, DETECTABLE, MeasureTable
@@ -35,25 +34,6 @@ def as_markdown(head: Row, rows: Sequence[Row]) -> str:
     lines = [head, ["---", *["---:"] * (len(head) - 1)]]
     lines += [[f"**{row[0]}**", *[""] * (len(head) - 1)] if len(row) == 1 else row for row in rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def as_html(head: Row, rows: Sequence[Row], label: str = "", kind: str = "") -> str:
-    """The table in HTML, everything escaped; `--columns` is how many columns of values a narrow page shows."""
-    values = len(head) - 1
-    columns = values if values <= 4 else min((values + 1) // 2, 4)
-    cells = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head)
-    body = ""
-    for row in rows:
-        if len(row) == 1:
-            first = f'<th scope="rowgroup" colspan="{len(head)}">{escape(row[0])}</th>'
-            body += f'<tr class="group">{first}</tr>\n'
-            continue
-        values_of_row = "".join(f"<td>{escape(cell)}</td>" for cell in row[1:])
-        body += f'<tr><th scope="row">{escape(row[0])}</th>{values_of_row}</tr>\n'
-    return (
-        f'<table class="{kind}" aria-label="{escape(label)}" style="--columns: {columns}">\n'
-        f"<thead><tr>{cells}</tr></thead>\n<tbody>\n{body}</tbody>\n</table>"
-    )
 
 
 def measures_text(measures: TrunkMeasures) -> str:

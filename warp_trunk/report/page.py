@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,6 @@ from warp_trunk.measures.points import FollowedPoint, profile
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PREDICTED, QUANTITIES, MeasureTable
 from warp_trunk.measures.rows import MeasureRow, level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
-from warp_trunk.measures.table import as_html
 
 from .modelled import modelled, not_modelled, option_rows, value_text
 from .sentences import glance, joined, sentences
@@ -28,6 +28,8 @@ from .style import TrunkState
 from .turning import Turning, script
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
+
     from warp_trunk.results import Result, Summary
     from warp_trunk.results.bands import Bands
 
@@ -135,24 +137,27 @@ def _of_run(result: Result, poses: Sequence[TrunkState]) -> dict[str, Any]:
     }
 
 
-def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:
-    """A page from its template, with pictures as `pictures` (None for those that are not drawn) and the style."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
+@cache
+def environment(*packages: str) -> Environment:
+    """The templates of some packages; all that they are given is escaped."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(
-        loader=PackageLoader("warp_trunk", "report"),
+    return Environment(
+        loader=ChoiceLoader([PackageLoader("warp_trunk", package) for package in packages]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    viewer, source = script()
-    environment.globals |= {"viewer": viewer, "script_source": source}
-    environment.globals["table"] = lambda *cells: Markup(as_html(*cells))
+
+
+def rendered(template: str, drawings: Mapping[str, bytes], **values: Any) -> str:
+    """A page from its template, with pictures as `pictures` (None for those that are not drawn) and the style."""
     style = files("warp_trunk.report").joinpath("style.css").read_text(encoding="utf-8")
     pictures = dict.fromkeys(_OPTIONAL) | {name: _address(drawing) for name, drawing in drawings.items()}
-    return environment.get_template(template).render(style=style, pictures=pictures, **values).lstrip()
+    viewer, source = script()
+    values |= {"style": style, "pictures": pictures, "viewer": viewer, "script_source": source}
+    return environment("report").get_template(template).render(values).lstrip()
 
 
 def _address(picture: bytes) -> str:
