@@ -284,12 +284,13 @@ def _print_ends(found: Sequence[Outcome], kinds: Sequence[Kind]) -> None:
 
 
 def _print_cohort(found: Sequence[Outcome]) -> None:
-    """The drawn patients beside published ones; docs/bodies.md has the sources (a) to (f)."""
+    """The drawn patients beside published ones; docs/bodies.md has the sources (a) to (h)."""
     rows: dict[str, tuple[list[tuple[float, float]], str]] = {
         "Cobb angle [degrees]": ([one.cobb for one in found], "54.6 ± 9.5 to 14.5 ± 7.5 (a)"),
         "rotation of the back where it is largest [degrees]": (
             [one.hump for one in found],
-            "hump 12.3 ± 3.6 to 7.2 ± 3.8, -41 % for Cobb -71 % (b)",
+            "hump 12.3 ± 3.6 to 7.2 ± 3.8, -41 % for Cobb -71 % (b); surface 17.4 to 11.8, -32 % for -76 % (g); "
+            "16.1 to 10.3, -36 % for -71 % (h)",
         ),
         "axial rotation of the apex [degrees]": ([one.apical for one in found], "12 to 5 for Cobb 51 to 15 (c)"),
         "shoulder of the convex side higher by [mm]": (list(_to_convex(found)), "7.0 to -1.6 (d)"),
