@@ -40,6 +40,10 @@ ODD = [
     ("no case.toml", lambda folder: (folder / "case.toml").unlink()),
     ("a link in the folder", linked),
     ("further columns", text("landmarks_after.csv", lambda t: t.replace("\n", ",5\n").replace("z,5", "z,who"))),
+    ("semicolons and decimal commas",
+     text("landmarks_after.csv", lambda t: t.replace(",", ";").replace(".", ","))),
+    ("tabs", text("landmarks_before.csv", lambda t: t.replace(",", "\t"))),
+    ("capital columns", text("landmarks_before.csv", lambda t: t.replace("name,x,y,z", "Name,X,Y,Z"))),
     ("a capital ending", lambda f: (f / "skin.ply").rename(f / "skin.PLY")),
 ]  # fmt: skip
 

@@ -14,6 +14,8 @@ from warp_trunk.errors import InputError
         ("t8", "T8"), ("T08", "T8"), ("T_8", "T8"), ("vertebrae_T8", "T8"), ("l5 vertebra", "L5"),
         ("rib_left_1", "rib_left_01"), ("Rib-Right-12", "rib_right_12"), ("left_rib_1", "rib_left_01"),
         ("Sacrum", "sacrum"), ("left hip", "hip_left"), ("HIP_RIGHT", "hip_right"),
+        ("Th8", "T8"), ("D8", "T8"), ("T8 copy", "T8"), ("L5_bone", "L5"), ("rib_l_07", "rib_left_07"),
+        ("hip_r", "hip_right"), ("pelvis_left", "hip_left"), ("os sacrum", "sacrum"),
     ],
 )  # fmt: skip
 def test_a_file_called_nearly_as_a_bone_is_named(name, bone):

@@ -84,8 +84,12 @@ def test_surgery_moves_landmarks_a_little():
 def test_wrong_units_name_the_right_one(key, scale, units, tall, right):
     skin = small_case().skin
     case = replace(small_case(), **{key: Surface(skin.vertices * scale, skin.faces)})
-    rule = f'{key}: the trunk is {tall} mm tall, and must be 250 to 900 mm; set units = "{right}"'
-    refused(case, rule, CaseSource(units=units))
+    rule = f"{key}: the trunk is {tall} mm tall, and must be 250 to 900 mm; the bones are in mm, and this file"
+    refused(case, f"{rule} seems to be in {right}: write it in mm", CaseSource(units=units))
+
+
+def test_wrong_units_of_all_files_name_the_right_one():
+    refused(turned(small_case(), np.eye(3) / 10.0), 'skin: the trunk is 57.5 mm tall.*; set units = "cm"')
 
 
 def turned(case: Case, M: np.ndarray) -> Case:
@@ -235,6 +239,23 @@ def test_a_second_skin_after_a_large_correction_holds_the_bones_where_the_plan_p
     assert all("does not hold" not in warning for warning in check_second_skin(planned, second, "skin"))
     with pytest.raises(InputError, match="does not hold the bones"):
         check_second_skin(replace(case, landmarks_after=None), second, "skin")
+
+
+@pytest.mark.parametrize(
+    ("shift", "sign", "said"),
+    [
+        ([0, 200, 0], [-1, -1, 1], "skin holds all bones with x and y negated, so it is in RAS: write SPACE=RAS"),
+        ([200, 0, 0], [-1, 1, 1], "skin holds all bones with x negated, so it is mirrored"),
+        ([200, 0, 0], [1, 1, 1], "bring both into one frame"),
+    ],
+)
+def test_the_frame_in_which_a_skin_would_hold_the_bones_is_named(shift, sign, said):
+    case = small_case()
+    move = np.array(shift, dtype=float)
+    skin = case.skin.moved((case.skin.vertices + move) * sign)
+    faces = skin.faces if np.prod(sign) > 0 else skin.faces[:, ::-1]
+    bones = {name: bone.moved(bone.vertices + move * (sign != [1, 1, 1])) for name, bone in case.bones.items()}
+    refused(replace(case, skin=Surface(skin.vertices, faces), bones=bones), said)
 
 
 def test_a_skin_with_head_and_legs_is_to_be_cut():

@@ -70,7 +70,7 @@ def rank(level: str) -> tuple[int, int]:
 
 
 def check_file_names(files: Mapping[str, Path]) -> None:
-    """InputError for a file that is called nearly as a bone is: t8, T08, left_hip, rib_left_1 or vertebrae_T8."""
+    """InputError for a file that is called nearly as a bone is: t8, Th8, left_hip, rib_l_1, vertebrae_T8."""
     for name, path in files.items():
         bone = _NAMED.get(_words(name), name)
         if bone != name:
@@ -79,9 +79,12 @@ def check_file_names(files: Mapping[str, Path]) -> None:
 
 
 def _words(name: str) -> tuple[str, ...]:
-    """The words of a name in any order, without capitals, leading zeros and `vertebra`."""
+    """The words of a name in any order and one spelling, without leading zeros and words that say nothing."""
     words = [word.lstrip("0") for word in re.findall(r"[a-z]+|\d+", name.lower())]
-    return tuple(sorted(word for word in words if word not in ("vertebra", "vertebrae")))
+    words = [_SPELLINGS.get(word, word) for word in words if word not in _EMPTY]
+    if not {"rib", "costal", *_BILATERAL}.isdisjoint(words):  # else l is lumbar
+        words = [{"l": "left", "r": "right"}.get(word, word) for word in words]
+    return tuple(sorted(words))
 
 
 def of_trunk(bone: str, girdle: bool = False) -> bool:
@@ -94,7 +97,10 @@ def is_known(bone: str) -> bool:
     return of_trunk(bone, girdle=True) or _OTHERS.fullmatch(bone) is not None
 
 
-_PAIRED = [f"{bone}_{side}" for bone in ("hip", "femur", "scapula", "clavicle", "humerus") for side in SIDES]
+_EMPTY = ("vertebra", "vertebrae", "bone", "os", "copy", "")
+_SPELLINGS = {"th": "t", "d": "t", "ribs": "rib", "clavicula": "clavicle", "ilium": "hip", "pelvis": "hip"}
+_BILATERAL = ("hip", "femur", "scapula", "clavicle", "humerus")
+_PAIRED = [f"{bone}_{side}" for bone in _BILATERAL for side in SIDES]
 _NUMBERED = [
     f"{bone}_{side}_{n:02d}" for bone in ("rib", "costal_cartilage") for side in SIDES for n in range(1, 13)
 ]

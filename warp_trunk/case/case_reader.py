@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.errors import InputError, as_path
+from warp_trunk.errors import InputError, as_path, nearest
 from warp_trunk.geometry.coarsening import without_slivers
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import LEAST_ANGLE, place_of, slivers
@@ -72,12 +72,15 @@ def read_checked_case(
     bones, bones_after = surface_files(files.folder / "bones"), surface_files(files.folder / "bones_after")
     check_file_names(bones)
     if not bones:
-        raise InputError(f"{files.folder / 'bones'}: there is no surface in it; add each bone as bones/<name>.ply")
+        place = files.folder / "bones"
+        hint = "" if place.exists() else _called_nearly(place)
+        raise InputError(f"{place}: there is no surface in it{hint}; add each bone as bones/<name>.ply")
     before, after = files.landmarks("landmarks_before"), files.landmarks("landmarks_after")
     source = CaseSource(files.names, header.units, header.axes.code)
     if before is None and not (moved or bones_after.keys() == bones.keys()):
         cure = f"add the landmarks of the spine, or {MOTIONS}, or every bone in bones_after/"
-        raise InputError(f"{files.names['landmarks_before']}: there is no such file; {cure}")
+        path = files.names["landmarks_before"]
+        raise InputError(f"{path}: there is no such file{_called_nearly(path)}; {cure}")
     before = before or NO_LANDMARKS
     if after is not None:
         check_names(before, after, source)
@@ -137,9 +140,19 @@ def _instead(folder: Path) -> str:
     """The cure for a folder that is no case."""
     if other := other_kind(folder, "case"):
         return f"; {other}"
-    there = {"skin.ply": surface_files(folder, "skin"), "bones/": (folder / "bones").is_dir()}
-    missing = " and no ".join(name for name, is_there in there.items() if not is_there)
+    there = {"skin.ply": surface_files(folder, "skin"), "bones": (folder / "bones").is_dir()}
+    missing = " and no ".join(f"{name}{_called_nearly(folder / name)}" for name, ok in there.items() if not ok)
     return f", as it has no {missing}; add what is missing, in mm and LPS or with case.toml"
+
+
+def _called_nearly(path: Path) -> str:
+    """A question for what is called nearly so in the folder of a path, and is no other file of a case."""
+    others = [one.name for one in path.parent.iterdir() if not one.name.startswith((*_STEMS, "."))]
+    return nearest(path.name, others)
+
+
+_STEMS = ("landmarks_before.", "landmarks_after.", "landmarks_bending_", "actual_skin.", "skin.", "bones_")
+"""How the names of a case's files begin."""
 
 
 class _Files:
@@ -200,5 +213,6 @@ class _Files:
         found = surface_files(self.folder, "skin").get("skin")
         if found is None:
             path = self.folder / "skin.ply"
-            raise InputError(f"{path}: there is no such file, nor one in another surface format; add it")
+            what = "is a folder" if path.is_dir() else "there is no such file, nor one in another surface format"
+            raise InputError(f"{path}: {what}{_called_nearly(path)}; add it")
         return found

@@ -87,7 +87,7 @@ def check_case(case: Case, source: CaseSource | None = None) -> tuple[str, ...]:
     for key, skin in (("skin", case.skin), ("actual_skin", case.actual_skin)):
         if skin is not None:
             check_surface(skin, source.name(key))
-            _check_height(skin, key, source, TRUNK_HEIGHT if spine else PART_HEIGHT)
+            _check_height(case, skin, key, source)
     check_solid(case.skin, source.name("skin"))
     if pieces := int(components(case.skin).max()):
         rule = f"the skin must be one piece, but has {pieces + 1}"
@@ -179,9 +179,9 @@ def check_landmarks(landmarks: Landmarks, bones: list[str], where: str) -> None:
         )
 
 
-def _check_height(skin: Surface, key: str, source: CaseSource, allowed: tuple[float, float]) -> None:
+def _check_height(case: Case, skin: Surface, key: str, source: CaseSource) -> None:
     height = float(np.ptp(skin.vertices[:, 2]))
-    low, high = allowed
+    low, high = allowed = TRUNK_HEIGHT if case.landmarks_before.names else PART_HEIGHT
     if low <= height <= high:
         return
     in_file = height / MILLIMETRES[source.units]
@@ -192,6 +192,11 @@ def _check_height(skin: Surface, key: str, source: CaseSource, allowed: tuple[fl
     what = "trunk" if allowed is TRUNK_HEIGHT else "skin"
     unit = f'units = "{fits[0]}"' if fits else "units"
     cure = f"set {unit} or axes in {source.name('case')}"
+    ends = [end for bone in case.bones.values() for end in (bone.vertices[:, 2].min(), bone.vertices[:, 2].max())]
+    if fits and ends and low <= max(ends) - min(ends) <= high:
+        cure = (
+            f"the bones are in {source.units}, and this file seems to be in {fits[0]}: write it in {source.units}"
+        )
     if allowed is TRUNK_HEIGHT and high < height <= PART_HEIGHT[1]:  # a person with head or legs
         cure = "cut off head, arms and legs: warp-trunk close SKIN --cut-above Z --cut-below Z; or " + cure
     raise InputError(
@@ -234,7 +239,7 @@ def _check_bones(case: Case, source: CaseSource) -> list[str]:
         if not out <= MOST_OUTSIDE:
             at = ", ".join(f"{x:.1f}" for x in bone.vertices[worst])
             far = f"reaches {out:.1f} mm outside {where} at ({at}), {MOST_OUTSIDE:g} mm is allowed"
-            raise InputError(f"{source.name(name)}: {far}; bring both into one frame or correct the bone")
+            raise InputError(f"{source.name(name)}: {far}; {_frame_cure(case, where)}")
         depths += [-out] if region(name) else []
     boxes = {name: (bone.vertices.min(axis=0), bone.vertices.max(axis=0)) for name, bone in case.bones.items()}
     for (inner, (low, high)), (outer, (lower, upper)) in permutations(boxes.items(), 2):
@@ -249,6 +254,21 @@ def _check_bones(case: Case, source: CaseSource) -> list[str]:
         f"{where}: the vertebrae lie {np.median(depths):.0f} mm under the skin (median), {USUAL_DEPTH[0]:g} to "
         f"{USUAL_DEPTH[1]:g} mm is usual; check that skin and bones are in the same units and frame."
     ]
+
+
+def _frame_cure(case: Case, where: str) -> str:
+    """How a skin that leaves bones outside comes to hold them."""
+    bones = np.concatenate([bone.vertices for bone in case.bones.values()])
+    cures = {
+        (-1, -1): "it is in RAS: write SPACE=RAS into its header",
+        (-1, 1): "it is mirrored: write it again with the axes of the bones",
+    }
+    for (x, y), cure in cures.items():
+        skin = case.skin.moved(case.skin.vertices * (x, y, 1.0))
+        out = SurfaceDistance(skin if x * y > 0 else Surface(skin.vertices, skin.faces[:, ::-1])).at(bones)
+        if out.max() <= MOST_OUTSIDE:
+            return f"{where} holds all bones with {'x and y' if y < 0 else 'x'} negated, so {cure}"
+    return "bring both into one frame or correct the bone"
 
 
 def _check_sides(case: Case, source: CaseSource) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,11 +12,10 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.atomic_write import csv_text
-from warp_trunk.io.file_access import read_text
 
 from .axes import Axes
 from .landmarks import NO_LANDMARKS, Landmarks
-from .landmarks.files import COLUMNS, read_rows
+from .landmarks.files import COLUMNS, read_rows, read_table
 
 if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface
@@ -60,9 +57,7 @@ def read_points(path: Path, axes: Axes, units: str) -> Points:
         InputError: as `read_rows`.
     """
     names, points = read_rows(path, COLUMNS)
-    rows = csv.DictReader(io.StringIO(read_text(path, "points were expected")), skipinitialspace=True)
-    pairs = {(row["name"] or "").strip(): (row.get(PAIR) or "").strip() for row in rows}
-    pairs = {name: other for name, other in pairs.items() if other}
+    pairs = {row["name"]: other for row in read_table(path, COLUMNS) if (other := row.get(PAIR))}
     return Points(Landmarks(names, axes.points_to_lps(points, units)), pairs)
 
 

@@ -8,10 +8,11 @@ from typing import Annotated, Any, ClassVar, Literal
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
+from warp_trunk.bone_motion.articulation import unknown_bones
 from warp_trunk.bone_motion.plan import Plan, plan_surgery, read_plan
 from warp_trunk.bone_motion.plan.plan_file import check_planned_folder, curve_of_text, write_planned_case
 from warp_trunk.bone_motion.plan.surgery import back_text, surgery_text
-from warp_trunk.case import read_case
+from warp_trunk.case import read_case, read_checked_case
 from warp_trunk.case.folders import refuse_case
 from warp_trunk.case.landmark_checks import check_motion
 from warp_trunk.errors import InputError
@@ -82,9 +83,9 @@ class PlanCommand:
         check_planned_folder(self.out, self.case)
         with Progress() as progress:
             with progress.stage("load", f"reading {self.case}"):
-                case = read_case(self.case)
-            for note in case.notes:
-                progress.message(f"warning: {note}")
+                case, warnings = read_checked_case(self.case)
+            for warning in (*warnings, *unknown_bones(case.bones)):
+                progress.message(f"warning: {warning}")
             if not case.has_spine:
                 cure = "write the motions of its bones in motions.toml and simulate it, or move them with --live"
                 raise InputError(f"plan: {self.case} has no landmarks of a spine; {cure}")

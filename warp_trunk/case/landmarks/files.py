@@ -59,24 +59,38 @@ def read_landmarks(
 def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
     """Names and numbers, shape (n, columns - 1), from the columns of a CSV file, as they stand.
 
-    Empty lines, spaces around a field, and columns that are not named are passed over.
-
     Args:
         path: the file, which begins with the names of its columns.
         columns: which of them hold the landmark's name and its coordinates.
 
     Raises:
-        InputError: an unreadable file, a header without these columns, a line with another number of fields,
-            an empty name or one used twice, a coordinate that is not a finite number, or no landmark at all.
+        InputError: as `read_table`, an empty name or one used twice, a coordinate that is not a finite number, or
+            no landmark at all.
+    """
+    rows = [(row["place"], *(row[column] for column in columns)) for row in read_table(path, columns)]
+    return _named(path, columns[1:], rows)
+
+
+def read_table(path: Path, columns: tuple[str, ...]) -> list[dict[str, str]]:
+    """The rows of a CSV file by column, and the line of each as `place`; empty lines are left out.
+
+    Fields are split by commas, or by the semicolons or tabs of the first line, as spreadsheets write them in
+    languages with decimal commas, which become points.
+
+    Raises:
+        InputError: an unreadable file, a header without these columns, or a line with another number of fields.
     """
     text = read_text(path, f"a table is given as CSV ({','.join(columns)}) in UTF-8")
-    header, *rows = _csv_rows(path, io.StringIO(text, newline="")) or [[]]
+    first = text.partition("\n")[0]
+    split = next((mark for mark in ";\t" if mark in first and "," not in first), ",")
+    header, *rows = _csv_rows(path, io.StringIO(text, newline=""), split) or [[]]
+    if columns == COLUMNS:
+        header = [name.lower() for name in header]
     if any(header.count(column) != 1 for column in columns):
         raise InputError(
             f"{path}: the first line must name the columns {','.join(columns)} once each, not "
             f"'{','.join(header)[:80]}'; correct it, or name the columns in case.toml as landmark_columns"
         )
-    places = [header.index(column) for column in columns]
     found = []
     for line, row in enumerate(rows, start=2):
         if not any(row):
@@ -84,13 +98,14 @@ def read_rows(path: Path, columns: tuple[str, ...]) -> tuple[tuple[str, ...], np
         if len(row) != len(header):
             given = ",".join(row)[:80]
             raise InputError(f"{path}, line {line}: a landmark is {','.join(header)}, not '{given}'; correct it")
-        found.append((f"{path}, line {line}", *(row[place] for place in places)))
-    return _named(path, columns[1:], found)
+        fields = row if split == "," else [field.replace(",", ".") for field in row]
+        found.append({**dict(zip(header, fields, strict=True)), "place": f"{path}, line {line}"})
+    return found
 
 
-def _csv_rows(path: Path, lines: Iterable[str]) -> list[list[str]]:
+def _csv_rows(path: Path, lines: Iterable[str], comma: str = ",") -> list[list[str]]:
     try:
-        return [[field.strip() for field in row] for row in csv.reader(lines)]
+        return [[field.strip() for field in row] for row in csv.reader(lines, delimiter=comma)]
     except csv.Error as error:
         raise InputError(f"{path}: cannot be read ({error}); it must be CSV text in UTF-8") from error
 

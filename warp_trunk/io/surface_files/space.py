@@ -6,7 +6,7 @@ import re
 
 from .vtk import xml_text
 
-_WORD = r"(?<![A-Z_])SPACE\s*=\s*([A-Z-]+)"
+_WORD = r"(?<![A-Z_])(?:SPACE|COORDINATE[ _]?SYSTEM)\s*[=:]\s*([A-Z-]+)"
 _FIELD = rb"\nSPACE 1 1 string\r?\n[\x80-\xff]?([A-Za-z-]+)"
 """A string of VTK's field data: a line of text, or in a binary file its length and the letters."""
 _NAMES = {"LEFT-POSTERIOR-SUPERIOR": "LPS", "RIGHT-ANTERIOR-SUPERIOR": "RAS"}
