@@ -7,7 +7,7 @@ import pytest
 
 from support.marked_spine import with_errors
 from warp_trunk.bone_motion.articulation import bone_motions, spine_features
-from warp_trunk.bone_motion.landmark_derivative import rigid_derivative, sets_around, spline_derivative
+from warp_trunk.bone_motion.prescribed_motion import rigid_derivative, sets_around, spline_derivative
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.bone_motion.skeleton import Skeleton
 from warp_trunk.case.landmarks import Landmarks

@@ -4,8 +4,7 @@ import pytest
 from support.synthetic import box, sphere
 from support.trunk_shapes import joined
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.own_part import own_part
-from warp_trunk.geometry.section import enclosed_area, encloses, section, sections, trunk_loop
+from warp_trunk.geometry.section import enclosed_area, encloses, own_part, section, sections, trunk_loop
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume
 

@@ -11,7 +11,7 @@ import pytest
 
 from support.phantoms import coarse_mesh, coarse_phantom
 from warp_trunk.bone_motion.plan import CurvePlan, Plan
-from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text
+from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text
 from warp_trunk.engine.relaxation import RelaxOptions
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.errors import InputError

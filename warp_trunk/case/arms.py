@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from warp_trunk.errors import InputError
-from warp_trunk.geometry.own_part import SHOULDERS, own_part
-from warp_trunk.geometry.section import enclosed_area, sections, trunk_loop
+from warp_trunk.geometry.section import SHOULDERS, enclosed_area, own_part, sections, trunk_loop
 from warp_trunk.geometry.surface import Surface
 
 from .landmarks import Landmarks

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_trunk.geometry.digest import digest, surface_digest
+from warp_trunk.geometry.surface import digest, surface_digest
 
 from .motions import motions_text
 

@@ -32,9 +32,8 @@ from warp_trunk.io.transform_file import read_transform
 from warp_trunk.preparation.deformity import MeasuredSpine, SpineCurve, make_case, read_measured_spine
 from warp_trunk.preparation.deformity.published_curves import KYPHOSIS
 from warp_trunk.preparation.landmark_finder import find_landmarks
-from warp_trunk.preparation.osteotomy import cut_bone
 from warp_trunk.preparation.scanning.closing import CloseOptions, close_skin
-from warp_trunk.preparation.scanning.cutting import CutPlane
+from warp_trunk.preparation.scanning.cutting import CutPlane, cut_bone
 from warp_trunk.preparation.scanning.parts import align_parts, check_parts, moved
 from warp_trunk.run.progress import Progress
 

@@ -65,7 +65,7 @@ def coloured_from(surface: Surface, others: Iterable[Surface]) -> Surface:
         surface: what is coloured.
         others: surfaces in the same place, such as those that it was made of.
     """
-    from .search_tree import nearest  # brings Warp
+    from .distance_field import nearest  # brings Warp
 
     coloured = [other for other in others if other.colours is not None]
     if not coloured:

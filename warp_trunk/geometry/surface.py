@@ -1,7 +1,8 @@
-"""A triangulated surface."""
+"""A triangulated surface, and the digests by which large inputs are compared."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,3 +65,20 @@ def check_surface(surface: Surface, name: str) -> None:
         fault = f"triangles name vertices {faces.min()} to {faces.max()}, the surface has 0 to {len(vertices) - 1}"
     if fault:
         raise InputError(f"{name}: {fault}; repair the surface")
+
+
+def digest(*parts: np.ndarray | str | bytes) -> str:
+    """A digest of arrays with their types and shapes, of texts and of bytes, in hexadecimal."""
+    found = hashlib.blake2b(digest_size=20)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            found.update(f"{part.dtype.str} {part.shape}".encode())
+            found.update(np.ascontiguousarray(part).tobytes())
+        else:
+            found.update(part.encode() if isinstance(part, str) else part)
+    return found.hexdigest()
+
+
+def surface_digest(surface: Surface) -> str:
+    """The digest of every vertex and face of a surface."""
+    return digest(surface.vertices, surface.faces)

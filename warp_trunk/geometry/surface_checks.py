@@ -11,8 +11,8 @@ from warp_trunk.errors import InputError
 from warp_trunk.kernels.surface import crossing_faces
 
 from .cores import launch_over_cores
+from .distance_field import search_tree
 from .normals import area_vectors
-from .search_tree import search_tree
 from .surface import Surface, compact, directed_edges
 
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.geometry.own_part import SHOULDERS, own_part
-from warp_trunk.geometry.section import sections, trunk_loop
+from warp_trunk.geometry.section import SHOULDERS, own_part, sections, trunk_loop
 
 from .spine import Spine
 from .trunk_shift import SacralLine

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.case.points import SKIN
-from warp_trunk.geometry.search_tree import nearest
+from warp_trunk.geometry.distance_field import nearest
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

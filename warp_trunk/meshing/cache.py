@@ -13,8 +13,7 @@ import numpy as np
 import platformdirs
 
 from warp_trunk.engine.trunk_mesh import TrunkMesh, check_trunk
-from warp_trunk.geometry.digest import digest, surface_digest
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, digest, surface_digest
 from warp_trunk.io.file_access import limited_memory
 
 FORMAT = 5

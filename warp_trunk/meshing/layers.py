@@ -60,7 +60,7 @@ def part_above(trunk: TrunkMesh, bottoms: np.ndarray) -> np.ndarray:
     Returns:
         Numbers from 0 to 1, shape (surfaces, tets).
     """
-    from warp_trunk.geometry.search_tree import nearest  # heavy
+    from warp_trunk.geometry.distance_field import nearest  # heavy
 
     skin = Surface(trunk.nodes[trunk.skin_nodes], trunk.skin_faces)
     faces = skin.faces[real_skin(skin)]

@@ -18,8 +18,7 @@ from warp_trunk.case.motions import FILE as MOTIONS
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.trunk_mesh import TrunkMesh
 from warp_trunk.errors import InputError, as_path
-from warp_trunk.geometry.digest import digest
-from warp_trunk.geometry.surface import Surface
+from warp_trunk.geometry.surface import Surface, digest
 from warp_trunk.io.atomic_write import complete, named, partial
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.folders import locked, make_writable

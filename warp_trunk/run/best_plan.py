@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from warp_trunk.bone_motion.plan import Plan, Planner
-from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text, check_bounds, shares_of, with_shares
+from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_bounds, shares_of, with_shares
 from warp_trunk.engine.linearization import Linearization
 from warp_trunk.errors import InputError
 from warp_trunk.measures import measure

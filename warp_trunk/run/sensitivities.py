@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warp_trunk.bone_motion.articulation import spine_features
-from warp_trunk.bone_motion.landmark_derivative import (
+from warp_trunk.bone_motion.prescribed_motion import (
     PathDerivative,
     rigid_derivative,
     sets_around,

@@ -3,7 +3,7 @@
 import pytest
 
 from warp_trunk.bone_motion.plan import CurvePlan, Plan
-from warp_trunk.bone_motion.plan.bounds import Bound, bounds_of_text, check_bounds, shares_of, with_shares
+from warp_trunk.bone_motion.plan.record import Bound, bounds_of_text, check_bounds, shares_of, with_shares
 from warp_trunk.errors import InputError
 
 PLAN = Plan(

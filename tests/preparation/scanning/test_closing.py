@@ -7,8 +7,8 @@ import pytest
 
 from support.partial_scans import scan
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.normals import vertex_areas
-from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import check_solid, components, enclosed_volume
 from warp_trunk.preparation.phantom.phantom import straight_trunk

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 from support.synthetic import sphere
-from warp_trunk.geometry.search_tree import nearest
+from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.scanning.fitting import fit_to_points
 

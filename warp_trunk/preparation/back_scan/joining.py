@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.normals import vertex_areas, vertex_normals
-from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface, directed_edges
 
 from .scan import BackScan

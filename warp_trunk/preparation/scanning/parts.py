@@ -13,9 +13,9 @@ from itertools import permutations
 import numpy as np
 
 from warp_trunk.errors import InputError
+from warp_trunk.geometry.distance_field import nearest
 from warp_trunk.geometry.normals import area_vectors, vertex_areas
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.geometry.search_tree import nearest
 from warp_trunk.geometry.surface import Surface, check_surface
 from warp_trunk.geometry.surface_checks import boundary_edges, linked_parts, turning_fault
 

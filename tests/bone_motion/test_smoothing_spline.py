@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
-from warp_trunk.geometry.smoothing_spline import likeliest_smoothness, roughness_of, smoother
+from warp_trunk.bone_motion.vertebra_smoothing import likeliest_smoothness, roughness_of, smoother
 
 ALONG = np.cumsum(np.random.default_rng(4).uniform(15.0, 30.0, 17))
 VARIANCE = np.random.default_rng(5).uniform(0.5, 2.0, 17)

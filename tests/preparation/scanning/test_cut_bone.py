@@ -10,8 +10,7 @@ from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault
 from warp_trunk.io.surface_files import read_surface
-from warp_trunk.preparation.osteotomy import cut_bone
-from warp_trunk.preparation.scanning.cutting import CutPlane
+from warp_trunk.preparation.scanning.cutting import CutPlane, cut_bone
 
 
 @pytest.mark.parametrize("height", [-12.0, 0.3, 9.0])
