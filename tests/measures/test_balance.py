@@ -7,7 +7,7 @@ from support.known_spine import BODY, DISC, known_spine
 from support.there import there
 from support.trunk_shapes import with_points
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.measures.sagittal import spine_height
+from warp_trunk.measures.cobb import spine_height
 from warp_trunk.measures.shoulders import INNER, OUTER, shoulder_heights
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.measures.trunk_shift import sacral_line, trunk_shift

@@ -7,8 +7,7 @@ import pytest
 
 from support.trunk_shapes import LEFT, ellipse, rotation, spine, tube
 from warp_trunk.measures import measure
-from warp_trunk.measures.back_rotation import DualTangent
-from warp_trunk.measures.hump import hump_height
+from warp_trunk.measures.back_rotation import DualTangent, hump_height
 
 
 def height_of(outline, spine_at=(0.0, 0.0), across=LEFT):

@@ -9,7 +9,7 @@ from support.trunk_shapes import ellipse, rotation, spine, tube
 from warp_trunk.measures import compare_skins, measure
 from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.quantities import COLUMNS, QUANTITIES, Measured, MeasureTable, measured
-from warp_trunk.measures.table import measures_text
+from warp_trunk.measures.rows import measures_text
 
 LEVELS = {"T3": 420.0, "T4": 350.0, "T12": 200.0, "L5": 50.0}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from support.trunk_shapes import ellipse, spine, tube
-from warp_trunk.measures.regions import regions_of
+from warp_trunk.measures.skin_distance import regions_of
 
 RADIUS = 100.0
 LEVELS = {"T4": 350.0, "T5": 310.0, "T12": 230.0, "L1": 190.0, "L5": 70.0}

@@ -5,7 +5,7 @@ import pytest
 
 from support.known_spine import known_spine
 from support.trunk_shapes import with_points
-from warp_trunk.measures.sagittal import kyphosis, lordosis
+from warp_trunk.measures.cobb import kyphosis, lordosis
 from warp_trunk.measures.spine import spine_of
 
 ROUND = {"T1": -24.0, "T5": -18.0, "T12": 14.0, "L1": 15.0, "L5": -22.0}

@@ -13,9 +13,8 @@ from support.small_trunk import boned_case
 from warp_trunk.case.uncertainty import FACTORS, Uncertainty
 from warp_trunk.engine.simulation import SimulationOptions
 from warp_trunk.measures import cobb_angles, measure
-from warp_trunk.measures.cobb import curves_after
+from warp_trunk.measures.cobb import curves_after, kyphosis
 from warp_trunk.measures.quantities import MeasureTable
-from warp_trunk.measures.sagittal import kyphosis
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.results.bands import FoundBands
 from warp_trunk.run.intervals import find_bands, spine_bands

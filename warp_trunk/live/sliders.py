@@ -20,7 +20,7 @@ from warp_trunk.case.landmarks import NO_LANDMARKS, Landmarks
 from warp_trunk.case.motions import Motion, Turn, check_motions, check_passing, rigid_motions
 from warp_trunk.measures import cobb_angles
 from warp_trunk.measures.apical import axial_rotation
-from warp_trunk.measures.sagittal import kyphosis
+from warp_trunk.measures.cobb import kyphosis
 from warp_trunk.measures.spine import asis_axis, spine_of
 from warp_trunk.run.patient import motions_of
 

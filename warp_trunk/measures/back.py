@@ -15,8 +15,8 @@ from warp_trunk.geometry.section import pieces
 
 from .back_rotation import DualTangent, tangent_of
 from .quantities import Measured
+from .rows import as_text
 from .spine import spine_of
-from .table import as_text
 
 if TYPE_CHECKING:
     from warp_trunk.case.landmarks import Landmarks

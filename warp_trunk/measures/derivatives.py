@@ -13,8 +13,7 @@ import numpy as np
 from warp_trunk.geometry.section import section, trunk_loop
 from warp_trunk.geometry.surface import Surface
 
-from .back_rotation import DualTangent, contacts_beside, find_contacts, tangent_of, turn
-from .hump import hump_height, hump_top
+from .back_rotation import DualTangent, contacts_beside, find_contacts, hump_height, hump_top, tangent_of, turn
 from .shoulders import DEEP, shoulder_heights, upper_outline
 from .spine import asis_axis, spine_of
 

@@ -13,11 +13,9 @@ from warp_trunk.case.anatomy import region
 from warp_trunk.errors import InputError, expect
 
 from .apical import ApicalVertebra, apical_vertebrae, axial_rotation
-from .back_rotation import DualTangent, tangents_of
-from .cobb import CobbAngle, curves_of
-from .hump import hump_height
+from .back_rotation import DualTangent, hump_height, tangents_of
+from .cobb import CobbAngle, SpineHeight, curves_of, kyphosis, lordosis, spine_height
 from .outlines import FlankAsymmetry, flank_asymmetry, outlines_of
-from .sagittal import SpineHeight, kyphosis, lordosis, spine_height
 from .shoulders import Shoulders, shoulder_heights
 from .spine import Spine, spine_of
 from .trunk_shift import SacralLine, TrunkShift, sacral_line, trunk_shift

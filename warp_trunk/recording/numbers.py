@@ -10,8 +10,7 @@ import rerun as rr
 from warp_trunk.engine.relaxation import Energy
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import Measured, MeasureTable
-from warp_trunk.measures.rows import measure_rows, sided
-from warp_trunk.measures.table import RESEARCH, as_markdown
+from warp_trunk.measures.rows import RESEARCH, as_markdown, measure_rows, sided
 
 from .colours import BEFORE, NOW, TARGET, TERMS, TEXT
 

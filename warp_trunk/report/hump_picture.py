@@ -8,7 +8,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from warp_trunk.measures.hump import hump_top
+from warp_trunk.measures.back_rotation import hump_top
 
 from .hump import COLOUR_STEP, hump_palette, painted_difference, scale_limit
 from .panels import panels, shaded

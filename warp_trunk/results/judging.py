@@ -17,7 +17,7 @@ from warp_trunk.measures.comparison import comparison_rows
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.part import agreement, agreement_rows, tissue_volume_change
 from warp_trunk.measures.quantities import ACTUAL, COLUMNS, PREDICTED, Measured, MeasureTable, measured
-from warp_trunk.measures.table import comparison_text, measures_text
+from warp_trunk.measures.rows import comparison_text, measures_text
 
 from .summary import read_summary
 

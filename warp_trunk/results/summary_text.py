@@ -10,8 +10,7 @@ import numpy as np
 from warp_trunk.io.folders import seen_from_here
 from warp_trunk.measures import TrunkMeasures
 from warp_trunk.measures.quantities import ACTUAL, BEFORE, PREDICTED, MeasureTable
-from warp_trunk.measures.rows import level_rows, measure_rows, sided
-from warp_trunk.measures.table import RESEARCH, as_markdown, as_text
+from warp_trunk.measures.rows import RESEARCH, as_markdown, as_text, level_rows, measure_rows, sided
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

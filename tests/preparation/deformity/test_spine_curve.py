@@ -6,7 +6,7 @@ import pytest
 
 from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks
 from warp_trunk.errors import InputError
-from warp_trunk.measures.sagittal import kyphosis
+from warp_trunk.measures.cobb import kyphosis
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.preparation.deformity.spine_curve import SpineCurve, vertebra_poses
 

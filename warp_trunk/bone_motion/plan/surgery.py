@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from warp_trunk.measures.measures import measure_spine
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, MeasureTable
-from warp_trunk.measures.rows import skin_rows, spine_rows
-from warp_trunk.measures.table import as_text
+from warp_trunk.measures.rows import as_text, skin_rows, spine_rows
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

@@ -21,12 +21,10 @@ from ..deformity.deformity import grown
 from ..deformity.spine_curve import VertebraPose
 from .body import StraightBody, made_body
 from .bones import all_under_skin, carried, forward_under_skin, ribs_on_vertebrae
-from .frame import PelvisFrame, find_frame
-from .joining import draw_to_scan, on_trunk, seen_by
-from .markers import back_markers, check_on_scan
+from .frame import PelvisFrame, back_markers, check_on_scan, find_frame
 from .scan import BackScan, clean_scan
 from .spine import TURN_SD, PatientSpine, PlacedSpine, place_spine, poses_of, turns_of
-from .warping import ScanField, warp_onto
+from .warping import ScanField, draw_to_scan, on_trunk, seen_by, warp_onto
 
 _GROWS = 18.0
 """Points of the scan that the smooth warps missed are followed to this distance from the warped body [mm]."""

@@ -11,7 +11,7 @@ import numpy as np
 from warp_trunk.case.landmarks import VERTEBRAE
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.rigid import RigidMotion
-from warp_trunk.measures.sagittal import sagittal_angle
+from warp_trunk.measures.cobb import sagittal_angle
 from warp_trunk.measures.spine import spine_of
 
 from .published_curves import (
