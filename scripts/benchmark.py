@@ -82,14 +82,14 @@ def run(given: argparse.Namespace) -> None:
     print(
         f"{problem.name}, {len(problem.trunk.tets)} tets; no run is begun that would take over {given.limit:g} s\n"
     )
-    print_tables(records)
+    print_table(records)
 
 
 def table(given: argparse.Namespace) -> None:
-    """Prints the tables, or writes the short one into a page."""
+    """Prints the table, or writes it into a page."""
     records = read_records(given.records)
     if given.page is None:
-        print_tables(records)
+        print_table(records)
     else:
         given.page.write_text(tables.replaced(given.page.read_text(), tables.short_table(records)))
 
@@ -121,14 +121,12 @@ def choose_settings(given: argparse.Namespace, problem: Problem) -> list[Setting
     return settings
 
 
-def print_tables(records: Sequence[Record]) -> None:
-    """The short table and every point."""
+def print_table(records: Sequence[Record]) -> None:
+    """How long kernels compile, and the table."""
     for record in {(r.device, r.precision): r for r in records}.values():
         if record.compile_seconds is not None:
             print(f"- {record.hardware}, {record.precision}: kernels compile in {record.compile_seconds:.0f} s")
-    print()
-    for text in (tables.short_table(records), tables.long_table(records)):
-        print(text)
+    print(f"\n{tables.short_table(records)}")
 
 
 def scene_costs(given: argparse.Namespace) -> None:
@@ -180,8 +178,8 @@ def _parser() -> argparse.ArgumentParser:
     option("--limit", type=float, default=20.0, help="longest run of a method [s] (default %(default)g)")
     option("--no-compile", dest="compile", action="store_false", help="do not measure compilation")
 
-    option = add("table", table, "print the tables of run again", "records", "a file made by run")
-    option("--page", type=Path, help="write the short one between its two marks in this page")
+    option = add("table", table, "print the table of run again", "records", "a file made by run")
+    option("--page", type=Path, help="write it between its two marks in this page")
 
     scene = add("scenes", scene_costs, "what each part of a scene costs", "problem", problem)
     size = add("scale", scale, "growth with the mesh", "what", f"a case folder, phantom, or {problem}", nargs="+")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warp_trunk import Case, Surface, measure
+from warp_trunk import Case, measure
 from warp_trunk.engine.build import build_model
 from warp_trunk.engine.energies.by_name import EnergyName, WeightsName
 from warp_trunk.engine.model import Model
@@ -115,10 +115,10 @@ def make_scenes(problem: Problem, setting: Setting) -> list[Scene]:
         Scene("weights by volume", model(weights="volume")),
         Scene("neo-hookean, nu 0.45", model(energy="neo-hookean", poisson_ratio=0.45)),
         Scene("neo-hookean, nu 0.49", model(energy="neo-hookean", poisson_ratio=0.49)),
-        Scene("skin and measures after each increment", default, lambda: _measuring(problem)),
+        Scene("skin and measures after each increment", default, lambda: _observing(problem, False)),
     ]
     if importlib.util.find_spec("rerun") is not None:
-        scenes.append(Scene("the same, recorded", default, lambda: _recording(problem)))
+        scenes.append(Scene("the same, recorded", default, lambda: _observing(problem, True)))
     return scenes
 
 
@@ -152,23 +152,17 @@ def _run(scene: Scene, problem: Problem) -> None:
 
 
 @contextmanager
-def _measuring(problem: Problem) -> Iterator[Observer]:
-    before = problem.skin(np.zeros_like(problem.trunk.nodes))
-    yield lambda increment: _measure(problem, increment, before)
+def _observing(problem: Problem, recorded: bool) -> Iterator[Observer]:
+    """Draws the skin and measures it after each increment; also records it, where that is asked for."""
+    before, landmarks = problem.skin(np.zeros_like(problem.trunk.nodes)), problem.landmarks_after
 
+    def measured(increment: Increment) -> TrunkMeasures:
+        return measure(problem.skin(increment.displacement), landmarks, before)
 
-@contextmanager
-def _recording(problem: Problem) -> Iterator[Observer]:
-    before = problem.skin(np.zeros_like(problem.trunk.nodes))
-    landmarks = (problem.landmarks_before, problem.landmarks_after)
-    case = Case(problem.name, before, {}, *landmarks, tissue=problem.tissue)
-    measures, bone_path = measure(before, landmarks[0]), problem.bone_path()
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        Recording(Path(folder) / "a.rrd", case, problem.trunk, measures, bone_path) as recording,
-    ):
-        yield lambda increment: recording.increment(increment, _measure(problem, increment, before))
-
-
-def _measure(problem: Problem, increment: Increment, before: Surface) -> TrunkMeasures:
-    return measure(problem.skin(increment.displacement), problem.landmarks_after, before)
+    if not recorded:
+        yield measured
+        return
+    case = Case(problem.name, before, {}, problem.landmarks_before, landmarks, tissue=problem.tissue)
+    about = case, problem.trunk, measure(before, problem.landmarks_before), problem.bone_path()
+    with tempfile.TemporaryDirectory() as folder, Recording(Path(folder) / "a.rrd", *about) as recording:
+        yield lambda increment: recording.increment(increment, measured(increment))

@@ -55,19 +55,6 @@ def latest(files: Iterable[Iterable[Record]]) -> list[Record]:
     return [record for points in found.values() for record in points]
 
 
-def place(setting: Setting) -> str:
-    """Where a curve ran, in words."""
-    if setting.device != "cpu":
-        return setting.device
-    return f"{setting.threads} thread{'s' if setting.threads > 1 else ''}"
-
-
-def method(setting: Setting) -> str:
-    """How a curve is made, in words."""
-    names = [setting.energy] * (setting.energy != "itmsm") + [setting.bones] * (setting.bones != "spline")
-    return ", ".join([setting.method, *names])
-
-
 def seconds_to(points: Iterable[Record], error: float) -> float | None:
     """The least time in which a curve has a node error of at most `error` [mm]; None if it never does."""
     return min((point.seconds for point in points if point.max_error_mm <= error), default=None)
@@ -84,7 +71,9 @@ def short_table(records: Iterable[Record]) -> str:
                 METHODS.get(setting.method, setting.method),
                 setting.bones,
                 ENERGIES[setting.energy],
-                place(setting) if setting.device == "cpu" else end.hardware,
+                f"{setting.threads} thread{'s' * (setting.threads > 1)}"
+                if setting.device == "cpu"
+                else end.hardware,
                 setting.precision,
                 *("" if seconds is None else number(seconds) for seconds in reached),
                 f"{number(end.max_error_mm)} mm after {number(end.seconds)} s" if reached[-1] is None else "",
@@ -92,30 +81,6 @@ def short_table(records: Iterable[Record]) -> str:
         )
     header = ["method", "bones", "energy", "where", "precision", *(f"to {level:g} mm [s]" for level in LEVELS)]
     return markdown([*header, "left at the end"], rows)
-
-
-def long_table(records: Iterable[Record]) -> str:
-    """Every point."""
-    header = [
-        *("method", "where", "precision", "asked", "seconds", "max [mm]", "skin mean [mm]", "BSR [degrees]"),
-        *("estimated [mm]", "status", "steps", "linear iterations", "evaluations", "MB", "set-up [s]"),
-    ]
-    rows = [
-        [
-            method(record),
-            place(record),
-            record.precision,
-            f"{record.tolerance_mm:g} mm" if record.method == "newton" else f"{record.max_steps} steps",
-            *map(number, (record.seconds, record.max_error_mm, record.mean_skin_error_mm, record.bsr_error_deg)),
-            "none" if record.estimated_error_mm is None else number(record.estimated_error_mm),
-            record.status,
-            *map(str, (record.steps, record.linear_iterations, record.evaluations)),
-            f"{record.peak_memory_mb:.0f}",
-            number(record.setup_seconds),
-        ]
-        for record in records
-    ]
-    return markdown(header, rows)
 
 
 BEGIN, END = "<!-- begin benchmark: written by a script -->", "<!-- end benchmark -->"

@@ -164,6 +164,6 @@ def test_run_needs_numpy_scipy_and_warp_alone(tmp_path: Path) -> None:
     assert [record.max_error_mm for record in read_records(out)] == [
         record.max_error_mm for record in measured("newton")
     ]
-    assert "| newton | 1 thread | float32 |" in done.stdout
+    assert "| newton | spline | papers' | 1 thread | float32 |" in done.stdout
     refused = [sys.executable, "-c", "import trimesh"]
     assert subprocess.run(refused, capture_output=True, env=environment).returncode != 0
