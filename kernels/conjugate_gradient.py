@@ -13,10 +13,10 @@ from .vectors import max_reducer, sum_reducer
 CHANGE, LENGTH, SUM = range(3)
 """Columns of the measures of a solution: largest squared change and length of a vector, and a sum that shows
 NaN."""
-SOLUTION_LENGTH, ERROR, LAST_CHANGE, NEGATIVE_CURVATURE, NORM, ITERATIONS = range(6)
+SOLUTION_LENGTH, ERROR, LAST_CHANGE, NEGATIVE_CURVATURE, NORM, LEFT, ITERATIONS = range(7)
 """The outcome of a solve: length of the longest vector and estimated error of a vector [mm], the last change of a
-vector [mm], 1 where a search direction of negative curvature was met, the square root of b . M^-1 b, and
-iterations."""
+vector [mm], 1 where a search direction of negative curvature was met, the square root of b . M^-1 b and
+of that of the residual, and iterations."""
 SLOWEST = wp.constant(0.95)
 """Changes are assumed to shrink at least this fast from window to window."""
 
@@ -257,6 +257,7 @@ def conjugate_gradient_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
         outcome[NEGATIVE_CURVATURE] = wp.where(negative_curvature, wp.float64(1.0), wp.float64(0.0))
         outcome[ITERATIONS] = wp.float64(iteration[0])
         outcome[NORM] = wp.sqrt(wp.max(start, wp.float64(0.0)))
+        outcome[LEFT] = wp.sqrt(wp.max(now, wp.float64(0.0)))
         wanted = wp.max(limits[0], limits[1] * length)
         # the changes of an ill-conditioned solve can pause: then the residual has not fallen either
         fallen = now <= limits[1] * limits[1] * start

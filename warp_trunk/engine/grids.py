@@ -14,13 +14,6 @@ DENSE_CELLS = 480
 """Most cells of the coarsest grid that hold nodes; about as many vertices, three rows of the inverse for each."""
 FINEST_SPACING = 1.15
 """No grid is finer than this many mean distances of nodes: below, the nodes' own blocks do the work."""
-STIFF = 0.7
-"""Nodes whose block off the diagonal is this part of their blocks on it, by norm, are a pair with a vertex of its
-own: flat tetrahedra tie them, and their common motion, soft beside that, is none of a grid. With them (23 in the
-anatomy) nine of eleven bodies and curves took 4 to 19 % fewer linear iterations, 9 % in the median; two took 29 to
-88 % more, as their last solve was repeated. From 0.5 on, springs of a coarse mesh count, too."""
-STIFFEST = 0.95
-"""Beyond, the block of their common motion is lost in rounding in float32: tetrahedra of 0.1 degree stalled."""
 CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)])
 """Corners of a cell."""
 
@@ -84,13 +77,6 @@ class Interpolation:
     vertices: int
     """Number of vertices of the grid."""
 
-    def with_pairs(self, pairs: np.ndarray) -> Interpolation:
-        """The same, but points in pairs (pairs, 2) have a vertex of their own, after the others, and no other."""
-        vertex, weight = self.vertex.copy(), self.weight.copy()
-        vertex[pairs], weight[pairs] = 0, 0.0
-        vertex[pairs, 0], weight[pairs, 0] = self.vertices + np.arange(len(pairs))[:, None], 1.0
-        return Interpolation(vertex, weight, self.vertices + len(pairs))
-
     @cached_property
     def by_vertex(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same by vertex.
@@ -124,27 +110,6 @@ def _corners(cell: np.ndarray, size: np.ndarray) -> np.ndarray:
     """The corners of cells (3, cells) in the box of a grid, in C order, shape (8, cells)."""
     strides = np.array([size[1] * size[2], size[2], 1])
     return (CORNERS @ strides)[:, None] + strides @ cell
-
-
-def stiff_pairs(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> np.ndarray:
-    """Pairs of nodes whose link is stiff, none in two, shape (pairs, 2).
-
-    Args:
-        rows: row of each 3x3 block on or above the diagonal of a symmetric matrix, shape (blocks,).
-        columns: its column, shape (blocks,).
-        blocks: the blocks, shape (blocks, 3, 3).
-        size: number of nodes.
-    """
-    norm, diagonal = np.sqrt(np.einsum("bij,bij->b", blocks, blocks)), rows == columns
-    own = np.zeros(size)
-    own[rows[diagonal]] = norm[diagonal]
-    part = norm / np.sqrt(np.maximum(own[rows] * own[columns], np.finfo(norm.dtype).tiny))
-    stiff = np.flatnonzero((part > STIFF) & (part < STIFFEST) & ~diagonal)
-    stiff = stiff[np.argsort(part[stiff], kind="stable")]  # the stiffest last, which a node keeps
-    link = np.column_stack([rows[stiff], columns[stiff]])
-    last = np.full(size, -1)
-    last[link.ravel()] = np.repeat(np.arange(len(link)), 2)
-    return link[(last[link] == np.arange(len(link))[:, None]).all(axis=1)]
 
 
 def find_spacings(points: np.ndarray) -> list[float]:

@@ -14,15 +14,16 @@ import warp as wp
 from warp_trunk.kernels.conjugate_gradient import (
     ERROR,
     ITERATIONS,
+    LEFT,
     NEGATIVE_CURVATURE,
     NORM,
     SOLUTION_LENGTH,
     conjugate_gradient_kernels,
 )
 from warp_trunk.kernels.sparse import LANES, PLANES, cpu_product_kernel, cuda_product_kernels, diagonal_inverter
+from warp_trunk.kernels.vectors import vector_kernels
 
 from .assembly import assembly_of_rows
-from .grids import stiff_pairs
 from .model import Model
 from .parallel import Launch, Readback, in_sequence, view
 from .state import State
@@ -132,14 +133,6 @@ class BlockMatrix:
         self.assemble_true: Launch = in_sequence(add("hessian"), *split_planes)
         """Sets the matrix to the true Hessian, which may be indefinite; `inverse_diagonal` stays positive."""
 
-    def stiff_pairs(self) -> np.ndarray:
-        """Pairs of free nodes that the matrix ties to each other, see `grids`, shape (pairs, 2)."""
-        columns = self.columns.numpy()
-        rows = np.repeat(np.arange(self.model.free_nodes), np.diff(self.row_start.numpy()).astype(np.int64))
-        upper = columns >= rows
-        blocks = self.blocks.numpy()[: len(columns)]
-        return stiff_pairs(rows[upper], columns[upper], blocks[upper], self.model.free_nodes)
-
     def multiply(self, p: wp.array, q: wp.array, p_dot_q: Dots) -> Launch:
         """Records q = H p with p . q, for vectors of the free nodes, shape (free nodes,), vec3."""
         model = self.model
@@ -191,6 +184,8 @@ class LinearSolution:
     """Estimated error of a vector [mm], from how the changes over WINDOW iterations shrank."""
     norm: float
     """The square root of g . M^-1 g."""
+    left: float
+    """The same of the residual."""
 
 
 class ConjugateGradient:
@@ -202,6 +197,8 @@ class ConjugateGradient:
     """-g - H d, shape (free nodes,), vec3."""
     search: wp.array
     """The last search direction, shape (free nodes,), vec3."""
+    noise: wp.array
+    """What `add_noise` adds, 0 at first, shape (free nodes,), vec3."""
 
     def __init__(
         self, matrix: BlockMatrix, preconditioner: Preconditioner, gradient: wp.array, most_iterations: int = 1000
@@ -220,7 +217,7 @@ class ConjugateGradient:
         iteration, running = (model.zeros(wp.int32, 1) for _ in range(2))
         rows = most_iterations + WINDOW + 1
         r_dot_z, p_dot_q = (Dots.zero(model, iteration, rows) for _ in range(2))
-        self._limits, outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, 6)
+        self._limits, outcome = model.zeros(wp.float64, 3), model.zeros(wp.float64, ITERATIONS + 1)
         self._set_limits: tuple[float, ...] = ()
         self._outcome, self._r_dot_z, self._p_dot_q = (
             Readback(parallel, array) for array in (outcome, r_dot_z.products, p_dot_q.products)
@@ -243,12 +240,15 @@ class ConjugateGradient:
         size = math.prod(r_dot_z.products.shape)
         flat = [view(dots.products, wp.float64, size) for dots in (r_dot_z, p_dot_q)]
         self._reset = parallel.record(kernels.reset, size, [], [*flat, iteration, outcome, running])
-        self._begin = in_sequence(self._reset, self._start, self._precondition)  # d = 0, r = -g, z = M^-1 r
+        self._amount, self.noise = model.zeros(wp.float64, 1), model.free_vectors()
+        add_noise = model.over_free(vector_kernels(*model.variant).step, [self._amount, r, self.noise], [r])
         # WINDOW iterations and a test of how far they moved the solution; the device decides when the loop ends
         windows = parallel.repeat(
             running, in_sequence(self._iterate_window, self._measure, self._test_convergence)
         )
-        self._run = parallel.graph(self._begin, windows, self._outcome.send)
+        started = (self._precondition, windows, self._outcome.send)  # z = M^-1 r
+        self._run = parallel.graph(self._reset, self._start, *started)  # d = 0, r = -g
+        self._run_with_noise = parallel.graph(self._reset, add_noise, *started)
         self._go_on, self._running = parallel.graph(windows, self._outcome.send), running
 
     def solve(self, absolute: float, relative: float, least_iterations: float = 0.0) -> LinearSolution:
@@ -265,6 +265,16 @@ class ConjugateGradient:
         """Begins what `solve` does; `read` waits for its end."""
         self._limit(absolute, relative, least_iterations)
         self._run()
+
+    def add_noise(self, amount: float, least_iterations: float) -> LinearSolution:
+        """Continues a solve that was SOLVED with an amount of `noise` added to its residual, by new iterations.
+
+        Its solution is added to the one before.
+        """
+        self._limit(*self._set_limits[:2], least_iterations)
+        self._amount.fill_(amount)
+        self._run_with_noise()
+        return self.read()
 
     def go_on(self, least_iterations: float) -> LinearSolution:
         """Continues the last solve to a number of iterations in all, where it was SOLVED."""
@@ -295,6 +305,7 @@ class ConjugateGradient:
             length=float(outcome[SOLUTION_LENGTH]),
             error=float(outcome[ERROR]),
             norm=float(outcome[NORM]),
+            left=float(outcome[LEFT]),
         )
 
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
@@ -304,12 +315,6 @@ class ConjugateGradient:
         count = int(self._outcome.read()[ITERATIONS])
         r_dot_z, p_dot_q = (each.read()[:count].sum(axis=1) for each in (self._r_dot_z, self._p_dot_q))
         return r_dot_z, p_dot_q
-
-    def norm(self) -> float:
-        """The square root of g . M^-1 g for the gradient as it is now; `solution` is zero after it."""
-        self._begin()
-        self._r_dot_z.send()
-        return max(0.0, float(self._r_dot_z.read()[0].sum())) ** 0.5
 
 
 def _iterations_on_cuda(

@@ -2,8 +2,8 @@
 
 z = D^-1 r + P_1 (w D_1^-1 + P_2 (w D_2^-1 + ... (P^T H P)^-1 ... ) P_2^T) P_1^T r, an additive multilevel method
 (Bramble, Pasciak and Xu 1990) whose levels are trilinear on regular grids laid over the trunk; w is 1 by their
-number, because levels overlap. Two nodes that flat tetrahedra tie move together on all grids, and have a vertex of
-their own on the finest. A trilinear field is continuous and holds every affine motion, which the long waves
+number, because levels overlap. D holds the blocks of the nodes, and of groups of nodes that stiff links tie
+(`node_groups`). A trilinear field is continuous and holds every affine motion, which the long waves
 of soft tissue need; on the phantom it takes a third of the iterations of affine motions of separate aggregates.
 The grids' matrices are those of the trunk at rest: made once, they serve every increment, step and surgical plan
 of a patient."""
@@ -14,6 +14,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ from warp_trunk.kernels.sparse import diagonal_inverter
 from .grids import CoarseGrid, Interpolation, find_spacings
 from .linear import BlockMatrix, Dots, Iterates
 from .model import Model
+from .node_groups import NodeGroups
 from .parallel import Launch, in_sequence, view
 from .topology import equal_parts
 
@@ -54,7 +56,7 @@ times as soft as others, would leave 16 bits with no digits for the others."""
 class Multigrid:
     """The levels of a trunk on its device, made of the matrix at rest; see `Preconditioner`.
 
-    Of the matrix that is assembled later it reads the diagonal blocks of the nodes.
+    Of the matrix that is assembled later it has the blocks of nodes and groups, and where asked for those of grids.
     """
 
     def __init__(self, matrix: BlockMatrix) -> None:
@@ -63,9 +65,7 @@ class Multigrid:
         self.model = model = matrix.model
         self._inverse_diagonal = matrix.inverse_diagonal
         matrix.assemble_projected()
-        points = model.rest[model.free].copy()
-        pairs = matrix.stiff_pairs() if model.elements.pairs else np.zeros((0, 2), dtype=np.int64)
-        points[pairs] = points[pairs].mean(axis=1, keepdims=True)
+        points = model.rest[model.free]
         spacings = find_spacings(points)
         origin = points.min(axis=0) - 1e-3 * spacings[-1]
 
@@ -74,21 +74,31 @@ class Multigrid:
 
         with ThreadPoolExecutor(len(spacings)) as pool:  # NumPy releases the interpreter lock
             grids, to_nodes = zip(*pool.map(lay, spacings), strict=True)
-        to_nodes = to_nodes[0].with_pairs(pairs), *to_nodes[1:]
+        self._groups = NodeGroups(matrix)
         sizes = [onto.vertices for onto in to_nodes]
         on_device = _Interpolation(model, to_nodes[0])
         onto_nodes = [on_device, *(_Interpolation(model, onto) for onto in to_nodes[1:])]
-        diagonals = [
-            grid_diagonal(matrix, onto, size, 1.0 / len(sizes))
-            for onto, size in zip(onto_nodes[:-1], sizes[:-1], strict=True)
-        ]
+        bounds = np.cumsum([0, *sizes[-2::-1]])  # of the grids but the last, the coarsest first
+        self._grids = model.zeros(wp.types.matrix((3, 3), model.scalar), int(bounds[-1]))
+        diagonals = [self._grids[first:end] for first, end in pairwise(bounds.tolist())][::-1]
+        self.update: Launch = self._groups.update
+        """Sets the blocks of groups to those of the matrix as it is, projected."""
+        self.update_grids: Launch = in_sequence(
+            *(
+                grid_diagonal(matrix, onto, diagonal, 1.0 / len(sizes))
+                for onto, diagonal in zip(onto_nodes[:-1], diagonals, strict=True)
+            )
+        )
+        """The same for the diagonal blocks of all grids but the coarsest, until `reset_grids`."""
+        self.update()
+        self.update_grids()
+        self.reset_grids: Launch = model.parallel.copy(self._grids, wp.clone(self._grids))
+        """Sets these blocks to those of the trunk at rest."""
         inverse = invert(grid_matrix(matrix, onto_nodes[-1], sizes[-1]), model.precision)
         if model.parallel.is_cuda:
-            self._levels = CudaLevels(model, to_nodes, diagonals, inverse)
+            self._levels = CudaLevels(model, to_nodes, self._grids, inverse)
         else:
-            vertices = [np.vstack([grids[0].positions, points[pairs[:, 0]]]), *(g.positions for g in grids[1:])]
-            finer = zip(vertices, grids[1:], strict=False)
-            between = [_Interpolation(model, grid.interpolate(points)) for points, grid in finer]
+            between = [_Interpolation(model, g.interpolate(finer.positions)) for finer, g in pairwise(grids)]
             levels = zip(
                 [model.free_nodes, *sizes], sizes, [on_device, *between], [*diagonals, None], strict=False
             )
@@ -96,12 +106,16 @@ class Multigrid:
 
     def apply(self, r: wp.array, z: wp.array, r_dot_z: Dots) -> Launch:
         """Records z = M^-1 r with r . z, for vectors of the free nodes, shape (free nodes,), vec3."""
-        return self._levels.apply(self._inverse_diagonal, r, z, r_dot_z)
+        return in_sequence(
+            self._levels.apply(self._inverse_diagonal, r, z, r_dot_z), self._groups.apply(r, z, r_dot_z)
+        )
 
     def apply_with_steps(self, at: Iterates) -> tuple[Launch, Launch]:
         """Records z = M^-1 r, and the same after a step, on CUDA; see `Preconditioner`."""
         assert isinstance(self._levels, CudaLevels)
-        return self._levels.apply_with_steps(self._inverse_diagonal, at)
+        groups = self._groups.apply(at.residual, at.preconditioned, at.r_dot_z)
+        first, others = self._levels.apply_with_steps(self._inverse_diagonal, at)
+        return in_sequence(first, groups), in_sequence(others, groups)
 
 
 class _Interpolation:
@@ -207,14 +221,14 @@ class CudaLevels:
     """
 
     def __init__(
-        self, model: Model, grids: Sequence[Interpolation], diagonals: Sequence[wp.array], inverse: np.ndarray
+        self, model: Model, grids: Sequence[Interpolation], inverse_diagonal: wp.array, inverse: np.ndarray
     ) -> None:
         """Uploads what the launches read.
 
         Args:
             model: the trunk.
             grids: the interpolation of each to the free nodes, finest first.
-            diagonals: the inverse diagonal of each but the last, shape (vertices,), mat33.
+            inverse_diagonal: of all but the last, which come last but one first, shape (vertices,), mat33.
             inverse: that of the last, symmetric, shape (3 vertices, 3 vertices).
         """
         self.model = model
@@ -240,11 +254,7 @@ class CudaLevels:
             model.array(np.concatenate(corners), number),
             model.array(np.concatenate(corner_weights).astype(np.float16), wp.float16),
         )
-        self._inverse_diagonal = model.zeros(
-            wp.types.matrix((3, 3), model.scalar), self._vertices - self._coarsest
-        )
-        for diagonal, start in zip(diagonals[::-1], starts[1:], strict=False):
-            wp.copy(self._inverse_diagonal, diagonal, dest_offset=int(start) - self._coarsest)
+        self._inverse_diagonal = inverse_diagonal
         numbers, scale = in_half_precision(inverse)
         self._scale, self._inverse = model.array(scale, wp.float32), model.array(numbers, wp.float16)
 
@@ -305,22 +315,20 @@ def in_half_precision(inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return numbers, scale
 
 
-def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, size: int, weight: float) -> wp.array:
-    """Inverse diagonal blocks of P^T H P times a weight, for P from `size` vertices to the nodes."""
-    model = matrix.model
-    mat33 = wp.types.matrix((3, 3), model.scalar)
-    diagonal = model.zeros(mat33, model.parallel.ranges, size)
-    model.over_free(
-        grid_matrix_kernels(model.scalar).grid_diagonal,
-        [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point],
-        [diagonal],
-    )()
-    model.parallel.gather(diagonal, model.scalar)()
-    inverse = model.zeros(mat33, size)
+def grid_diagonal(matrix: BlockMatrix, whole: _Interpolation, inverse: wp.array, weight: float) -> Launch:
+    """Records the inverse diagonal blocks of P^T H P times a weight, for P from a grid's vertices to the nodes."""
+    model, size = matrix.model, len(inverse)
+    diagonal = model.zeros(inverse.dtype, model.parallel.ranges, size)
+    given = [matrix.row_start, matrix.columns, matrix.blocks, *whole.by_point]
     own = model.array(np.arange(size, dtype=np.int32), wp.int32)
-    given = [own, diagonal[0], model.scalar(weight)]
-    model.parallel.record(diagonal_inverter(model.scalar), size, given, [inverse])()
-    return inverse
+    return in_sequence(
+        model.parallel.clear(diagonal),
+        model.over_free(grid_matrix_kernels(model.scalar).grid_diagonal, given, [diagonal]),
+        model.parallel.gather(diagonal, model.scalar),
+        model.parallel.record(
+            diagonal_inverter(model.scalar), size, [own, diagonal[0], model.scalar(weight)], [inverse]
+        ),
+    )
 
 
 def grid_matrix(matrix: BlockMatrix, whole: _Interpolation, size: int) -> np.ndarray:

@@ -136,7 +136,7 @@ class Relaxer:
                 return history.end(RelaxStatus.NEAR, run.distance)
             if not searched(run, trial and trial.length):
                 return history.end(RelaxStatus.STALLED, math.inf)
-            planned = plan(run, work.norm() if run.confirm and run.whole and run.phase is Phase.TRUE else math.inf)
+            planned = plan(run)
             begin(work, planned)
         return history.end(RelaxStatus.STEP_LIMIT, math.inf)
 
@@ -156,7 +156,7 @@ class Relaxer:
 
 def begin(work: Work, planned: Plan) -> None:
     """Assembles and launches a planned solve."""
-    work.assemble(true=planned.true, fresh=planned.fresh)
+    work.assemble(true=planned.true, fresh=planned.fresh, grids=planned.grids)
     work.launch(planned, ahead=True)
 
 
@@ -175,12 +175,14 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
                 solution = replace(solution, outcome=Outcome.NEGATIVE_CURVATURE)
             else:
                 run.down = None  # the state has left it
-        action = decide(run, planned, solution)
+        action, certifying = decide(run, planned, solution), False
         if action is Action.CERTIFY:
-            run.floor = max(run.floor, work.measure())
+            certifying, run.floor = True, max(run.floor, work.measure())
+            solution = work.certify(solution, POLICY.certificate * solution.iterations)
+            spent += solution.iterations
         while action is Action.CERTIFY:
             chance = work.chance()
-            action = decide_end(run, planned, solution, chance)
+            action = decide_end(run, solution, chance)
             if action is Action.CERTIFY:
                 before = solution.iterations
                 solution = work.go_on(before + stretch(before, chance))
@@ -191,7 +193,7 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
                 begin(work, planned)
             case Action.DESCEND:
                 run.down = work.negative_curvature() if run.down is None else run.down
-                work.descend(run.down, POLICY.reach * run.tolerance, on=planned.noise == 0.0)
+                work.descend(run.down, POLICY.reach * run.tolerance, on=not certifying)
                 return Action.SEARCH, spent
             case Action.SEARCH | Action.CONVERGED | Action.STALLED:
                 return action, spent

@@ -3,7 +3,7 @@
 Far away the Hessian is projected to a positive semidefinite one, so that every direction descends; it is stiffer
 than the truth, and its steps are shorter than the way to go. Where the end is to be confirmed, the true one takes
 over near it. If that is negative along some direction, the projected one leads nearer, or from a saddle the step
-descends along that direction (Steihaug 1983). The end is a solve with noise that is continued until no saddle can
+descends along that direction (Steihaug 1983). At the end the last solve is continued with noise until no saddle can
 have been missed (`certify`)."""
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Action(Enum):
     SEARCH = "search along its solution"
     DESCEND = "search along its direction of negative curvature"
     SOLVE = "solve again, as planned now"
-    CERTIFY = "continue it, which had noise, until no saddle can have been missed"
+    CERTIFY = "continue it with noise until no saddle can have been missed"
     CONVERGED = "end: the equilibrium is nearer than the tolerance, and no saddle"
     STALLED = "end: nothing can be claimed, and nothing leads on"
 
@@ -69,12 +69,6 @@ class Policy:
     tried again."""
     reach: float = 10.0
     """A descent from a saddle is first tried as far as this many tolerances."""
-    noise: tuple[float, float] = (0.03, 0.001)
-    """Norm of the noise in the right side of a solve that may be the last, in norms of the gradient; and once that
-    moved soft tissue by more than the tolerance. Each factor of ten takes 25 iterations more on the anatomy; a
-    tenth moved soft nodes of the default by more than the tolerance, and solves had to be repeated."""
-    quiet: float = 0.1
-    """A solve has noise where the last true step left this part of the tolerance, by the norm of the gradient."""
     least_noise: float = 1e-5
     """Standard deviation of the noise on a gradient of zero, in roundings."""
     chance: float = 1e-3
@@ -83,7 +77,9 @@ class Policy:
     """Roundings of the largest eigenvalue by which an eigenvalue may be wrong. With ten of them float32 claimed 43
     of 60 columns next to buckling, with one 50; no claim was false."""
     stretch: tuple[int, int] = (8, 64)
-    """Iterations by which a solve is continued before the chance is computed again."""
+    """Iterations by which a solve with noise is continued before the chance is computed again."""
+    certificate: int = 2
+    """The least iterations of one, as a multiple of those of the solve that it continues."""
 
 
 POLICY = Policy()
@@ -97,8 +93,8 @@ class Plan:
     """Whether with the true Hessian."""
     fresh: bool
     """Whether with the Hessian of the state itself, or else the last of its kind."""
-    noise: float
-    """Norm of the noise in the right side, in norms of the gradient: with it, the solve can be the last."""
+    grids: bool
+    """Whether the grids of the preconditioner follow the Hessian."""
     absolute: float
     """The error of any vector that it may leave [mm]."""
     relative: float
@@ -137,10 +133,6 @@ class Run:
     """The part of the last true step that it left, by how much less the gradient fell [mm]."""
     whole: bool = False
     """Whether the last solution was taken as a whole step."""
-    claimed: bool = False
-    """Whether a solve without noise found the state within the tolerance."""
-    quiet: bool = False
-    """Whether the usual noise was too much."""
     solved: bool = False
     """Whether the distance of the state itself was estimated."""
     cut: bool = False
@@ -158,22 +150,17 @@ class Run:
     """Whole steps along the true Hessian."""
 
 
-def plan(run: Run, norm: float = math.inf, policy: Policy = POLICY) -> Plan:
-    """The next linear solve, where the gradient has a norm, the square root of g . M^-1 g.
-
-    It has noise where the last step has left a small part of the tolerance, by how much less the gradient fell.
-    """
+def plan(run: Run, policy: Policy = POLICY) -> Plan:
+    """The next linear solve."""
     within = min(run.nearer, max(policy.near[0] * run.tolerance, policy.near[1]))
     was_true = run.phase is Phase.TRUE
     true = run.confirm and (run.try_true or (was_true and run.whole) or run.distance <= within)
-    little = was_true and run.whole and norm * run.length <= policy.quiet * run.tolerance * run.norm
-    noise = policy.noise[run.quiet] if true and (run.claimed or little) else 0.0
     kept = run.reuse or run.contraction <= policy.contraction
     least, most = policy.true_accuracy
     return Plan(
         true,
-        fresh=noise > 0.0 or true != was_true or not kept,
-        noise=noise,
+        fresh=true or was_true or not kept,
+        grids=run.confirm and not true and math.isinf(run.length),
         absolute=(policy.accuracy if run.confirm else policy.accuracy_on_the_way) * run.tolerance,
         relative=min(most, max(least, run.contraction**2)) if true else policy.projected_accuracy,
         least_iterations=run.longest_solve if run.cut else 0,
@@ -183,7 +170,7 @@ def plan(run: Run, norm: float = math.inf, policy: Policy = POLICY) -> Plan:
 def decide(run: Run, planned: Plan, solution: LinearSolution, policy: Policy = POLICY) -> Action:
     """The next thing after a planned solve."""
     run.try_true = run.reuse = False
-    if not planned.noise and solution.outcome is Outcome.SOLVED:
+    if solution.outcome is Outcome.SOLVED:
         run.longest_solve = max(run.longest_solve, solution.iterations)
     match solution.outcome:
         case Outcome.UNSOUND if not planned.true:
@@ -191,25 +178,19 @@ def decide(run: Run, planned: Plan, solution: LinearSolution, policy: Policy = P
         case Outcome.UNSOUND:  # the preconditioner was made too far away
             return _avoid(run, policy)
         case Outcome.NEGATIVE_CURVATURE if planned.true:
-            return _leave(run, planned, policy)
+            return _descend(run) if run.at_saddle else _avoid(run, policy)
         case Outcome.SOLVED | Outcome.EXHAUSTED | Outcome.NEGATIVE_CURVATURE:  # of a projected one: rounding
             _estimate(run, planned, solution, policy)
-            if not (planned.true and run.known):
-                return Action.SEARCH
-            if max(run.distance, bound(run, policy)) > run.tolerance:
-                return _beyond(run, planned)
-            run.claimed = True
-            return Action.CERTIFY if planned.noise else Action.SOLVE
+            near = max(run.distance, bound(run, policy)) <= run.tolerance
+            return Action.CERTIFY if planned.true and run.known and near else Action.SEARCH
     raise AssertionError(solution.outcome)
 
 
-def decide_end(
-    run: Run, planned: Plan, solution: LinearSolution, chance: float, policy: Policy = POLICY
-) -> Action:
+def decide_end(run: Run, solution: LinearSolution, chance: float, policy: Policy = POLICY) -> Action:
     """The next thing after a solve with noise that is continued, by the chance that it missed a saddle."""
     match solution.outcome:
         case Outcome.NEGATIVE_CURVATURE:
-            return _leave(run, planned, policy)
+            return _descend(run)
         case Outcome.EXHAUSTED | Outcome.UNSOUND:  # soft directions hide behind others 1e6 times as stiff
             return Action.STALLED
         case Outcome.SOLVED if math.isinf(chance):
@@ -218,18 +199,15 @@ def decide_end(
             run.length = solution.length + solution.error
             run.distance = max(bound(run, policy), policy.accuracy * run.tolerance)
             if run.distance > run.tolerance:
-                return _beyond(run, planned)
+                return Action.SEARCH
             return Action.CONVERGED if chance <= policy.chance else Action.CERTIFY
     raise AssertionError(solution.outcome)
 
 
 def stretch(iterations: int, chance: float, policy: Policy = POLICY) -> int:
-    """By how many iterations a solve is continued before the chance is computed again: half of what is expected.
-
-    A solve to the chance takes about twice the iterations of one to the accuracy of a step.
-    """
+    """By how many iterations a solve is continued before the chance is computed again: most of what is expected."""
     least, most = policy.stretch
-    return int(min(most, max(least, 0.1 * iterations * math.log10(chance / policy.chance))))
+    return int(min(most, max(least, 0.15 * iterations * math.log10(chance / policy.chance))))
 
 
 def bound(run: Run, policy: Policy = POLICY) -> float:
@@ -245,17 +223,8 @@ def _avoid(run: Run, policy: Policy) -> Action:
     return Action.SOLVE
 
 
-def _beyond(run: Run, planned: Plan) -> Action:
-    """The solution is too long: it leads on, unless that may be due to the noise."""
-    again = run.claimed and planned.noise > 0.0 and not run.quiet
-    run.quiet = run.quiet or planned.noise > 0.0
-    return Action.SOLVE if again else Action.SEARCH
-
-
-def _leave(run: Run, planned: Plan, policy: Policy) -> Action:
-    """Negative curvature of the true Hessian: avoided far from the end, followed downwards near it."""
-    if not (planned.noise or run.at_saddle):
-        return _avoid(run, policy)
+def _descend(run: Run) -> Action:
+    """Negative curvature of the true Hessian near the end is followed downwards."""
     run.phase, run.distance, run.at_saddle = Phase.SADDLE, math.inf, True
     return Action.DESCEND
 
@@ -284,7 +253,7 @@ def searched(run: Run, length: float | None) -> bool:
     Returns:
         Whether the relaxation can go on.
     """
-    run.whole, run.solved, run.claimed = length == 1.0, False, False
+    run.whole, run.solved = length == 1.0, False
     if length is None:  # the true Hessian is tried once where the projected one leads nowhere
         run.try_true = run.at_saddle = True
         return run.confirm and run.phase is Phase.PROJECTED

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import warp as wp
 
 from warp_trunk.kernels.assembly import COLUMNS
+from warp_trunk.kernels.node_groups import MEMBERS
 from warp_trunk.kernels.vectors import vector_kernels
 
 from .certify import chance_of_saddle
@@ -38,17 +38,13 @@ class Work:
         self.preconditioner = Multigrid(self.matrix)
         self._trial, self._version = State(model, start=state), 0
         kernels, graph = vector_kernels(*model.variant), model.parallel.graph
-        self._assemble_projected = graph(self.matrix.assemble_projected)
+        self._assemble_projected = graph(self.matrix.assemble_projected, self.preconditioner.update)
         self._assemble_true = graph(self.matrix.assemble_true)
-        # the solver, for the gradient with an amount of noise
-        noise, force = model.free_vectors(), model.free_vectors()
+        self._solver = ConjugateGradient(self.matrix, self.preconditioner, state.gradient)
+        self.direction, self._noise = self._solver.solution, 0.0
         white = model.array(np.random.default_rng(0).standard_normal((model.free_nodes, 3)), model.vec3)
-        self._color = model.over_free(kernels.color, [self.matrix.inverse_diagonal, white], [noise])
-        self._amount = model.zeros(wp.float64, 1)
-        self._set_force = model.over_free(kernels.step, [self._amount, state.gradient, noise], [force])
-        self._solver = ConjugateGradient(self.matrix, self.preconditioner, force)
-        self.direction = self._solver.solution
-        self._noise = self._gradient_norm = 0.0
+        self._color = model.over_free(kernels.color, [self.matrix.inverse_diagonal, white], [self._solver.noise])
+        self._grids_at_rest = True
         self._curved, curvature = model.free_vectors(), Dots.zero(model)
         self._multiply = self.matrix.multiply(self._curved, model.free_vectors(), curvature)
         self._curvature, self._clear_curvature = (
@@ -79,6 +75,9 @@ class Work:
 
     def evaluate(self) -> None:
         """Evaluates the state, which was set to another displacement."""
+        if not self._grids_at_rest:  # nothing that a relaxation learnt survives it
+            self.preconditioner.reset_grids()
+            self._grids_at_rest = True
         self._evaluate()
         self._version, self._ahead = self._version + 1, False
 
@@ -92,53 +91,51 @@ class Work:
         self._measure()
         return self.floor()
 
-    def assemble(self, *, true: bool, fresh: bool = True) -> None:
-        """Sets the matrix to the Hessian of the state; if not `fresh`, where it is not the last of its kind."""
+    def assemble(self, *, true: bool, fresh: bool = True, grids: bool = False) -> None:
+        """Sets the matrix to the Hessian of the state; if not `fresh`, where it is not the last of its kind.
+
+        With `grids`, the preconditioner's grids follow it.
+        """
         now = true, self._version
-        if self.hessian is not None and (self.hessian == now or (self.hessian[0] == true and not fresh)):
-            return
-        (self._assemble_true if true else self._assemble_projected)()
-        self.hessian = now
+        if self.hessian is None or (self.hessian != now and (self.hessian[0] != true or fresh)):
+            (self._assemble_true if true else self._assemble_projected)()
+            self.hessian = now
+        if grids:
+            self.preconditioner.update_grids()
+            self._grids_at_rest = False
 
     def launch(self, plan: Plan, *, ahead: bool = False) -> None:
         """Begins a planned solve; on CUDA with `ahead`, the trial at the end of it.
 
         A device that waits for the host is idle; the trial is dropped where the direction becomes another one.
         """
-        self._noise = 0.0
-        norm = self.norm() if plan.noise else 0.0
-        if plan.noise:
-            self._color()
-            least = POLICY.least_noise * float(np.finfo(self.state.model.precision).eps)
-            self._noise = max(plan.noise * norm / max(3 * self.state.model.free_nodes, 1) ** 0.5, least)
-        self._gradient_norm = norm
-        self._amount.fill_(self._noise)
-        self._set_force()
         self._solver.launch(plan.absolute, plan.relative, plan.least_iterations)
         self._ahead = ahead and self.state.model.parallel.is_cuda
         if self._ahead:
             self._try_ahead()
 
-    def norm(self) -> float:
-        """The square root of g . M^-1 g of the gradient at the state."""
-        self._amount.fill_(0.0)
-        self._set_force()
-        return self._solver.norm()
-
     def read(self) -> LinearSolution:
         """How the solve that was launched ended."""
-        solution = self._solver.read()
-        return replace(solution, norm=self._gradient_norm) if self._noise else solution
+        return self._solver.read()
+
+    def certify(self, solution: LinearSolution, iterations: int) -> LinearSolution:
+        """Continues a solve with noise as large as what it left, by at least so many iterations."""
+        model = self.state.model
+        least = POLICY.least_noise * float(np.finfo(model.precision).eps)
+        self._noise = max(solution.left / max(3 * model.free_nodes, 1) ** 0.5, least)
+        self._ahead = False
+        self._color()
+        return self._solver.add_noise(self._noise, iterations)
 
     def chance(self) -> float:
         """The chance that the last solve, which had noise, has missed a saddle."""
         rounding = POLICY.rounding * float(np.finfo(self.state.model.precision).eps)
-        return chance_of_saddle(*self._solver.coefficients(), self._noise, rounding)
+        noise = self._noise / MEMBERS**0.5  # the block of a group is at most MEMBERS times its diagonal
+        return chance_of_saddle(*self._solver.coefficients(), noise, rounding)
 
     def go_on(self, iterations: int) -> LinearSolution:
         """Continues the last solve to so many iterations in all."""
-        self._ahead = False
-        return replace(self._solver.go_on(iterations), norm=self._gradient_norm)
+        return self._solver.go_on(iterations)
 
     def negative_curvature(self) -> np.ndarray:
         """The search direction at which the last solve ended, shape (free nodes, 3)."""

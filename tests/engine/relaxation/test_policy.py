@@ -12,7 +12,7 @@ from warp_trunk.engine.policy import Action, Phase, Run, decide, decide_end, pla
 def solved(
     length: float, norm: float = 1.0, outcome: Outcome = Outcome.SOLVED, error: float = 0.0
 ) -> LinearSolution:
-    return LinearSolution(outcome, iterations=10, length=length, error=error, norm=norm)
+    return LinearSolution(outcome, iterations=10, length=length, error=error, norm=norm, left=0.1 * norm)
 
 
 def near_the_end() -> Run:
@@ -26,13 +26,14 @@ def near_the_end() -> Run:
 
 def test_the_projected_hessian_leads_to_where_the_true_one_takes_over() -> None:
     run = Run(0.1, confirm=True)
-    assert not plan(run).true
+    assert (plan(run).true, plan(run).grids) == (False, True)  # the grids follow the first Hessian
     assert decide(run, plan(run), solved(5.0)) is Action.SEARCH
+    assert not plan(run).grids
     assert run.distance == pytest.approx(10.0)  # the first step is assumed to leave two thirds
     searched(run, 1.0)
     assert decide(run, plan(run), solved(0.2)) is Action.SEARCH
     searched(run, 1.0)
-    assert (plan(run).true, plan(run).fresh, plan(run).noise) == (True, True, 0.0)
+    assert (plan(run).true, plan(run).fresh, plan(run).grids) == (True, True, False)
 
 
 def test_on_the_way_a_claim_needs_a_solve_that_ended() -> None:
@@ -66,26 +67,13 @@ def test_negative_curvature_is_avoided_far_away_and_followed_near_the_end() -> N
 
 def test_the_end_is_claimed_only_with_noise_and_by_the_chance() -> None:
     run = near_the_end()
-    planned = plan(run, norm=1e-6)
-    assert planned.noise > 0.0
-    assert decide(run, planned, solved(0.001, 1e-6)) is Action.CERTIFY
-    assert decide_end(run, planned, solved(0.001), 0.5) is Action.CERTIFY
-    assert decide_end(run, planned, solved(0.001), 1e-4) is Action.CONVERGED
-    assert decide_end(run, planned, solved(0.001), math.inf) is Action.STALLED
-    assert decide_end(run, planned, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0) is Action.STALLED
-    assert decide_end(run, planned, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0) is Action.DESCEND
-
-
-def test_noise_that_moves_soft_tissue_too_far_is_made_smaller_once() -> None:
-    run = near_the_end()
-    quiet = plan(run)  # without a norm: no noise yet
-    assert quiet.noise == 0.0
-    assert decide(run, quiet, solved(0.001, 1e-6)) is Action.SOLVE
-    first = plan(run)
-    assert decide(run, first, solved(2.0)) is Action.SOLVE
-    second = plan(run)
-    assert 0.0 < second.noise < first.noise
-    assert decide(run, second, solved(2.0)) is Action.SEARCH
+    assert decide(run, plan(run), solved(0.001, 1e-6)) is Action.CERTIFY
+    assert decide_end(run, solved(0.001), 0.5) is Action.CERTIFY
+    assert decide_end(run, solved(0.001), 1e-4) is Action.CONVERGED
+    assert decide_end(run, solved(2.0), 1e-4) is Action.SEARCH  # soft tissue that the solve had not reached
+    assert decide_end(run, solved(0.001), math.inf) is Action.STALLED
+    assert decide_end(run, solved(0.001, outcome=Outcome.EXHAUSTED), 1.0) is Action.STALLED
+    assert decide_end(run, solved(0.001, outcome=Outcome.NEGATIVE_CURVATURE), 1.0) is Action.DESCEND
 
 
 def test_a_run_begins_with_nothing_of_another() -> None:

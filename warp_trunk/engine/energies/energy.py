@@ -23,8 +23,6 @@ class TetEnergy(Protocol):
     rights_inverted: ClassVar[bool]
     """Whether its forces turn an inverted tetrahedron back. A step may then invert some: one that has no room
     between bones would hold up all others. Where they do not, no step inverts any."""
-    pairs: ClassVar[bool]
-    """Whether nodes that it ties have a vertex of their own in the preconditioner; see `grids.stiff_pairs`."""
 
     shape: ClassVar[str]
     """Name of the array, vec3, that has the tetrahedra's shape at rest."""

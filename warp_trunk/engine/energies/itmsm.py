@@ -27,8 +27,6 @@ class Itmsm:
     """The column of the sums of each term."""
     rights_inverted: ClassVar[bool] = False
     """Edges and faces are at rest in the mirror image, too."""
-    pairs: ClassVar[bool] = False
-    """Springs tie ordinary nodes, too: with pairs, the papers' method takes 540 linear iterations for 388."""
     shape: ClassVar[str] = "rest_edge"
     """The array that rounding at rest shows in."""
     kernels: SimpleNamespace

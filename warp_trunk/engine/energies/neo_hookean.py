@@ -35,8 +35,6 @@ class NeoHookean:
     """The column of the sums of each term."""
     rights_inverted: ClassVar[bool] = True
     """It is stable: defined for inverted tetrahedra, with no rest among them."""
-    pairs: ClassVar[bool] = True
-    """Flat tetrahedra are stiff in it."""
     shape: ClassVar[str] = "shape_gradient"
     """The array that rounding at rest shows in."""
     kernels: SimpleNamespace

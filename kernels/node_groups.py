@@ -1,0 +1,222 @@
+"""The inverses of the blocks of nodes that stiff links tie, and their part of the preconditioner.
+
+The nodes of group g are `nodes[first[g]]` to the next group's first; its block, row after row, starts at `start[g]`.
+On CUDA a warp inverts a block, each of its threads a column in registers; on the CPU a range of groups is a loop in
+C++."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from .vectors import lane_reducer, sum_reducer
+
+MEMBERS = 8
+"""Most nodes of a group."""
+ROWS = 3 * MEMBERS
+"""Most rows of its block."""
+WARP = 32
+"""CUDA threads that invert a block, and more than it has rows."""
+FLOOR = 1e-4
+"""The least pivot of a block, in parts of its diagonal: rounding of float32 leaves no less of tied nodes."""
+
+GROUP = """
+    const int own = first.data[group], count = first.data[group + 1] - own, size = 3 * count;
+    const int at = start.data[group];
+"""
+
+# Gauss and Jordan in place. A pivot below its floor is raised, as if the diagonal had been so: the inverse stays
+# positive. `block_of` holds 1 + the number of the block of two nodes, or minus that of its mirror image, or 0.
+ENTRY = f"""
+    {GROUP}
+    const auto entry = [&](int i, int j) -> real {{
+        const int block = i < size && j < size ? block_of.data[at / 9 + count * (i / 3) + j / 3] : 0;
+        if (block == 0) return i == j ? real(1) : real(0);
+        const auto& m = blocks.data[(block > 0 ? block : -block) - 1];
+        return block > 0 ? m.data[i % 3][j % 3] : m.data[j % 3][i % 3];
+    }};
+    const auto keep = [&](int i, int j, real value) {{  // less the inverses of the nodes' own blocks
+        if (i / 3 == j / 3) value -= inverse_diagonal.data[nodes.data[own + i / 3]].data[i % 3][j % 3];
+        inverse.data[at + size * i + j] = value;
+    }};
+"""
+
+INVERT_ON_CUDA = f"""
+    {ENTRY}
+    real column[{ROWS}], diagonal = real(1);
+    #pragma unroll
+    for (int i = 0; i < {ROWS}; ++i) {{
+        column[i] = lane < {ROWS} ? entry(i, lane) : real(0);
+        if (i == lane) diagonal = column[i];
+    }}
+    #pragma unroll
+    for (int k = 0; k < {ROWS}; ++k) {{
+        const real least = real({FLOOR}) * __shfl_sync(0xffffffffu, diagonal, k);
+        const real found = __shfl_sync(0xffffffffu, column[k], k);
+        const real pivot = real(1) / (found > least ? found : least), part = column[k] * pivot;
+        #pragma unroll
+        for (int i = 0; i < {ROWS}; ++i) {{
+            const real factor = __shfl_sync(0xffffffffu, column[i], k);
+            if (i != k) column[i] = lane == k ? -factor * pivot : column[i] - factor * part;
+        }}
+        column[k] = lane == k ? pivot : part;
+    }}
+    #pragma unroll
+    for (int i = 0; i < {ROWS}; ++i)
+        if (i < size && lane < size) keep(i, lane, column[i]);
+"""
+
+INVERT_ON_CPU = f"""
+    for (int group = begin; group < end; ++group) {{
+        {ENTRY}
+        real a[{ROWS}][{ROWS}], diagonal[{ROWS}];
+        for (int i = 0; i < size; ++i) {{
+            for (int j = 0; j < size; ++j) a[i][j] = entry(i, j);
+            diagonal[i] = a[i][i];
+        }}
+        for (int k = 0; k < size; ++k) {{
+            const real least = real({FLOOR}) * diagonal[k], pivot = real(1) / (a[k][k] > least ? a[k][k] : least);
+            for (int i = 0; i < size; ++i) {{
+                if (i == k) continue;
+                const real factor = a[i][k] * pivot;
+                for (int j = 0; j < size; ++j) a[i][j] -= factor * a[k][j];
+                a[i][k] = -factor;
+            }}
+            for (int j = 0; j < size; ++j) a[k][j] *= pivot;
+            a[k][k] = pivot;
+        }}
+        for (int i = 0; i < size; ++i)
+            for (int j = 0; j < size; ++j) keep(i, j, a[i][j]);
+    }}
+"""
+
+APPLY_ON_CPU = f"""
+    double product = 0.0;
+    for (int group = begin; group < end; ++group) {{
+        {GROUP}
+        const real* row = inverse.data + at;
+        real x[{ROWS}];
+        for (int i = 0; i < size; ++i) x[i] = residual.data[nodes.data[own + i / 3]][i % 3];
+        for (int i = 0; i < size; ++i, row += size) {{
+            real sum = 0;
+            for (int j = 0; j < size; ++j) sum += row[j] * x[j];
+            correction.data[nodes.data[own + i / 3]][i % 3] += sum;
+            product += x[i] * sum;
+        }}
+    }}
+    return product;
+"""
+
+
+@cache
+def node_group_kernels(scalar: type, cuda: bool) -> SimpleNamespace:
+    """The kernels `invert` and `apply` in one precision; `invert` has WARP items a group on CUDA."""
+    add, add_lanes = sum_reducer(cuda), lane_reducer(scalar)
+    vec3, mat33 = wp.types.vector(3, scalar), wp.types.matrix((3, 3), scalar)
+    module = f"node_groups_{scalar.__name__}_{'cuda' if cuda else 'cpu'}"
+    real = f"typedef {'float' if scalar is wp.float32 else 'double'} real;\n"
+
+    @wp.func_native(real + INVERT_ON_CUDA)
+    def invert_by_warp(
+        group: wp.int32,
+        lane: wp.int32,
+        first: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        nodes: wp.array(dtype=wp.int32),
+        block_of: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33),
+        inverse_diagonal: wp.array(dtype=mat33),
+        inverse: wp.array(dtype=scalar),
+    ): ...
+
+    @wp.func_native(real + INVERT_ON_CPU)
+    def invert_range(
+        begin: wp.int32,
+        end: wp.int32,
+        first: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        nodes: wp.array(dtype=wp.int32),
+        block_of: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33),
+        inverse_diagonal: wp.array(dtype=mat33),
+        inverse: wp.array(dtype=scalar),
+    ): ...
+
+    @wp.func_native(real + APPLY_ON_CPU)
+    def apply_range(
+        begin: wp.int32,
+        end: wp.int32,
+        first: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        nodes: wp.array(dtype=wp.int32),
+        inverse: wp.array(dtype=scalar),
+        residual: wp.array(dtype=vec3),
+        correction: wp.array(dtype=vec3),
+    ) -> wp.float64: ...
+
+    @wp.kernel(module=module, enable_backward=False)
+    def invert_kernel(
+        begin: int,
+        end: int,
+        slab: int,
+        first: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        nodes: wp.array(dtype=wp.int32),
+        block_of: wp.array(dtype=wp.int32),
+        blocks: wp.array(dtype=mat33),
+        inverse_diagonal: wp.array(dtype=mat33),
+        inverse: wp.array(dtype=scalar),
+    ):
+        """The inverse of each group's block, less the inverses of its nodes' own blocks."""
+        if wp.static(cuda):
+            item = begin + wp.tid()
+            if item < end:
+                invert_by_warp(
+                    item // WARP, item % WARP, first, start, nodes, block_of, blocks, inverse_diagonal, inverse
+                )
+        else:
+            invert_range(begin, end, first, start, nodes, block_of, blocks, inverse_diagonal, inverse)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def apply_kernel(
+        begin: int,
+        end: int,
+        slab: int,
+        first: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        nodes: wp.array(dtype=wp.int32),
+        group_of: wp.array(dtype=wp.int32),
+        inverse: wp.array(dtype=scalar),
+        residual: wp.array(dtype=vec3),
+        correction: wp.array(dtype=vec3),
+        iteration: wp.array(dtype=wp.int32),
+        products: wp.array(dtype=wp.float64, ndim=2),
+    ):
+        """Adds that matrix times the residual to the correction of the groups' nodes, and to r . z.
+
+        An item is a group on the CPU; on CUDA MEMBERS items share a node."""
+        value = wp.float64(0.0)
+        if wp.static(cuda):
+            item = begin + wp.tid()
+            m = item // MEMBERS
+            k = item % MEMBERS
+            total = vec3()
+            if item < end:
+                group = group_of[m]
+                size = 3 * (first[group + 1] - first[group])
+                if 3 * k < size:
+                    r = residual[nodes[first[group] + k]]
+                    row = start[group] + 3 * size * (m - first[group]) + 3 * k
+                    for c in range(3):
+                        total[c] = inverse[row] * r[0] + inverse[row + 1] * r[1] + inverse[row + 2] * r[2]
+                        row += size
+            total = vec3(add_lanes(total[0], MEMBERS), add_lanes(total[1], MEMBERS), add_lanes(total[2], MEMBERS))
+            if item < end and k == 0:
+                own = nodes[m]
+                correction[own] = correction[own] + total
+                value = wp.float64(wp.dot(residual[own], total))
+        else:
+            value = apply_range(begin, end, first, start, nodes, inverse, residual, correction)
+        add(products, iteration[0], 8 * slab, value)
+
+    return SimpleNamespace(invert=invert_kernel, apply=apply_kernel)
