@@ -56,7 +56,7 @@ times as soft as others, would leave 16 bits with no digits for the others."""
 class Multigrid:
     """The levels of a trunk on its device, made of the matrix at rest; see `Preconditioner`.
 
-    Of the matrix that is assembled later it has the blocks of nodes and groups, and where asked for those of grids.
+    Of the matrix that is assembled later it has the blocks of nodes and groups, and where asked those of grids.
     """
 
     def __init__(self, matrix: BlockMatrix) -> None:

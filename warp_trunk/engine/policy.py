@@ -3,8 +3,8 @@
 Far away the Hessian is projected to a positive semidefinite one, so that every direction descends; it is stiffer
 than the truth, and its steps are shorter than the way to go. Where the end is to be confirmed, the true one takes
 over near it. If that is negative along some direction, the projected one leads nearer, or from a saddle the step
-descends along that direction (Steihaug 1983). At the end the last solve is continued with noise until no saddle can
-have been missed (`certify`)."""
+descends along that direction (Steihaug 1983). At the end the last solve is continued with noise until no saddle
+can have been missed (`certify`)."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def decide_end(run: Run, solution: LinearSolution, chance: float, policy: Policy
 
 
 def stretch(iterations: int, chance: float, policy: Policy = POLICY) -> int:
-    """By how many iterations a solve is continued before the chance is computed again: most of what is expected."""
+    """Iterations by which a solve is continued before the chance is computed again: most of what is expected."""
     least, most = policy.stretch
     return int(min(most, max(least, 0.15 * iterations * math.log10(chance / policy.chance))))
 
