@@ -198,7 +198,7 @@ class ConjugateGradient:
     search: wp.array
     """The last search direction, shape (free nodes,), vec3."""
     noise: wp.array
-    """What `add_noise` adds, 0 at first, shape (free nodes,), vec3."""
+    """Forces that `add_noise` adds, 0 at first, shape (free nodes,), vec3."""
 
     def __init__(
         self, matrix: BlockMatrix, preconditioner: Preconditioner, gradient: wp.array, most_iterations: int = 1000

@@ -74,7 +74,7 @@ class NodeGroups:
         """Records a launch over so many items on CUDA, and a loop over the groups of each range on the CPU."""
         parallel = self._model.parallel
         size = items if parallel.is_cuda else len(self._count)
-        return parallel.record(kernel, size, inputs, outputs, least=0, loops=True)
+        return parallel.record(kernel, size, inputs, outputs, least=0, loops=not parallel.is_cuda)
 
 
 def tie(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray, size: int) -> list[list[int]]:
