@@ -42,8 +42,8 @@ def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rou
         rounding: relative to the largest eigenvalue, what rounding may change of an eigenvalue.
 
     Returns:
-        At most 1; infinite where an eigenvalue of the matrix of Lanczos is no more than rounding, which more
-        iterations do not change.
+        A bound, above 1 where nothing is known; infinite where an eigenvalue of the matrix of Lanczos is no more
+        than rounding, which more iterations do not change.
     """
     least = np.minimum(r_dot_z, p_dot_q)
     count = int(np.argmax(least <= 0.0)) if (least <= 0.0).any() else len(least)  # 0 where nothing is left
@@ -65,7 +65,7 @@ def chance_of_saddle(r_dot_z: np.ndarray, p_dot_q: np.ndarray, noise: float, rou
     top = float(max(0.0, logarithms.max(initial=0.0)))
     total = math.log(math.exp(-top) + float(np.exp(logarithms - top).sum())) + top
     log_component = 0.5 * (math.log(r_dot_z[0]) - total)
-    return min(1.0, math.sqrt(2.0 / math.pi) * math.exp(min(0.0, log_component - math.log(noise))))
+    return math.sqrt(2.0 / math.pi) * math.exp(log_component - math.log(noise))
 
 
 def reach(left: float, steps: Sequence[Step], unseen: float, slowest: float) -> float:

@@ -181,11 +181,11 @@ def find_direction(work: Work, run: Run, planned: Plan) -> tuple[Action, int]:
             solution = work.certify(solution, POLICY.certificate * solution.iterations)
             spent += solution.iterations
         while action is Action.CERTIFY:
-            chance = work.chance()
+            first, chance = work.chances()
             action = decide_end(run, solution, chance)
             if action is Action.CERTIFY:
                 before = solution.iterations
-                solution = work.go_on(before + stretch(before, chance))
+                solution = work.go_on(before + stretch(before, first, chance))
                 spent += solution.iterations - before
         match action:
             case Action.SOLVE:

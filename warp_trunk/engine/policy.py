@@ -76,7 +76,7 @@ class Policy:
     rounding: float = 1.0
     """Roundings of the largest eigenvalue by which an eigenvalue may be wrong. With ten of them float32 claimed 43
     of 60 columns next to buckling, with one 50; no claim was false."""
-    stretch: tuple[int, int] = (8, 64)
+    stretch: tuple[int, int] = (4, 64)
     """Iterations by which a solve with noise is continued before the chance is computed again."""
     certificate: int = 2
     """The least iterations of one, as a multiple of those of the solve that it continues."""
@@ -204,10 +204,11 @@ def decide_end(run: Run, solution: LinearSolution, chance: float, policy: Policy
     raise AssertionError(solution.outcome)
 
 
-def stretch(iterations: int, chance: float, policy: Policy = POLICY) -> int:
-    """Iterations by which a solve is continued before the chance is computed again: most of what is expected."""
+def stretch(iterations: int, first: float, chance: float, policy: Policy = POLICY) -> int:
+    """Iterations by which a solve is continued: what is expected, by the chance after the first and after all."""
     least, most = policy.stretch
-    return int(min(most, max(least, 0.15 * iterations * math.log10(chance / policy.chance))))
+    fallen, missing = math.log(first / chance), math.log(chance / policy.chance)
+    return int(min(most, max(least, iterations * missing / max(fallen, 1e-3))))
 
 
 def bound(run: Run, policy: Policy = POLICY) -> float:

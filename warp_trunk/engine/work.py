@@ -127,11 +127,15 @@ class Work:
         self._color()
         return self._solver.add_noise(self._noise, iterations)
 
-    def chance(self) -> float:
-        """The chance that the last solve, which had noise, has missed a saddle."""
+    def chances(self) -> tuple[float, float]:
+        """Of having missed a saddle: after the first iteration of the last solve, which had noise, and after all."""
         rounding = POLICY.rounding * float(np.finfo(self.state.model.precision).eps)
         noise = self._noise / MEMBERS**0.5  # the block of a group is at most MEMBERS times its diagonal
-        return chance_of_saddle(*self._solver.coefficients(), noise, rounding)
+        coefficients = self._solver.coefficients()
+        first, all_of_them = (
+            chance_of_saddle(*(each[:count] for each in coefficients), noise, rounding) for count in (1, None)
+        )
+        return first, all_of_them
 
     def go_on(self, iterations: int) -> LinearSolution:
         """Continues the last solve to so many iterations in all."""
