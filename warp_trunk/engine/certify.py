@@ -8,10 +8,11 @@ iterations: its square is 1 / (p_0(s)^2 + ... + p_{k-1}(s)^2) with the orthonorm
 (Szego, Orthogonal Polynomials, 1939, theorem 3.4.2), and it is at least c^2. At s = 0 the p_j are 1 / |r_j| of
 the residuals r_j.
 
-The start holds white noise, coloured by D^1/2 of the diagonal blocks D. As M <= D, its component along any
-direction is normal with a standard deviation of at least that of the noise. The chance that it is below a bound
-is therefore at most sqrt(2 / pi) of their ratio, whatever the mesh and its spectrum: the chance of error.
-Rounding of H is in the shift s."""
+The start is what a solve left, and white noise coloured by D^1/2 of the diagonal blocks D. As the preconditioner
+M <= m D for groups of m nodes, its component along any direction is normal with a standard deviation of at least
+that of the noise over m^1/2, about a mean that the former gives. The chance that it is below a bound is therefore at
+most sqrt(2 / pi) of their ratio, whatever the mesh and its spectrum: the chance of error. Rounding of H is in the
+shift s."""
 
 from __future__ import annotations
 

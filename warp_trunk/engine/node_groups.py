@@ -35,7 +35,7 @@ class NodeGroups:
         """Ties the nodes by the matrix as it is."""
         self._model = model = matrix.model
         columns, size = matrix.columns.numpy(), model.free_nodes
-        rows = np.repeat(np.arange(size), np.diff(matrix.row_start.numpy()))
+        rows = np.repeat(np.arange(size), np.diff(matrix.row_start.numpy()).astype(np.int64))
         upper = np.flatnonzero(columns >= rows)
         rows, columns = rows[upper], columns[upper]
         self.members = groups = tie(rows, columns, matrix.blocks.numpy()[upper], size)

@@ -128,14 +128,12 @@ class Work:
         return self._solver.add_noise(self._noise, iterations)
 
     def chances(self) -> tuple[float, float]:
-        """Of having missed a saddle: after the first iteration of the last solve, which had noise, and after all."""
+        """Of having missed a saddle, after the first iteration of the last solve, with noise, and after all."""
         rounding = POLICY.rounding * float(np.finfo(self.state.model.precision).eps)
         noise = self._noise / MEMBERS**0.5  # the block of a group is at most MEMBERS times its diagonal
-        coefficients = self._solver.coefficients()
-        first, all_of_them = (
-            chance_of_saddle(*(each[:count] for each in coefficients), noise, rounding) for count in (1, None)
-        )
-        return first, all_of_them
+        r_dot_z, p_dot_q = self._solver.coefficients()
+        first = chance_of_saddle(r_dot_z[:1], p_dot_q[:1], noise, rounding)
+        return first, chance_of_saddle(r_dot_z, p_dot_q, noise, rounding)
 
     def go_on(self, iterations: int) -> LinearSolution:
         """Continues the last solve to so many iterations in all."""
