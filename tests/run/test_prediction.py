@@ -45,7 +45,6 @@ def test_tissue_comes_off_bones_where_its_tetrahedra_would_end_inside_out() -> N
     assert held.relaxation.inverted_tets > 0
     *_, near = simulate(patient.model, path, options.simulation, confirm_inverted=False)
     assert near.relaxation.status is RelaxStatus.NEAR  # what comes next changes the model
-    assert near.relaxation.linear_iterations < held.relaxation.linear_iterations
     moved = trunk.nodes + prediction.last.displacement
     assert tet_volumes(moved, trunk.tets).min() > 0.0
     assert prediction.converged

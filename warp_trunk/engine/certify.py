@@ -10,9 +10,9 @@ the residuals r_j.
 
 The start is what a solve left, and white noise coloured by D^1/2 of the diagonal blocks D. As the preconditioner
 M <= m D for groups of m nodes, its component along any direction is normal with a standard deviation of at least
-that of the noise over m^1/2, about a mean that the former gives. The chance that it is below a bound is therefore at
-most sqrt(2 / pi) of their ratio, whatever the mesh and its spectrum: the chance of error. Rounding of H is in the
-shift s."""
+that of the noise over m^1/2, about a mean that the former gives. The chance that it is below a bound is therefore
+at most sqrt(2 / pi) of their ratio, whatever the mesh and its spectrum: the chance of error. Rounding of H is in
+the shift s."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Relaxer:
         self.state.displacement.assign(displacement)
         work = self._work
         work.evaluate()
-        work.assemble(true=False)
+        work.assemble(true=False, grids=True)
         work.assemble(true=True)
         return work.matrix, work.preconditioner
 

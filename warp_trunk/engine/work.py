@@ -101,8 +101,8 @@ class Work:
             (self._assemble_true if true else self._assemble_projected)()
             self.hessian = now
         if grids:
+            self._grids_at_rest = False  # first: it may be interrupted
             self.preconditioner.update_grids()
-            self._grids_at_rest = False
 
     def launch(self, plan: Plan, *, ahead: bool = False) -> None:
         """Begins a planned solve; on CUDA with `ahead`, the trial at the end of it.
