@@ -22,8 +22,8 @@ from warp_trunk.cohort.one_case import LOG, do_case
 from warp_trunk.cohort.rows import JUDGED
 from warp_trunk.cohort.working import work
 from warp_trunk.errors import InputError
-from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.progress import Progress
+from warp_trunk.run.unread_options import CaseChanges
 
 OPTIONS = "--tets 8000 --bone-voxel 8 --increments 1 --device cpu --no-record"
 """Those of `cohort_options`."""

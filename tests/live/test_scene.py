@@ -6,8 +6,8 @@ import numpy as np
 import trimesh
 
 from warp_trunk.geometry.surface import Surface
-from warp_trunk.live.image import InitialGuess
 from warp_trunk.live.page_scene import OUTLINE, STEP, outer_first, outlines, relief_lines
+from warp_trunk.live.relaxation import InitialGuess
 
 
 def test_lines_of_a_sphere_are_its_circles() -> None:

@@ -4,10 +4,12 @@ import logging
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from support.rrd import column
@@ -15,6 +17,8 @@ from support.small_trunk import made_up_increments, measured, small_case, start_
 from warp_trunk.bone_motion.prescribed_motion import spline_path
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.recording.colours import SKIN
+from warp_trunk.recording.numbers import BarPlot
+from warp_trunk.recording.stream import open_streams
 
 
 def record(path, case, trunk, increments, after_each=lambda increment: None, *, close=True, **options):
@@ -158,3 +162,27 @@ def test_the_target_is_the_planned_spine_or_the_actual_skin(recorded, tmp_path):
     )
     assert "actual" in column(tmp_path / "a.rrd", "/section/target/angle", "labels")[None].item()
     assert column(path, "/section/target/angle", "labels") == {}
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_disk_that_is_full_from_the_start_leaves_the_simulation_alone(tmp_path, caplog):
+    (tmp_path / "recording.rrd").symlink_to("/dev/full")
+    (stream,) = open_streams("Anna", tmp_path / "recording.rrd", None, rrb.Blueprint())
+    assert "No space left" in stream.failed
+    assert "the simulation continues without it" in caplog.text
+    stream.log("/a", rr.Clear(recursive=True), static=True)
+    stream.close()
+
+
+def test_bars_and_whiskers_stand_beside_their_level():
+    plot = BarPlot({"T1": 4.0, "T2": None, "T3": -2.0})
+    first, last = plot.bars({"T1": 4.0, "T2": None, "T3": -2.0}, 1)
+    for bar, angle, row in ((first, 4.0, 0.0), (last, -2.0, 2.0)):
+        np.testing.assert_allclose((bar[:, 0] - plot.zero) / plot.scale, [0.0, angle], atol=1e-5)
+        np.testing.assert_allclose(bar[:, 1], row)
+        assert 0.0 < bar[1, 0] < plot.width
+    (line,) = plot.whiskers({"T3": (-3.0, -1.0), "L9": (0.0, 1.0)})
+    np.testing.assert_allclose(line[:, 1], 2.0)
+    np.testing.assert_allclose((line[:, 0] - plot.zero) / plot.scale, [-3.0, -1.0], atol=1e-5)
+    (cut,) = plot.whiskers({"T1": (-90.0, 1.0)})  # it ends at the names
+    assert cut[0, 0] == pytest.approx(0.1 * plot.width)

@@ -1,5 +1,6 @@
 """Content of the report for every kind of result."""
 
+import inspect
 import json
 import re
 from base64 import b64encode
@@ -13,12 +14,16 @@ from PIL import Image
 from support.report_results import small_bands, write_small_result
 from support.small_trunk import small_case
 from warp_trunk.cli import main
-from warp_trunk.engine.relaxation import RelaxStatus
+from warp_trunk.engine.relaxation import RelaxOptions, RelaxStatus
+from warp_trunk.engine.simulation import SimulationOptions
+from warp_trunk.engine.tissue import Tissue
 from warp_trunk.measures.quantities import Measured
+from warp_trunk.meshing import MeshOptions
 from warp_trunk.report.page import STATES, rotation_table
-from warp_trunk.report.sentences import _tile, interval_text
+from warp_trunk.report.sentences import UNITS, _tile, interval_text
 from warp_trunk.report.writing import write_report
 from warp_trunk.results import read_result
+from warp_trunk.run.options import RunOptions
 
 PICTURES = [
     "back", "convergence", "front", "hump", "rotation", "sections", "side", "spine_behind", "spine_side",
@@ -191,3 +196,13 @@ def test_bands_bring_intervals_and_a_better_and_a_worse_back(tmp_path, plain):
     assert "19 of 20: " in words
     assert (tmp_path / "report" / "likely.png").exists()
     assert "No interval was computed for these numbers" in Elements(plain[1]).words
+
+
+def test_units_are_those_of_the_documentation() -> None:
+    found = {}
+    for kind in (RunOptions, MeshOptions, SimulationOptions, RelaxOptions, Tissue):
+        fields = re.findall(r'^    (\w+): [^\n]*\n    """([^"]*)"""', inspect.getsource(kind), re.MULTILINE)
+        found |= {name: unit[1] for name, text in fields if (unit := re.search(r"\[([a-zA-Z][^\]]*)\]", text))}
+    for table in ("layers", "bones", "bands"):  # [layers], [ribs], [uncertainty] are tables of case.toml
+        del found[table]
+    assert found == UNITS

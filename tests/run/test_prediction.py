@@ -13,10 +13,10 @@ from warp_trunk.engine.simulation import SimulationOptions, simulate
 from warp_trunk.engine.trunk_mesh import tet_volumes
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.measures import measure
-from warp_trunk.run.clock import Clock
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import PreparedPatient
 from warp_trunk.run.prediction import Prediction, prepare
+from warp_trunk.run.progress import Clock
 
 
 def test_observers_see_every_increment_and_the_skin_is_that_of_the_last() -> None:

@@ -15,6 +15,7 @@ from warp_trunk.engine.tissue import Tissue
 from warp_trunk.errors import InputError
 from warp_trunk.io.trunk_file import write_trunk
 from warp_trunk.results import read_result
+from warp_trunk.run import warnings
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.simulate import simulate
 from warp_trunk.run.warnings import curve_warnings, ending_warnings, option_warnings
@@ -101,3 +102,24 @@ def test_a_result_never_lands_in_a_case(tmp_path, capsys):
         assert main(["demo", "--out", str(tmp_path / place)]) == 2
         assert "give --out a place outside it" in capsys.readouterr().err.splitlines()[-1]
     assert sorted(path.name for path in (tmp_path / "case").iterdir()) == ["case.toml"]
+
+
+def test_more_than_the_memory_is_refused_before_any_work(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(warnings, "memory_here", lambda: 4.5e9)
+    assert main(["demo", "--tets", "5000000", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "5000000 tetrahedra need about 5.5 GB of memory and 29 min" in said
+    assert "this machine has 4.5 GB; ask for 4000000, or give --yes" in said
+    assert not (tmp_path / "out").exists()
+    assert "5.5 GB" in (warnings.check_size(5_000_000, go_on=True) or "")
+
+
+def test_the_usual_number_says_nothing(monkeypatch):
+    assert warnings.check_size(225_000) is None
+    monkeypatch.setattr(warnings, "memory_here", lambda: 0.7e9)
+    with pytest.raises(InputError, match="ask for 200000"):
+        warnings.check_size(225_000)
+
+
+def test_memory_is_known_here():
+    assert 1e8 < warnings.memory_here() < 1e14

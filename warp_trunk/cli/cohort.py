@@ -49,7 +49,10 @@ class Cohort(SimulationArguments):
             with connected(self.workers, self.scheduler, self.options.device) as client:
                 progress.message(f"{len(folders)} cases; Dask's dashboard: {client.dashboard_link}")
                 done = work(client, folders, self.out, options, progress)
-            from warp_trunk.cohort.tables import cohort_text, write_cohort  # of the extra, as `connected` verified
+            from warp_trunk.cohort.cohort_page import (  # of the extra, as `connected` verified
+                cohort_text,
+                write_cohort,
+            )
 
             with progress.stage("report", "writing tables and page"):
                 cohort = write_cohort(self.out, [one.row for one in done])

@@ -22,11 +22,11 @@ from warp_trunk.meshing import CrossingError, MeshOptions
 from warp_trunk.preparation.phantom import phantom_case
 from warp_trunk.results import Result
 from warp_trunk.results.summary_text import plain
-from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.options import PAPERS, RunOptions
 from warp_trunk.run.patient import patient_of
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
+from warp_trunk.run.unread_options import CaseChanges
 
 from .output import NOT_CONVERGED, OK, next_command
 

@@ -20,11 +20,11 @@ from warp_trunk.measures.part import agreement
 from warp_trunk.measures.quantities import BEFORE, PREDICTED, Measured, measured
 from warp_trunk.results import Result
 from warp_trunk.results.judging import judged, write_measures
-from warp_trunk.results.versions import versions
-from warp_trunk.run.case_changes import CaseChanges
+from warp_trunk.results.summary import versions
 from warp_trunk.run.options import RunOptions, parameters
 from warp_trunk.run.progress import Progress
 from warp_trunk.run.simulate import simulate
+from warp_trunk.run.unread_options import CaseChanges
 
 from .rows import FAILED, JUDGED, CaseRow, Judged, read_judged, write_judged
 

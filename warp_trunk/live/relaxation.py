@@ -1,4 +1,4 @@
-"""The tissue relaxed from wherever it is, for one plan after another; whoever holds this owns the model."""
+"""The tissue relaxed from wherever it is, for one plan after another, and the immediate estimate of its skin."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 import warp as wp
 
 from warp_trunk.bone_motion.prescribed_motion import PrescribedMotion, colliding_bones, rigid_displacement
+from warp_trunk.case import Case
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.engine.relaxation import RelaxStatus
 from warp_trunk.engine.state import State
+from warp_trunk.geometry.spline import spline_response
 from warp_trunk.run.patient import find_path, motions_of
 from warp_trunk.run.prediction import Prediction
 from warp_trunk.run.warnings import ending_warnings
 
-from .image import InitialGuess
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from warp_trunk.case import Case
     from warp_trunk.engine.relaxation import Relaxation, RelaxStep
     from warp_trunk.run.patient import PreparedPatient
 
@@ -139,3 +139,109 @@ def _is_lost(relaxation: Relaxation) -> bool:
     """Whether nothing good can be gone on from."""
     arrived = relaxation.status in (RelaxStatus.CONVERGED, RelaxStatus.NEAR)
     return bool(relaxation.inverted_tets) or not arrived
+
+
+_REMEMBERED = 8
+"""Number of the last relaxations from which the error of an image is estimated."""
+
+
+class Images:
+    """The image for any plan of one patient.
+
+    The displacement by the spline is a product with a matrix made once (`spline_response`), in float32: memory is
+    what such a product waits for, and what is not relaxed is off by far more. On top of it goes what relaxation
+    adds, extrapolated from the plans that were relaxed before (`InitialGuess`). The estimate of the error
+    is the way of the landmarks from the nearest of those, times the largest error for each mm of it seen of late,
+    and the error of the skin relaxed last.
+    """
+
+    def __init__(self, case: Case) -> None:
+        self._before = case.landmarks_before.points
+        self._skin = case.skin.vertices.astype(np.float32)
+        self._response = spline_response(self._before, case.skin.vertices).astype(np.float32)
+        self._added = InitialGuess(self._before, np.zeros_like(self._skin))
+        self._ratios: list[float] = []
+        self._error = 0.0
+
+    def of(self, landmarks: Landmarks) -> tuple[np.ndarray, float | None]:
+        """The image for landmarks after surgery.
+
+        Returns:
+            Its vertices [mm], shape (vertices, 3), and the estimated largest distance of a vertex from its
+            equilibrium [mm], None before the first relaxation.
+        """
+        error = None
+        if self._ratios:
+            error = self._error + max(self._ratios) * self._added.way(landmarks.points)
+        return self._carried(landmarks) + self._added.at(landmarks.points), error
+
+    def learn(self, landmarks: Landmarks, skin: np.ndarray, error: float = 0.0) -> None:
+        """Goes on from a skin (vertices, 3) that was relaxed for landmarks to an estimated error [mm]."""
+        self._error = error if np.isfinite(error) else self._error
+        carried, way = self._carried(landmarks), self._added.way(landmarks.points)
+        if way > 0.0:
+            off = np.linalg.norm(carried + self._added.at(landmarks.points) - skin, axis=1).max()
+            self._ratios = [*self._ratios[1 - _REMEMBERED :], float(off) / way]
+        self._added.learn(landmarks.points, skin.astype(np.float32) - carried)
+
+    def _carried(self, landmarks: Landmarks) -> np.ndarray:
+        return self._skin + self._response @ (landmarks.points - self._before).astype(np.float32)
+
+
+MOST = 12
+"""Number of plans that are remembered."""
+_APART = 0.5
+"""A plan that is nearer than this to a remembered one takes its place [mm]."""
+_DOUBT = 0.5
+"""Plans are weighted as if landmarks had this error [mm], because they were relaxed to a millimetre only."""
+
+
+class InitialGuess:
+    """A field of displacements for any landmarks, between and beside those that are known.
+
+    It is a sum of the known fields whose weights add up to 1: those with which the landmarks of the known plans
+    come nearest to the landmarks asked for. Along a slider that is straight on through the last plans, so that its
+    error goes with the square of the way and not with the way; to the side it is the field of the nearest.
+    """
+
+    def __init__(self, landmarks: np.ndarray, field: np.ndarray) -> None:
+        """Knows one plan, with its landmarks (n, 3) [mm] and its field (m, 3) [mm]."""
+        self._landmarks, self._fields = [landmarks], [field]
+
+    def way(self, landmarks: np.ndarray) -> float:
+        """The longest way of a landmark from the nearest plan that is known [mm]."""
+        return float(self._ways(landmarks).min())
+
+    def at(self, landmarks: np.ndarray) -> np.ndarray:
+        """The field for landmarks (n, 3), shape (m, 3) [mm]."""
+        nearest = int(np.argmin(self._ways(landmarks)))
+        others = [row for row in range(len(self._fields)) if row != nearest]
+        start, field = self._landmarks[nearest], self._fields[nearest]
+        if not others:
+            return field
+        steps = np.array([(self._landmarks[row] - start).ravel() for row in others])
+        doubt = landmarks.size * _DOUBT**2 * np.eye(len(others))
+        weights = np.linalg.solve(steps @ steps.T + doubt, steps @ (landmarks - start).ravel()).tolist()
+        found = (1.0 - sum(weights)) * field
+        for weight, row in zip(weights, others, strict=True):
+            found += weight * self._fields[row]
+        return found
+
+    def learn(self, landmarks: np.ndarray, field: np.ndarray) -> None:
+        """Takes in another plan, in place of one that is as good as the same, or that another stands close to."""
+        ways = self._ways(landmarks)
+        nearest = int(np.argmin(ways))
+        if ways[nearest] < _APART or len(self._fields) == MOST:
+            gone = nearest if ways[nearest] < _APART else self._crowded()
+            del self._landmarks[gone], self._fields[gone]
+        self._landmarks.append(landmarks)
+        self._fields.append(field)
+
+    def _crowded(self) -> int:
+        """The plan that is nearest to another one."""
+        apart = np.array([self._ways(landmarks) for landmarks in self._landmarks])
+        np.fill_diagonal(apart, np.inf)
+        return int(np.argmin(apart.min(axis=1)))
+
+    def _ways(self, landmarks: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(np.array(self._landmarks) - landmarks, axis=2).max(axis=1, initial=0.0)

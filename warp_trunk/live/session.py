@@ -20,8 +20,7 @@ from warp_trunk.measures import TrunkMeasures, measure
 from warp_trunk.run.patient import PreparedPatient, motions_of
 from warp_trunk.run.warnings import curve_warnings
 
-from .image import Images
-from .relaxation import Interrupted, LiveRelaxation, Relaxed
+from .relaxation import Images, Interrupted, LiveRelaxation, Relaxed
 from .sliders import MotionPlan, Sliders, SliderState
 
 FIRST = {"cpu": 1.0, "cuda": 0.1}

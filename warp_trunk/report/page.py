@@ -22,8 +22,7 @@ from warp_trunk.measures.quantities import ACTUAL, BEFORE, DETECTABLE, EXACT, PR
 from warp_trunk.measures.rows import MeasureRow, level_rows, number, skin_rows, spine_rows
 from warp_trunk.measures.skin_quality import LOOK, STRETCH
 
-from .modelled import modelled, not_modelled, option_rows, value_text
-from .sentences import glance, joined, sentences
+from .sentences import glance, joined, modelled, not_modelled, option_rows, sentences, value_text
 from .style import TrunkState
 from .turning import Turning, script
 

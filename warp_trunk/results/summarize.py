@@ -22,8 +22,7 @@ from warp_trunk.measures.skin_quality import SkinQuality, skin_quality
 from warp_trunk.meshing.predicted_skin import predicted_skin
 
 from .result import Result
-from .summary import IncrementSummary, SpringSummary, StepSummary, Summary, Terms, as_read
-from .versions import versions
+from .summary import IncrementSummary, SpringSummary, StepSummary, Summary, Terms, as_read, versions
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

@@ -6,7 +6,9 @@ read. A field that older results lack has a default.
 
 from __future__ import annotations
 
+import platform
 from dataclasses import dataclass, field
+from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -209,3 +211,17 @@ def read_summary(folder: str | Path) -> Summary:
 def _plain(value: object) -> object:
     """The JSON value of a NumPy number; of other objects, such as a path among the options, the text."""
     return value.item() if isinstance(value, np.generic) else str(value)
+
+
+PACKAGES = ("warp-trunk", "warp-lang", "numpy", "scipy", "tetgen", "trimesh", "rerun-sdk")
+
+
+def versions() -> dict[str, str | None]:
+    """Version by name; None for a package that is not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = None
+    return found

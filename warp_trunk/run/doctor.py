@@ -20,7 +20,7 @@ from warp_trunk.meshing.cache import cache_folder
 from warp_trunk.meshing.tetrahedra import mean_ratio, run_tetgen
 from warp_trunk.recording.viewer import WITHOUT_DISPLAY, has_display, viewer_command, viewer_environment
 from warp_trunk.results.result import LEAST_SPACE
-from warp_trunk.results.versions import versions
+from warp_trunk.results.summary import versions
 
 from .warming import ball
 

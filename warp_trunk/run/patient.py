@@ -31,8 +31,8 @@ from warp_trunk.meshing.layers import LayersFrom, check_labels, layered
 
 from .options import RunOptions
 from .progress import stage_of
-from .size import LARGE
 from .warming import WORTH_COMPILING_AHEAD, CompilationAhead
+from .warnings import LARGE
 
 if TYPE_CHECKING:
     from warp_trunk.case import Case

@@ -1,4 +1,4 @@
-"""Progress of a run: bars with the remaining time on a terminal, a line for each stage in a log."""
+"""Progress and clock of a run: bars with the remaining time on a terminal, a line for each stage in a log."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, TextIO
-
-from .clock import Clock
 
 if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
@@ -136,3 +134,24 @@ def _time(seconds: float) -> str:
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+class Clock:
+    """Times the stages of one run."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        """Time spent so far in each stage [s]."""
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Adds the time until the block ends to a stage."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.add(name, time.perf_counter() - start)
+
+    def add(self, name: str, seconds: float) -> None:
+        """Adds to the time of a stage."""
+        self.seconds[name] = self.seconds.get(name, 0.0) + seconds

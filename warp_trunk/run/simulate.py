@@ -33,15 +33,14 @@ from .options import RunOptions, parameters, with_changes
 from .patient import PreparedPatient, layers_from, motions_of, patient_of
 from .prediction import Observer, Prediction, prepare_plan
 from .progress import Progress
-from .size import check_size
 from .unread_options import given_in, refuse_unread
-from .warnings import curve_warnings, ending_warnings, option_warnings
+from .warnings import check_size, curve_warnings, ending_warnings, option_warnings
 
 if TYPE_CHECKING:
     from warp_trunk.engine.simulation import Increment
     from warp_trunk.results.bands import FoundBands
 
-    from .clock import Clock
+    from .progress import Clock
 
 
 @overload

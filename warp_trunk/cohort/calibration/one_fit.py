@@ -24,10 +24,10 @@ from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures import compare_skins
 from warp_trunk.measures.skin_distance import skin_distance
 from warp_trunk.meshing import MeshOptions, make_trunk
-from warp_trunk.run.case_changes import CaseChanges
 from warp_trunk.run.options import RunOptions
 from warp_trunk.run.patient import find_path
 from warp_trunk.run.prediction import Prediction, prepare
+from warp_trunk.run.unread_options import CaseChanges
 
 from .free_constants import FreeConstant, layers_with, values_of
 
