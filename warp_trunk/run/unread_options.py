@@ -1,4 +1,4 @@
-"""What a command changes in cases, and the refusal of options that the chosen model does not read."""
+"""Changes that a command makes in cases, and the refusal of options that the chosen model does not read."""
 
 from __future__ import annotations
 
