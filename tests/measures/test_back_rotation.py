@@ -71,6 +71,15 @@ def test_deep_vertebra_beside_a_narrow_groove_does_not_lose_it(degrees, aside):
     assert angle(touching) == pytest.approx(degrees, abs=0.001)
 
 
+@pytest.mark.parametrize("start", [-27.0, -31.0, -45.0])
+def test_a_hollow_of_the_flank_does_not_turn_a_back_that_is_convex_at_the_spine(start):
+    """The hull bridges it by an edge of 60 mm, which does not reach the spine: the back is symmetric there."""
+    x, y = ellipse(1440).T
+    hollow = (y > 0.0) & (x < start) & (x > start - 60.0)
+    y = np.where(hollow, y - 4.0 * np.sin(math.pi * (start - x) / 60.0) ** 2, y)
+    assert angle(dual_tangent(np.column_stack([x, y]), SPINE, LEFT)) == pytest.approx(0.0, abs=0.01)
+
+
 def test_a_flat_back_gives_its_rotation_however_rounding_falls():
     """All of the back's points lie on one line, but for the last bit."""
     x = np.linspace(-150.0, 150.0, 9)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 SPAN = 40.0
 """Least distance between the points where the dual tangent touches the back [mm]."""
+BESIDE = 10.0
+"""An edge that the perpendicular from the spine misses by more than this does not bridge the spine [mm]."""
 BEYOND = 60.0
 """Length by which a drawn tangent extends past its points of contact [mm]."""
 STEEPEST = math.radians(60.0)
@@ -110,9 +112,10 @@ def dual_tangent(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) -> 
 
     With a groove along the spine it is the edge of the section's convex hull that bridges the spine: of the edges
     of `SPAN` length or more the one that the perpendicular from the spine meets or misses by the least, by
-    `SPAN`/2 at most. A spinous process stands so far beside the perpendicular from a turned vertebra; no other
-    edge of a back comes near it. Each edge is judged by its own perpendicular: one that is followed from tangent
-    to tangent, from a vertebra 100 mm in front of the skin, runs away to the flank on real lumbar backs.
+    `BESIDE` at most: a spinous process stands beside the perpendicular from a turned vertebra, and one of 340
+    sections of real backs needs more. An edge over a hollow of the flank misses it by more, and would turn the
+    back by up to 8 degrees. Each edge is judged by its own perpendicular: one that is followed from tangent to
+    tangent, from a vertebra 100 mm in front of the skin, runs away to the flank on real lumbar backs.
 
     Where no edge bridges the spine, the back is convex there and every line of support touches it once; then it is
     the line through the points of the hull that lie `SPAN`/2 to either side of its perpendicular from the spine,
@@ -144,7 +147,7 @@ def find_contacts(outline: np.ndarray, spine: np.ndarray, across: np.ndarray) ->
     left, right = (np.einsum("ij,ij->i", end, way) for end in (from_spine[:-1], from_spine[1:]))
     missed = np.where(length >= SPAN, np.maximum(np.maximum(-left, right), 0.0), np.inf)
     away = np.hypot(*(from_spine[:-1] - np.clip(left, 0.0, length)[:, None] * way).T)
-    if missed.min() <= SPAN / 2.0:
+    if missed.min() <= BESIDE:
         bridge = edges[np.lexsort([away, missed])[0]]
         return Contacts(bridge, np.stack([bridge, bridge]), bridge)
 
