@@ -72,19 +72,37 @@ def rank(level: str) -> tuple[int, int]:
 def check_file_names(files: Mapping[str, Path]) -> None:
     """InputError for a file that is called nearly as a bone is: t8, Th8, left_hip, rib_l_1, vertebrae_T8."""
     for name, path in files.items():
-        bone = _NAMED.get(_words(name), name)
-        if bone != name:
+        words = words_of(name)
+        bone = bone_of_words(words) if all(word.isdigit() or word in _SAID for word in words) else None
+        if bone not in (None, name):
             rule = f"a case calls this bone {bone}"
             raise InputError(f"{path}: {rule}; rename the file to {bone}{path.suffix}, or remove it")
 
 
-def _words(name: str) -> tuple[str, ...]:
-    """The words of a name in any order and one spelling, without leading zeros and words that say nothing."""
-    words = [word.lstrip("0") for word in re.findall(r"[a-z]+|\d+", name.lower())]
-    words = [_SPELLINGS.get(word, word) for word in words if word not in _EMPTY]
-    if not {"rib", "costal", *_BILATERAL}.isdisjoint(words):  # else l is lumbar
-        words = [{"l": "left", "r": "right"}.get(word, word) for word in words]
-    return tuple(sorted(words))
+def words_of(name: str) -> list[str]:
+    """The words and numbers of a name in small letters, without those that say nothing."""
+    return [word for word in re.findall(r"[a-z]+|\d+", name.lower()) if word not in ("bone", "os", "copy")]
+
+
+def bone_of_words(words: list[str]) -> str | None:
+    """The bone that words name in any order, by its name in a case; None where they name none or no single one."""
+    sides = {_SIDES[word] for word in words if word in _SIDES}
+    side = sides.pop() if len(sides) == 1 else None
+    numbers = [int(word) for word in words if word.isdigit() and len(word) < 4]
+    numbers += [_ORDINALS.index(word) + 1 for word in words if word in _ORDINALS]
+    number = numbers[0] if len(numbers) == 1 and numbers[0] > 0 else None
+    if {"rib", "ribs", "costal"} & set(words):
+        cartilage = bool({"cartilage", "cartilages"} & set(words))
+        if side is None or number is None or number > (10 if cartilage else 13):
+            return None
+        return f"{'costal_cartilage' if cartilage else 'rib'}_{side}_{number:02d}"
+    single = next((bone for bone in _SINGLE if bone in words and len(words) <= 2), None)
+    paired = next((name for word, name in _PAIRED.items() if word in words), None)
+    if single or paired:
+        return single or (f"{paired}_{side}" if side else None)
+    level = [word for word in words if word not in _VERTEBRA]
+    region = _REGIONS.get(level[0]) or _REGIONS.get(level[-1]) if len(level) == 2 else None
+    return f"{region}{number}" if region and number and number <= _LEVELS[region] else None
 
 
 def of_trunk(bone: str, girdle: bool = False) -> bool:
@@ -97,12 +115,24 @@ def is_known(bone: str) -> bool:
     return of_trunk(bone, girdle=True) or _OTHERS.fullmatch(bone) is not None
 
 
-_EMPTY = ("vertebra", "vertebrae", "bone", "os", "copy", "")
-_SPELLINGS = {"th": "t", "d": "t", "ribs": "rib", "clavicula": "clavicle", "ilium": "hip", "pelvis": "hip"}
-_BILATERAL = ("hip", "femur", "scapula", "clavicle", "humerus")
-_PAIRED = [f"{bone}_{side}" for bone in _BILATERAL for side in SIDES]
-_NUMBERED = [
-    f"{bone}_{side}_{n:02d}" for bone in ("rib", "costal_cartilage") for side in SIDES for n in range(1, 13)
-]
-_NAMED = {_words(bone): bone for bone in (*VERTEBRAE, "sternum", "sacrum", "coccyx", *_PAIRED, *_NUMBERED)}
-"""Names of bones by their words."""
+_LEVELS = {"C": 7, "T": 13, "L": 6}
+_REGIONS = {
+    **dict.fromkeys(("c", "cervical", "hwk"), "C"),
+    **dict.fromkeys(("t", "th", "d", "thoracic", "dorsal", "bwk"), "T"),
+    **dict.fromkeys(("l", "lumbar", "lwk"), "L"),
+}
+"""Words for regions of the spine; those of three letters are German."""
+_ORDINALS = (
+    *("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth"),
+    *("ninth", "tenth", "eleventh", "twelfth", "thirteenth"),
+)
+_SIDES = {"left": "left", "l": "left", "lt": "left", "right": "right", "r": "right", "rt": "right"}
+_SINGLE = ("sacrum", "sternum", "coccyx")
+_PAIRED = {
+    **dict.fromkeys(("hip", "pelvis", "ilium", "innominate", "coxal", "coxae"), "hip"),
+    **dict.fromkeys(("clavicle", "clavicula"), "clavicle"),
+    **{bone: bone for bone in ("scapula", "humerus", "femur")},
+}
+_VERTEBRA = ("vertebra", "vertebrae", "vert")
+_SAID = {*_REGIONS, *_ORDINALS, *_SIDES, *_SINGLE, *_PAIRED, *_VERTEBRA, "rib", "ribs", "costal", "cartilage"}
+"""Words that make up the name of a whole bone."""

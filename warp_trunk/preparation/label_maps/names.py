@@ -10,28 +10,18 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from warp_trunk.case.anatomy import SIDES
+from warp_trunk.case.anatomy import SIDES, bone_of_words, words_of
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 
 SKIN, ARMS, CARTILAGES = "skin", "extremities", "costal_cartilages"
 FAT, MUSCLE = "subcutaneous_fat", "skeletal_muscle"
 """Structures that are no single bone: the body, all costal cartilages in one, tissue, arms and legs."""
-_LEVELS = {"C": 7, "T": 13, "L": 6}
-_REGIONS = {"cervical": "C", "thoracic": "T", "dorsal": "T", "lumbar": "L"}
-_ORDINALS = (
-    *("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth"),
-    *("ninth", "tenth", "eleventh", "twelfth", "thirteenth"),
-)
-_SIDES = {"left": "left", "l": "left", "lt": "left", "right": "right", "r": "right", "rt": "right"}
-_PAIRED = {
-    **dict.fromkeys(("hip", "pelvis", "innominate", "coxal", "coxae"), "hip"),
-    **dict.fromkeys(("clavicle", "clavicula"), "clavicle"),
-    **{bone: bone for bone in ("scapula", "humerus", "femur")},
-}
 _WHOLE = {
     **dict.fromkeys(("body", "body trunc", "body trunk", "trunk", "skin", "body trunc mask"), SKIN),
     "body extremities": ARMS,
+    **dict.fromkeys(("costal cartilages", "costal cartilage"), CARTILAGES),
+    **dict.fromkeys(("s 1", "vertebrae s 1", "vertebra s 1"), "sacrum"),  # TotalSegmentator labels it apart
     "skeletal muscle": MUSCLE,
 }
 _NO_BONE = {"implant", "prosthesis", "muscle", "artery", "vein", "vena", "nerve", "disc", "disk", "body", "bodies"}
@@ -44,44 +34,13 @@ def known_name(text: str) -> str | None:
     Bones are named as in a case (`T8`, `rib_left_01`, `hip_left`); what is no single bone by the constants of this
     module.
     """
-    words = re.findall(r"[a-z]+|\d+", text.lower())
+    words = words_of(text)
     plain = " ".join(words)
     if plain in _WHOLE:
         return _WHOLE[plain]
     if words[-2:] == ["subcutaneous", "fat"] or words[:2] == ["subcutaneous", "adipose"]:
         return FAT
-    if _NO_BONE & set(words):
-        return None
-    sides = {_SIDES[word] for word in words if word in _SIDES}
-    side = sides.pop() if len(sides) == 1 else None
-    numbers = [int(word) for word in words if word.isdigit() and len(word) < 4]
-    numbers += [_ORDINALS.index(word) + 1 for word in words if word in _ORDINALS]
-    number = numbers[0] if len(numbers) == 1 and numbers[0] > 0 else None
-    if {"rib", "ribs", "costal"} & set(words):
-        cartilage = bool({"cartilage", "cartilages"} & set(words))
-        if cartilage and side is None and number is None:
-            return CARTILAGES
-        if side is None or number is None or number > (10 if cartilage else 13):
-            return None
-        return f"{'costal_cartilage' if cartilage else 'rib'}_{side}_{number:02d}"
-    for bone in ("sacrum", "sternum"):
-        if bone in words and len(words) <= 2:
-            return bone
-    paired = next((name for word, name in _PAIRED.items() if word in words), None)
-    return f"{paired}_{side}" if paired and side else _vertebra(words, number)
-
-
-def _vertebra(words: list[str], number: int | None) -> str | None:
-    if words and words[0] in ("vertebra", "vertebrae", "vert"):
-        words = words[1:]
-    elif words and words[-1] in ("vertebra", "vertebrae"):
-        words = words[:-1]
-    if words == ["s", "1"]:
-        return "sacrum"  # TotalSegmentator labels the first sacral vertebra apart
-    region = _REGIONS.get(words[1] if len(words) > 1 else "")
-    if region is None and len(words) == 2 and words[1].isdigit():
-        region, number = words[0].upper(), int(words[1])
-    return f"{region}{number}" if region in _LEVELS and number and number <= _LEVELS[region] else None
+    return None if _NO_BONE & set(words) else bone_of_words(words)
 
 
 _SPINE = [f"vertebrae_{region}{n}" for region, most in (("L", 5), ("T", 12), ("C", 7)) for n in range(most, 0, -1)]
@@ -100,7 +59,7 @@ def label_table(given: str) -> dict[int, str]:
     """Names of labels by number.
 
     Args:
-        given: a name of `TABLES`, or a CSV file of two columns, number and name.
+        given: a name of `TABLES`, or a CSV file of number and name, split by commas, semicolons or tabs.
 
     Raises:
         InputError: neither, or a line that is no number and name.
@@ -115,8 +74,7 @@ def label_table(given: str) -> dict[int, str]:
     names: dict[int, str] = {}
     lines = read_text(path, "a table of labels (number,name) was expected").splitlines()
     for row, line in enumerate(lines, 1):
-        number, _, rest = line.partition(",")
-        number, name = number.strip().strip('"'), rest.split(",")[0].strip().strip('"')
+        number, name, *_ = (field.strip().strip('"') for field in (*re.split("[,;\t]", line), ""))
         if not line.strip() or line.startswith("#") or (row == 1 and not number.isdecimal()):
             continue  # the first line may name the columns
         if not number.isdecimal() or len(number) > 9 or not name:
