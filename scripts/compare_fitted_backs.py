@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from warp_trunk import Case, CurvePlan, Landmarks, Plan, simulate
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.surface_files import read_surface, surface_files
 from warp_trunk.measures import cobb_angles

@@ -21,7 +21,8 @@ import tyro
 from compare_bodies import read_trunk
 
 from warp_trunk import InputError, Landmarks, Surface
-from warp_trunk.case.landmarks import VERTEBRAE, read_landmarks
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import read_landmarks
 from warp_trunk.io.point_files import read_points
 from warp_trunk.measures import measure_back
 from warp_trunk.measures.back import pelvis_axis, vertebrae_on_line

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from warp_trunk import Case, Landmarks, SpineCurve, Surface
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.rib_coupling import LIMITS, RANGES, RibCoupling
 from warp_trunk.case.study import Pose
 from warp_trunk.preparation.deformity.published_curves import (

@@ -8,7 +8,7 @@ from support.small_case import small_case
 from warp_trunk.case import Case, read_case, write_case
 from warp_trunk.case.checks import CaseSource, check_case
 from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.second_skin import check_second_skin
+from warp_trunk.case.skin_checks import check_second_skin
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_patient import draw, leaning
 
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.rib_coupling import RANGES, RibCoupling
 from warp_trunk.preparation.phantom import straight_trunk
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 
 Box = tuple[tuple[int, int, int], tuple[int, int, int]]

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from warp_trunk import Landmarks, SpineCurve, Surface, find_landmarks, read_surface
-from warp_trunk.case.landmarks import ASIS, VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import ASIS
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import asis_axis, spine_of
 from warp_trunk.preparation.deformity import correct

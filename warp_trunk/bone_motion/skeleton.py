@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.anatomy import PELVIS, SIDES, cartilage_of
-from warp_trunk.case.landmarks import NO_LANDMARKS, VERTEBRAE, bone_of
+from warp_trunk.case.anatomy import PELVIS, SIDES, VERTEBRAE, cartilage_of
+from warp_trunk.case.landmarks import NO_LANDMARKS, bone_of
 from warp_trunk.geometry.rigid import RigidMotion, nearest_rotation
 from warp_trunk.geometry.spline import SplineSums
 from warp_trunk.measures.cobb import cobb_angles

@@ -9,9 +9,8 @@ import numpy as np
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 
-from .anatomy import HIPS, rib_of
+from .anatomy import HIPS, VERTEBRAE, rib_of
 from .axes import MILLIMETRES
-from .landmarks import VERTEBRAE
 
 _BEHIND = 5.0
 """Distance behind the spine up to which a bone counts as beside it [mm]."""

@@ -14,8 +14,7 @@ from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.io.atomic_write import csv_text
 
 from .axes import Axes
-from .landmarks import NO_LANDMARKS, Landmarks
-from .landmarks.files import COLUMNS, read_rows, read_table
+from .landmarks import COLUMNS, NO_LANDMARKS, Landmarks, read_rows, read_table
 
 if TYPE_CHECKING:
     from warp_trunk.geometry.surface import Surface

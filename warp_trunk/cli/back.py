@@ -8,9 +8,10 @@ import numpy as np
 from tyro.conf import Positional
 
 from warp_trunk.case import write_case
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.axes import MILLIMETRES
 from warp_trunk.case.folders import refuse_case
-from warp_trunk.case.landmarks import VERTEBRAE, Landmarks, read_landmarks
+from warp_trunk.case.landmarks import Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import write_whole
 from warp_trunk.io.point_files import read_scan

@@ -9,12 +9,11 @@ import numpy as np
 from tyro.conf import Positional
 
 from warp_trunk.case import Case, read_case
-from warp_trunk.case.arms import arm_warnings
 from warp_trunk.case.axes import MILLIMETRES
 from warp_trunk.case.folders import HEADER, is_case, refuse_case
 from warp_trunk.case.header import read_header
 from warp_trunk.case.landmarks import Landmarks, read_landmarks
-from warp_trunk.case.second_skin import check_second_skin
+from warp_trunk.case.skin_checks import arm_warnings, check_second_skin
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import enclosed_volume, manifold_fault

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.relief import relief, without_bumps
 from warp_trunk.geometry.section import pieces

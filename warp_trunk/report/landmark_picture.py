@@ -10,7 +10,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
-from warp_trunk.case.landmarks import ASIS, VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import ASIS
 from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.landmark_finder import FoundLandmarks

@@ -6,8 +6,9 @@ from scipy.spatial import KDTree
 
 from warp_trunk.bone_motion.rib_cage import ends
 from warp_trunk.case import Case, read_case, write_case
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.case.checks import check_case
-from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.geometry.rigid import fit_rigid

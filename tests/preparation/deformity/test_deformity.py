@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import crossings

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError
 from warp_trunk.measures.spine import spine_of
 from warp_trunk.preparation.deformity import SpineCurve, correct, read_measured_spine

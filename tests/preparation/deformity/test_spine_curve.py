@@ -4,7 +4,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.measures.cobb import kyphosis
 from warp_trunk.measures.spine import spine_of

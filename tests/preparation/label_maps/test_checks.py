@@ -7,7 +7,7 @@ import pytest
 
 from support.blocks import blocks, moved, spine_and_hips
 from support.trunk_shapes import joined
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.preparation.label_maps.mask import Mask
 from warp_trunk.preparation.label_maps.segmentation_checks import doubts_of_bones, doubts_of_image

@@ -11,7 +11,8 @@ from support.known_landmarks import CURVES, compare, imposed
 from support.known_landmarks import spine_and_hips as real_spine_and_hips
 from support.trunk_shapes import joined
 from warp_trunk import InputError, Landmarks, SpineCurve, Surface, find_landmarks, read_surface
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, bone_of
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, bone_of
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.measures.apical import axial_rotation
 from warp_trunk.measures.spine import spine_of

@@ -22,8 +22,7 @@ import numpy as np
 from warp_trunk.errors import InputError
 
 from ..file_access import MOST_SURFACE, check_file, limited_memory, reason
-from .grid_checks import check_grid
-from .stored import Stored
+from .grid import Stored, check_grid
 
 ENDINGS = (".nii", ".nii.gz", ".nrrd")
 """Endings of the files that are read; `.seg.nrrd` is one of `.nrrd`."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warp_trunk.bone_motion.rib_cage import ends
-from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.measures.spine import asis_axis

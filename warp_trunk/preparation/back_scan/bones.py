@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from warp_trunk.bone_motion.rib_cage import ends
-from warp_trunk.case.anatomy import rib_of
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE, rib_of
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.distance_field import SurfaceDistance
 from warp_trunk.geometry.normals import area_vectors, unit

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from warp_trunk.case import Case
-from warp_trunk.case.landmarks import VERTEBRAE, Landmarks
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import Landmarks
 from warp_trunk.geometry.normals import area_vectors, unit
 from warp_trunk.measures.spine import asis_axis
 

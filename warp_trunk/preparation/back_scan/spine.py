@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks, read_landmarks
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks, read_landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.io.file_access import read_text
 from warp_trunk.io.point_files import read_points

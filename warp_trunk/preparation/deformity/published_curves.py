@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 
 Kind = Literal["thoracic", "thoracolumbar", "double_major"]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from warp_trunk.case.landmarks import VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
 from warp_trunk.errors import InputError, check_ranges
 from warp_trunk.geometry.rigid import RigidMotion
 from warp_trunk.measures.cobb import sagittal_angle

@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 
 from warp_trunk.case import Case
-from warp_trunk.case.anatomy import of_trunk, rib_of
+from warp_trunk.case.anatomy import VERTEBRAE, of_trunk, rib_of
 from warp_trunk.case.header import POSTURES
-from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS, VERTEBRAE
+from warp_trunk.case.landmarks import ASIS, NO_LANDMARKS
 from warp_trunk.case.layers import Layers
 from warp_trunk.case.orientation import misplaced
 from warp_trunk.case.uncertainty import ON_BONES, Uncertainty

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.case.landmarks import ASIS, VERTEBRAE
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import ASIS
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.coarsening import coarsen
 from warp_trunk.geometry.distance_field import Grid, largest_piece, one_solid, zero_surface

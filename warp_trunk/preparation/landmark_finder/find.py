@@ -8,7 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, VERTEBRAE, Landmarks
+from warp_trunk.case.anatomy import VERTEBRAE
+from warp_trunk.case.landmarks import ASIS, VERTEBRA_POINTS, Landmarks
 from warp_trunk.errors import InputError
 from warp_trunk.geometry.surface import Surface
 from warp_trunk.geometry.surface_checks import boundary_edges, components

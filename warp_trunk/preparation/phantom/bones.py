@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_trunk.case.anatomy import SIDES
-from warp_trunk.case.landmarks import VERTEBRA_POINTS, VERTEBRAE, Landmarks
+from warp_trunk.case.anatomy import SIDES, VERTEBRAE
+from warp_trunk.case.landmarks import VERTEBRA_POINTS, Landmarks
 from warp_trunk.geometry.surface import Surface
 
 from .skin import section_at

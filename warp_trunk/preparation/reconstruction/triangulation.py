@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_trunk.case.landmarks import Landmarks
-from warp_trunk.case.landmarks.files import read_rows
+from warp_trunk.case.landmarks import Landmarks, read_rows
 from warp_trunk.errors import InputError
 from warp_trunk.io.atomic_write import atomic_write
 from warp_trunk.io.file_access import number, read_text
