@@ -56,9 +56,11 @@ class MeasureRow:
             return None
         return max(known) - min(known) >= self.quantity.detectable
 
-    def text(self, value: float | None) -> str:
-        """A value of this measure as text."""
-        return sided(value) if self.quantity.side else number(value)
+    def text(self, value: float | None, unit: str = "") -> str:
+        """A value of this measure as text, with a unit after the number."""
+        if value is None:
+            return MISSING
+        return sided(value, unit) if self.quantity.side else number(value) + unit
 
     def cells(self) -> list[str]:
         """Its title and the value in each state."""
@@ -154,12 +156,12 @@ def number(value: float | None, *, sign: bool = False) -> str:
     return "0.0" if text == "+0.0" else text
 
 
-def sided(value: float | None) -> str:
+def sided(value: float | None, unit: str = "") -> str:
     """A number that is positive to the right, with its side in words; a dash where it is missing."""
     if value is None:
         return MISSING
     size = number(abs(value))
-    return size if size == "0.0" else f"{size} {'right' if value > 0.0 else 'left'}"
+    return size + unit if size == "0.0" else f"{size}{unit} {'right' if value > 0.0 else 'left'}"
 
 
 RESEARCH = "A research simulation, not for clinical use."

@@ -219,8 +219,5 @@ def differences(poses: Sequence[TrunkState], apart: Sequence[Apart]) -> list[str
 def _listed(row: MeasureRow, plans: Sequence[TrunkState]) -> str:
     """The value of a measure in each plan, with its unit."""
     unit = "°" if row.quantity.unit == "°" else f" {row.quantity.unit}"
-    cells = []
-    for plan, value in zip(plans, row.values[1:], strict=True):
-        size, *side = row.text(value).split(" ")
-        cells.append(f"{' '.join([f'{size}{unit}', *side])} with {plan.look.title}")
-    return listed(cells)
+    values = zip(plans, row.values[1:], strict=True)
+    return listed([f"{row.text(value, unit)} with {plan.look.title}" for plan, value in values])
