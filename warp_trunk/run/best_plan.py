@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 
 Aim = Literal["hump", "bsr"]
-AIMS = {"hump": "hump_mm", "bsr": "bsr_deg"}
-"""The quantity of each."""
+AIMS = {"hump": ("hump_mm", "largest hump", "mm"), "bsr": ("bsr_deg", "largest back surface rotation", "degrees")}
+"""The quantity of each, and it in words with its unit."""
 MOST = 9
 """Relaxations of a search, that of the plan as given included."""
 ENOUGH = 2e-4
@@ -55,7 +55,7 @@ class PlanTrial:
         self.case = search.planned(shares)
         self.prediction = prepare_plan(patient, self.case).relax()
         measured = measure(self.prediction.skin, self.case.planned_landmarks)
-        found = QUANTITIES[AIMS[search.aim]].function(measured, ())
+        found = QUANTITIES[AIMS[search.aim][0]].function(measured, ())
         self.values = {level: value for level, value in found.items() if value is not None}
 
     @property
@@ -74,7 +74,7 @@ class PlanTrial:
         aim, prediction = self._search.aim, self.prediction
         linear = Linearization(prediction.model, prediction.last, relaxer=prediction.patient.relaxer)
         found = sensitivities(prediction, all_humps=aim == "hump", linear=linear)
-        return {one.level: one for one in found if one.quantity == AIMS[aim]}
+        return {one.level: one for one in found if one.quantity == AIMS[aim][0]}
 
     def slopes(self) -> dict[str, np.ndarray]:
         """The derivative of each number in each bounded share, shape (bounds,)."""
@@ -207,7 +207,7 @@ def best_plan(
             trial = PlanTrial(search, patient, tuple(map(float, shares)))
         trials.append(trial)
         listed = ", ".join(f"{share:.2f}" for share in trial.shares)
-        result = f"{trial.value:.2f} {_AIMS[aim][1]} at {trial.level}"
+        result = f"{trial.value:.2f} {AIMS[aim][2]} at {trial.level}"
         progress.message(f"plan {len(trials)}: {listed}: {result}")
         return trial
 
@@ -287,13 +287,10 @@ def gain_sd(search: Search, given: PlanTrial, best: PlanTrial) -> float:
     return math.sqrt(missed + sum(effect**2 for effect in shared.values()) + landmarks**2 + mesh**2)
 
 
-_AIMS = {"hump": ("largest hump", "mm"), "bsr": ("largest back surface rotation", "degrees")}
-
-
 def best_plan_text(found: BestPlan) -> str:
     """The shares that changed, what is gained against the plan as given, and how sure that is."""
     search, given, best = found.search, found.given, found.best
-    name, unit = _AIMS[search.aim]
+    _, name, unit = AIMS[search.aim]
     lines = [f"{f'plan within the bounds, {len(found.trials)} relaxations':<42}{'given':>8}{'best':>8}   bounds"]
     for bound, share in zip(search.bounds, shares_of(found.plan, search.bounds), strict=True):
         was = shares_of(search.plan, (bound,))[0]
